@@ -1,0 +1,81 @@
+"""The entry point: finds the verb, runs it, and turns its end into an exit code (0, 2 for bad input, 1 for a bug)."""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import os
+import sys
+import traceback
+from collections.abc import Sequence
+from importlib.metadata import version
+
+from app.cli.arguments import Parser
+from core.errors import NotBuiltError, RallyscopeError
+
+VERBS = {
+    "serve": "open the app in a browser",
+    "import": "convert an event file, or a stereo pair, to a recording",
+    "info": "show what a recording holds",
+    "simulate": "make a recording with the simulated event cameras",
+    "sim-server": "run the live simulation as its own process",
+    "detect": "find the ball in every window of a recording",
+    "track": "triangulate the ball in 3D",
+    "predict": "predict a flight from its first points",
+    "train": "train a policy",
+    "evaluate": "evaluate a trained policy",
+    "bench": "measure speed and quality",
+    "calibrate": "calibrate the cameras",
+    "fit-physics": "fit the flight model to real flights",
+    "tune": "search for better detection parameters",
+    "labels": "import, export and score labels",
+    "export": "write a recording for other tools",
+}
+BUILT = ()
+"""Verbs that work; each is the module `app.cli.<verb>` with `add_arguments(parser)` and `run(arguments) -> None`."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one verb and return the exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        return _run(arguments)
+    except RallyscopeError as error:
+        print(f"rallyscope: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("rallyscope: stopped", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception:
+        traceback.print_exc()
+        print("rallyscope: this is a bug; the lines above say where", file=sys.stderr)
+        return 1
+
+
+def _run(argv: list[str]) -> int:
+    parser = Parser(prog="rallyscope", description="An interactive lab for event-camera table tennis.")
+    parser.add_argument("--version", action="version", version=f"rallyscope {version('rallyscope')}")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    chosen = next((word for word in argv if not word.startswith("-")), None)
+    for verb, summary in VERBS.items():
+        built = verb in BUILT
+        child = verbs.add_parser(verb, help=summary if built else f"{summary} (not built yet)", description=summary)
+        if not built:
+            child.set_defaults(run=None)
+        elif verb == chosen:  # only the chosen verb's module is imported: `rallyscope info` need not load the app
+            module = importlib.import_module(f"app.cli.{_module_name(verb)}")
+            module.add_arguments(child)
+            child.set_defaults(run=module.run)
+    if chosen in VERBS and chosen not in BUILT and not {"-h", "--help"} & set(argv):
+        raise NotBuiltError(f"`rallyscope {chosen}` is not built yet", remedy="see `rallyscope --help` for what is")
+    arguments = parser.parse_args(argv)
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    arguments.run(arguments)
+    return 0
+
+
+def _module_name(verb: str) -> str:
+    return {"import": "import_", "fit-physics": "fit_physics", "sim-server": "sim_server"}.get(verb, verb)

@@ -1,0 +1,212 @@
+"""Frozen config dataclasses as the single home of every threshold: bounds, documentation, TOML files and form fields.
+
+A config is a `@dataclass(frozen=True, slots=True, kw_only=True)` whose fields are made with `setting` (numbers with
+bounds), are plain `bool` or `Literal` choices, or are configs themselves. A string literal under a field documents it.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import functools
+import inspect
+import itertools
+import math
+import os
+import textwrap
+import tomllib
+import types
+import typing
+from dataclasses import dataclass
+from pathlib import Path
+
+import tomli_w
+
+from core.errors import ConfigError
+
+C = typing.TypeVar("C")
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Closed interval of a numeric setting and the step a slider moves it by."""
+
+    low: float
+    high: float
+    step: float
+
+
+@dataclass(frozen=True, slots=True)
+class FieldSpec:
+    """One leaf of a config, as a form or a file needs it."""
+
+    path: tuple[str, ...]
+    """Section names and field name, outermost first: ("cluster", "eps_px")."""
+    kind: type
+    """bool, int, float or str."""
+    default: bool | int | float | str
+    bounds: Bounds | None
+    """Of an int or a float; None for a bool or a choice."""
+    choices: tuple[str, ...]
+    """Of a str; empty otherwise."""
+    doc: str
+
+
+def setting(default: float, low: float, high: float, *, step: float | None = None) -> typing.Any:
+    """A numeric config field with `low <= value <= high`; `check_settings` enforces it, sliders use it."""
+    if step is None:
+        step = 1 if isinstance(default, int) else (high - low) / 200
+    return dataclasses.field(default=default, metadata={"bounds": Bounds(low, high, step)})
+
+
+def check_settings(config: object) -> None:
+    """Check every field of a config against its type and bounds; call it from `__post_init__`.
+
+    Raises:
+        ConfigError: naming the field, what was expected and what it got.
+    """
+    assert dataclasses.is_dataclass(config)
+    hints = _type_hints(type(config))
+    for item in dataclasses.fields(config):
+        value = getattr(config, item.name)
+        where = f"{type(config).__name__}.{item.name}"
+        kind = hints[item.name]
+        if kind is float:
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+                raise ConfigError("not a finite number", expected="float", got=repr(value), where=where)
+        elif kind is int:
+            if isinstance(value, bool) or not isinstance(value, int):
+                raise ConfigError("not a whole number", expected="int", got=repr(value), where=where)
+        elif kind is bool:
+            if not isinstance(value, bool):
+                raise ConfigError("not a truth value", expected="true or false", got=repr(value), where=where)
+        elif typing.get_origin(kind) is typing.Literal and value not in typing.get_args(kind):
+            choices = " | ".join(map(str, typing.get_args(kind)))
+            raise ConfigError("not one of the choices", expected=choices, got=repr(value), where=where)
+        bounds = item.metadata.get("bounds")
+        if bounds is not None and not bounds.low <= value <= bounds.high:
+            raise ConfigError("out of range", expected=f"{bounds.low:g} to {bounds.high:g}", got=value, where=where)
+
+
+def field_specs(config_type: type, *, prefix: tuple[str, ...] = ()) -> tuple[FieldSpec, ...]:
+    """Every leaf field of a config type, nested configs flattened in order of declaration."""
+    hints = _type_hints(config_type)
+    docs = _field_docs(config_type)
+    specs: list[FieldSpec] = []
+    for item in dataclasses.fields(config_type):
+        kind = hints[item.name]
+        path = (*prefix, item.name)
+        if dataclasses.is_dataclass(kind):
+            specs.extend(field_specs(typing.cast(type, kind), prefix=path))
+            continue
+        choices: tuple[str, ...] = ()
+        if typing.get_origin(kind) is typing.Literal:
+            choices, kind = typing.get_args(kind), str
+        default = item.default if item.default is not dataclasses.MISSING else None
+        assert isinstance(default, (bool, int, float, str)), f"{config_type.__name__}.{item.name} needs a plain default"
+        specs.append(FieldSpec(path, kind, default, item.metadata.get("bounds"), choices, docs.get(item.name, "")))
+    return tuple(specs)
+
+
+def get_setting(config: object, path: tuple[str, ...]) -> bool | int | float | str:
+    """The value of the leaf at `path`."""
+    for name in path:
+        config = getattr(config, name)
+    return typing.cast("bool | int | float | str", config)
+
+
+def replace_setting(config: C, path: tuple[str, ...], value: bool | int | float | str) -> C:
+    """The same config with the leaf at `path` set to `value`.
+
+    Raises:
+        ConfigError: if the value is not allowed there.
+    """
+    head, *rest = path
+    child = replace_setting(getattr(config, head), tuple(rest), value) if rest else value
+    return dataclasses.replace(typing.cast(typing.Any, config), **{head: child})
+
+
+def config_to_mapping(config: object) -> dict[str, object]:
+    """Nested plain dictionaries of a config, ready for TOML or JSON."""
+    return dataclasses.asdict(typing.cast(typing.Any, config))
+
+
+def config_from_mapping(config_type: type[C], mapping: object, *, where: str) -> C:
+    """A config from nested dictionaries; fields that are absent keep their defaults.
+
+    Raises:
+        ConfigError: on an unknown key, a wrong type or a value out of range; `where` names the source.
+    """
+    if not isinstance(mapping, dict):
+        raise ConfigError("not a table of settings", expected="[section] with keys", got=repr(mapping), where=where)
+    hints = _type_hints(config_type)
+    values: dict[str, object] = {}
+    for key, value in mapping.items():
+        if key not in hints:
+            known = ", ".join(hints)
+            raise ConfigError(f"unknown setting {key!r}", expected=f"one of {known}", where=where)
+        kind = hints[key]
+        if dataclasses.is_dataclass(kind):
+            values[key] = config_from_mapping(typing.cast(type, kind), value, where=f"{where} [{key}]")
+        elif kind is float and isinstance(value, int) and not isinstance(value, bool):
+            values[key] = float(value)
+        else:
+            values[key] = value
+    try:
+        return config_type(**values)
+    except ConfigError as error:
+        raise ConfigError(str(error), where=where) from error
+
+
+def load_config(config_type: type[C], path: Path) -> C:
+    """A config from a TOML file.
+
+    Raises:
+        ConfigError: if the file is missing, is not TOML, or holds a setting that does not fit.
+    """
+    try:
+        mapping = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError("cannot read the config", got=error.strerror, where=path) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError("not a TOML file", got=str(error), where=path) from error
+    return config_from_mapping(config_type, mapping, where=str(path))
+
+
+def save_config(config: object, path: Path) -> None:
+    """Write a config as TOML, replacing the file in one step.
+
+    Raises:
+        ConfigError: if the folder cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_text(tomli_w.dumps(config_to_mapping(config)), encoding="utf-8")
+        os.replace(partial, path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise ConfigError("cannot write the config", got=error.strerror, where=path) from error
+
+
+@functools.cache
+def _type_hints(config_type: type) -> dict[str, typing.Any]:
+    return typing.get_type_hints(config_type)
+
+
+@functools.cache
+def _field_docs(config_type: type) -> types.MappingProxyType[str, str]:
+    """Field name -> the string literal under it, read from the class's source."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(config_type)))
+    body = typing.cast(ast.ClassDef, tree.body[0]).body
+    docs: dict[str, str] = {}
+    for statement, below in itertools.pairwise(body):
+        if (
+            isinstance(statement, ast.AnnAssign)
+            and isinstance(statement.target, ast.Name)
+            and isinstance(below, ast.Expr)
+            and isinstance(below.value, ast.Constant)
+            and isinstance(below.value.value, str)
+        ):
+            docs[statement.target.id] = " ".join(below.value.value.split())
+    return types.MappingProxyType(docs)

@@ -1,0 +1,31 @@
+"""What a detector is and what it answers: the one interface of ours and of every rival."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from core.events import Window
+
+
+@dataclass(frozen=True, slots=True)
+class Detection:
+    """A ball in the picture of one camera."""
+
+    t_us: int
+    """The time at which the position is valid (`paper`: the end of its window)."""
+    u_px: float
+    v_px: float
+    r_px: float
+
+
+class Detector(Protocol):
+    """Finds at most one ball per window, windows given in order of time."""
+
+    def reset(self) -> None:
+        """Forget everything seen before."""
+        ...
+
+    def step(self, window: Window) -> Detection | None:
+        """The ball in this window, or None. The window may be empty."""
+        ...

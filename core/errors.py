@@ -1,0 +1,51 @@
+"""Errors that a user can act on. Anything else that escapes is a bug."""
+
+from __future__ import annotations
+
+
+class RallyscopeError(Exception):
+    """Something the user gave cannot be used; the message is one line that says what, where, and what to do.
+
+    The command line prints the message and exits with 2; the app shows it as a notification.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        expected: object = None,
+        got: object = None,
+        where: object = None,
+        remedy: str | None = None,
+    ) -> None:
+        parts = [what if where is None else f"{where}: {what}"]
+        facts = [f"{name} {value}" for name, value in (("expected", expected), ("got", got)) if value is not None]
+        if facts:
+            parts.append(", ".join(facts))
+        if remedy is not None:
+            parts.append(remedy)
+        super().__init__(" ".join("; ".join(parts).split()))
+
+
+class EventsError(RallyscopeError):
+    """Event columns that are not a valid sorted stream."""
+
+
+class RecordingError(RallyscopeError):
+    """A recording or an event file that cannot be read or written."""
+
+
+class CalibrationError(RallyscopeError):
+    """A camera calibration that is missing, malformed or impossible."""
+
+
+class ConfigError(RallyscopeError):
+    """A configuration value or file that is out of range, unknown or malformed."""
+
+
+class CommandError(RallyscopeError):
+    """A command line that asks for something impossible."""
+
+
+class NotBuiltError(RallyscopeError):
+    """A verb, method or scene that the contract names and that does not exist yet."""

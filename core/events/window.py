@@ -1,0 +1,26 @@
+"""A window of time with the events in it: what a detector is given, an empty one too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from core.errors import EventsError
+from core.events.events import Events
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Window:
+    """The events of one camera in the half-open interval [start_us, end_us)."""
+
+    events: Events
+    start_us: int
+    end_us: int
+
+    def __post_init__(self) -> None:
+        if self.end_us <= self.start_us:
+            got = f"[{self.start_us}, {self.end_us}) us"
+            raise EventsError("a window has no length", expected="start before end", got=got)
+        t_us = self.events.t_us
+        if len(t_us) and not (self.start_us <= t_us[0] and t_us[-1] < self.end_us):
+            got = f"events from {t_us[0]} to {t_us[-1]} us"
+            raise EventsError(f"events outside their window [{self.start_us}, {self.end_us}) us", got=got)

@@ -1,0 +1,71 @@
+"""What a recording offers, whether it is a file or still growing: time slices of each camera and what is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from core.events import Events, SensorSize
+from core.recordings.truth import BallTruth, PixelTruth
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Triggers:
+    """External trigger edges, t_us ascending."""
+
+    t_us: NDArray[np.int64]
+    rising: NDArray[np.bool_]
+    channel: NDArray[np.int16]
+
+
+class CameraStream(Protocol):
+    """One camera of a recording."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def sensor(self) -> SensorSize: ...
+    @property
+    def event_count(self) -> int: ...
+    @property
+    def calibration(self) -> Camera | None: ...
+    @property
+    def triggers(self) -> Triggers: ...
+    @property
+    def truth(self) -> PixelTruth | None:
+        """Where the ball is in this camera's picture, if the recording knows."""
+        ...
+
+    def slice(self, start_us: int, end_us: int) -> Events:
+        """The events with `start_us <= t < end_us`; cost grows with the slice, not with the recording."""
+        ...
+
+    def counts_per_ms(self) -> NDArray[np.int64]:
+        """Events in each whole millisecond of the recording, from the index and not from the events."""
+        ...
+
+
+class Recording(Protocol):
+    """All cameras on one clock that starts at 0 us. Safe to read from several threads."""
+
+    @property
+    def uuid(self) -> str: ...
+    @property
+    def duration_us(self) -> int:
+        """Every event's time is below it."""
+        ...
+
+    @property
+    def cameras(self) -> dict[str, CameraStream]: ...
+    @property
+    def ball(self) -> BallTruth | None: ...
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader should know: where a damaged source stopped, what was repaired, what was assumed."""
+        ...
+
+    def close(self) -> None: ...
