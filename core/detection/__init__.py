@@ -1,5 +1,20 @@
 """Ball detection in event windows: one file per stage, the readable pipeline, the fast path, the adaptive ROI."""
 
+from core.detection.config import DetectorConfig, auto_config, paper_config
 from core.detection.detector import Detection, Detector
+from core.detection.pipeline import ReferenceDetector, trace_window
+from core.detection.trace import Candidate, PipelineTrace, StageTrace, TrackState
 
-__all__ = ["Detection", "Detector"]
+__all__ = [
+    "Candidate",
+    "Detection",
+    "Detector",
+    "DetectorConfig",
+    "PipelineTrace",
+    "ReferenceDetector",
+    "StageTrace",
+    "TrackState",
+    "auto_config",
+    "paper_config",
+    "trace_window",
+]

@@ -1,0 +1,47 @@
+"""All thresholds of the paper's detector: one section for each stage, defined in the stage's own file."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+
+from core.detection.cluster import ClusterConfig
+from core.detection.denoise import DenoiseConfig
+from core.detection.flicker import FlickerConfig
+from core.detection.geometry import GeometryConfig
+from core.detection.hot_pixels import HotPixelConfig
+from core.detection.localise import LocaliseConfig
+from core.detection.polarity import PolarityConfig
+from core.detection.roi import RoiConfig
+from core.detection.window import WindowConfig
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectorConfig:
+    """Every setting of the detector, in the order of its stages. The defaults are those of the method `auto`."""
+
+    window: WindowConfig = field(default_factory=WindowConfig)
+    hot_pixels: HotPixelConfig = field(default_factory=HotPixelConfig)
+    flicker: FlickerConfig = field(default_factory=FlickerConfig)
+    roi: RoiConfig = field(default_factory=RoiConfig)
+    denoise: DenoiseConfig = field(default_factory=DenoiseConfig)
+    cluster: ClusterConfig = field(default_factory=ClusterConfig)
+    polarity: PolarityConfig = field(default_factory=PolarityConfig)
+    geometry: GeometryConfig = field(default_factory=GeometryConfig)
+    localise: LocaliseConfig = field(default_factory=LocaliseConfig)
+
+
+def auto_config() -> DetectorConfig:
+    """The default: the paper's stages, with the leading polarity decided from the data."""
+    return DetectorConfig()
+
+
+def paper_config(config: DetectorConfig | None = None) -> DetectorConfig:
+    """The paper's method: ON always leads, no optional stages. Other settings are those of `config`."""
+    config = config or DetectorConfig()
+    return dataclasses.replace(
+        config,
+        hot_pixels=dataclasses.replace(config.hot_pixels, enabled=False),
+        flicker=dataclasses.replace(config.flicker, enabled=False),
+        polarity=dataclasses.replace(config.polarity, leading_polarity="on"),
+    )

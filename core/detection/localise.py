@@ -1,0 +1,60 @@
+"""Localise: the minimum enclosing circle of a cluster is the ball."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.config import check_settings, setting
+from core.errors import ConfigError
+
+TOLERANCE_PX: Final = 1e-3
+"""Of a radius against its limits: OpenCV's circle is up to 2e-4 px too large, and round radii are common."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocaliseConfig:
+    """Which sizes a ball can have in the picture."""
+
+    radius_min_px: float = setting(4.0, 1.0, 100.0, step=0.5)
+    """A table-tennis ball at the far end of the table, seen with a focal length of 1000 px: about 5 px."""
+    radius_max_px: float = setting(24.0, 2.0, 200.0, step=0.5)
+    """The nearest ball, about 20 px, plus what it moves during a window."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if self.radius_max_px <= self.radius_min_px:
+            raise ConfigError(
+                "no radius is allowed",
+                expected=f"radius_max_px above {self.radius_min_px:g}",
+                got=self.radius_max_px,
+                where="LocaliseConfig.radius_max_px",
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A circle in the picture."""
+
+    u_px: float
+    v_px: float
+    r_px: float
+
+
+def enclosing_circle(xy_px: NDArray[np.float64]) -> Circle:
+    """The smallest circle round N >= 1 points (N, 2) (paper, localisation)."""
+    (u, v), r = cv2.minEnclosingCircle(xy_px.astype(np.float32).reshape(-1, 1, 2))
+    return Circle(float(u), float(v), float(r))
+
+
+def reject_circle(circle: Circle, config: LocaliseConfig) -> str | None:
+    """Why this circle is no ball, or None."""
+    if circle.r_px < config.radius_min_px - TOLERANCE_PX:
+        return f"radius {circle.r_px:.1f} px < {config.radius_min_px:.1f}"
+    if circle.r_px > config.radius_max_px + TOLERANCE_PX:
+        return f"radius {circle.r_px:.1f} px > {config.radius_max_px:.1f}"
+    return None

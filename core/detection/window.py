@@ -1,0 +1,34 @@
+"""Cutting a stream of events into the consecutive windows a detector is fed with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from core.config import check_settings, setting
+from core.events import Events, Window
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WindowConfig:
+    """How long the detector collects events before it looks at them."""
+
+    window_us: int = setting(2000, 50, 20_000, step=50)
+    """Length of a window in microseconds. Long enough that the ball's edge sweeps about 3 pixels (thinner structures do
+    not survive denoising), short enough that it sweeps less than a radius. 2000 suits image speeds of 1 to 4 px/ms."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+class EventSource(Protocol):
+    """Anything that serves time slices, such as one camera of a recording."""
+
+    def slice(self, start_us: int, end_us: int) -> Events: ...
+
+
+def windows_between(source: EventSource, start_us: int, end_us: int, window_us: int) -> Iterator[Window]:
+    """The whole windows of length `window_us` in [start_us, end_us), one after the other; empty ones too."""
+    for start in range(start_us, end_us - window_us + 1, window_us):
+        yield Window(source.slice(start, start + window_us), start, start + window_us)
