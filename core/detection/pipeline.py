@@ -17,7 +17,7 @@ from core.detection.flicker import FlickerMemory, keep_steady_pixels
 from core.detection.geometry import measure_shape, reject_shape
 from core.detection.hot_pixels import HotPixelMemory, keep_cool_pixels
 from core.detection.localise import enclosing_circle, reject_circle
-from core.detection.polarity import addresses, leads, near_centroid, on_leads, remember
+from core.detection.polarity import addresses, near_centroid, on_evidence, on_leads, remember
 from core.detection.roi import follow, inside_roi, roi_around
 from core.detection.trace import Candidate, PipelineTrace, StageTrace, TrackState
 from core.events import Events, Window
@@ -56,8 +56,11 @@ def trace_window(window: Window, state: TrackState, config: DetectorConfig) -> P
     clock.close("denoise", seen, clean)
     with clock.time("cluster"):
         labels = cluster_labels(clean, config.cluster)
+        clustered = clean.rows(labels >= 0)
         clusters = [np.flatnonzero(labels == label) for label in range(int(labels.max(initial=-1)) + 1)]
-    found = [_examine(label, clean, rows, state.on_leads, config, clock) for label, rows in enumerate(clusters)]
+    found = [
+        _examine(label, clean, clustered, rows, state.on_leads, config, clock) for label, rows in enumerate(clusters)
+    ]
     kept = clean
     for number, name in enumerate(_CANDIDATE_STAGES):
         left = [one for one in found if one.rejected_by not in _CANDIDATE_STAGES[: number + 1]]
@@ -125,7 +128,13 @@ def _drop_bad_pixels(
 
 
 def _examine(
-    label: int, clean: Events, rows: NDArray[np.intp], remembered: float, config: DetectorConfig, clock: _StageClock
+    label: int,
+    clean: Events,
+    clustered: Events,
+    rows: NDArray[np.intp],
+    remembered: float,
+    config: DetectorConfig,
+    clock: _StageClock,
 ) -> Candidate:
     """Take one cluster through the remaining stages; the first that rejects it is named, the others still measure."""
     events = clean.rows(rows)
@@ -133,10 +142,13 @@ def _examine(
     with clock.time("polarity"):
         evidence = 0.0
         if config.polarity.leading_polarity == "auto":
-            evidence = leads(events.rows(events.on)) - leads(events.rows(~events.on))
+            evidence = on_evidence(
+                clustered.rows(near_centroid(addresses(clustered), addresses(events), config.polarity.pair_radius_px))
+            )
         leading_on = on_leads(evidence, remembered, config.polarity)
         leading_rows = rows[events.on == leading_on]
-        leading_rows = leading_rows[near_centroid(addresses(clean.rows(leading_rows)), config.polarity)]
+        edge_px = addresses(clean.rows(leading_rows))
+        leading_rows = leading_rows[near_centroid(edge_px, edge_px, config.polarity.outlier_radius_px)]
         leading = clean.rows(leading_rows)
         reasons.append(("polarity", None if len(leading) else f"no {'ON' if leading_on else 'OFF'} events"))
     shape, circle = None, None

@@ -1,8 +1,8 @@
 """Polarity: keep the events of the ball's leading edge, and of those only the ones near their centroid.
 
 The leading edge of a bright ball on a dark ground brightens pixels (ON), that of a dark ball darkens them (OFF). The
-paper takes ON. `auto` decides for each cluster: the events of a leading edge lie on the side of their enclosing circle
-that the edge moves to as time passes, those of a trailing edge on the other side.
+paper takes ON. `auto` decides for each cluster from the events around it: both edges drift towards the side on which
+the leading polarity lies.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.config import check_settings, setting
-from core.detection.localise import enclosing_circle
 from core.events import Events
 
 MIN_EVENTS = 8
@@ -32,6 +31,9 @@ class PolarityConfig:
     """auto: for how long what earlier balls showed counts. A slow ball needs several windows to show it."""
     memory_limit: float = setting(30.0, 0.0, 200.0, step=1.0)
     """auto: how strong the memory can get, so that a few clear windows can overturn it when the background changes."""
+    pair_radius_px: float = setting(45.0, 2.0, 400.0, step=1.0)
+    """auto: clustered events within this distance of a cluster's centroid belong to what moves there. The two edges of
+    the largest ball are often two clusters, more than its radius apart."""
     outlier_radius_px: float = setting(28.0, 2.0, 300.0, step=0.5)
     """Leading events farther than this from their centroid are dropped. Must exceed the largest ball by some pixels:
     the centroid of a crescent lies up to two thirds of a radius off the centre."""
@@ -45,25 +47,26 @@ def addresses(events: Events) -> NDArray[np.int32]:
     return np.stack([events.x_px, events.y_px], axis=1).astype(np.int32)
 
 
-def leads(edge: Events) -> float:
-    """Evidence that these events, of one polarity, are a cluster's leading (above 0) or trailing (below 0) edge.
+def on_evidence(around: Events) -> float:
+    """Evidence that ON (above 0) or OFF (below 0) is the leading edge of what moves here, from its events.
 
-    The correlation of time with the position along the line from the centre of the enclosing circle to the centroid,
-    times sqrt(N): about how many standard deviations the motion is away from none. 0 when there is nothing to go by.
+    The correlation of time with the position along the line from the OFF to the ON centroid, both taken within each
+    polarity, times sqrt(N): about how many standard deviations the motion is away from none. 0 if there is nothing to
+    go by.
     """
-    if len(edge) < MIN_EVENTS:
+    sides = [around.rows(around.on), around.rows(~around.on)]
+    if min(len(side) for side in sides) < MIN_EVENTS:
         return 0.0
-    xy = addresses(edge).astype(np.float64)
-    circle = enclosing_circle(xy)
-    along_u, along_v = xy.mean(axis=0) - (circle.u_px, circle.v_px)
-    distance = math.hypot(along_u, along_v)
-    if distance < 0.05 * circle.r_px:  # all round the circle: no side that could lead
-        return 0.0
-    position = ((xy[:, 0] - xy[:, 0].mean()) * along_u + (xy[:, 1] - xy[:, 1].mean()) * along_v) / distance
-    time = (edge.t_us - edge.t_us[0]).astype(np.float64)
-    time -= time.mean()
-    spread = float(time @ time) * float(position @ position)
-    return math.sqrt(len(edge)) * float(time @ position) / math.sqrt(spread) if spread > 0 else 0.0
+    on_u, on_v = addresses(sides[0]).mean(axis=0)
+    off_u, off_v = addresses(sides[1]).mean(axis=0)
+    tt = tq = qq = 0.0
+    for side in sides:
+        xy = addresses(side)
+        position = xy[:, 0] * (on_u - off_u) + xy[:, 1] * (on_v - off_v)
+        position -= position.mean()
+        time = side.t_us - side.t_us.mean()
+        tt, tq, qq = tt + time @ time, tq + time @ position, qq + position @ position
+    return math.sqrt(len(around)) * float(tq) / math.sqrt(tt * qq) if tt * qq > 0 else 0.0
 
 
 def on_leads(evidence: float, remembered: float, config: PolarityConfig) -> bool:
@@ -81,9 +84,9 @@ def remember(remembered: float, evidence: float | None, window_us: int, config: 
     return max(-config.memory_limit, min(config.memory_limit, faded + (evidence or 0.0)))
 
 
-def near_centroid(xy_px: NDArray[np.int32], config: PolarityConfig) -> NDArray[np.bool_]:
-    """(N,) True for events within `outlier_radius_px` of the centroid of all of them (paper, refinement)."""
-    if not len(xy_px):
-        return np.zeros(0, np.bool_)
-    off = xy_px - xy_px.sum(axis=0) / len(xy_px)
-    return off[:, 0] ** 2 + off[:, 1] ** 2 <= config.outlier_radius_px**2
+def near_centroid(xy_px: NDArray[np.int32], of_px: NDArray[np.int32], radius_px: float) -> NDArray[np.bool_]:
+    """(N,) True for the addresses `xy_px` within a radius of the centroid of the addresses `of_px`."""
+    if not len(of_px):
+        return np.zeros(len(xy_px), np.bool_)
+    off = xy_px - of_px.sum(axis=0) / len(of_px)
+    return off[:, 0] ** 2 + off[:, 1] ** 2 <= radius_px**2
