@@ -1,6 +1,16 @@
 """Recordings on disk: one way to open every format, and the writer of ours."""
 
+from core.recordings.opening import open_recording
 from core.recordings.recording import CameraStream, Recording, Triggers
 from core.recordings.truth import BallTruth, PixelTruth
+from core.recordings.writer import RecordingWriter
 
-__all__ = ["BallTruth", "CameraStream", "PixelTruth", "Recording", "Triggers"]
+__all__ = [
+    "BallTruth",
+    "CameraStream",
+    "PixelTruth",
+    "Recording",
+    "RecordingWriter",
+    "Triggers",
+    "open_recording",
+]
