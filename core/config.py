@@ -7,6 +7,7 @@ bounds), are plain `bool` or `Literal` choices, or are configs themselves. A str
 from __future__ import annotations
 
 import ast
+import contextlib
 import dataclasses
 import functools
 import inspect
@@ -185,7 +186,8 @@ def save_config(config: object, path: Path) -> None:
         partial.write_text(tomli_w.dumps(config_to_mapping(config)), encoding="utf-8")
         os.replace(partial, path)
     except OSError as error:
-        partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
         raise ConfigError("cannot write the config", got=error.strerror, where=path) from error
 
 

@@ -1,6 +1,21 @@
 """Events of one sensor as a frozen value, windows of them, and what is drawn and counted from them."""
 
 from core.events.events import Events, SensorSize, concatenate_events
+from core.events.health import Health, assess_health
+from core.events.image import count_image, polarity_image, time_surface
+from core.events.rates import RateCurve, rate_curve
 from core.events.window import Window
 
-__all__ = ["Events", "SensorSize", "Window", "concatenate_events"]
+__all__ = [
+    "Events",
+    "Health",
+    "RateCurve",
+    "SensorSize",
+    "Window",
+    "assess_health",
+    "concatenate_events",
+    "count_image",
+    "polarity_image",
+    "rate_curve",
+    "time_surface",
+]

@@ -1,0 +1,98 @@
+"""Is a recording sound? Rates and gaps from its index, polarity balance and hot pixels from samples of its events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.events.events import Events, SensorSize
+from core.events.image import count_image
+
+GAP_CERTAINTY_EVENTS = 30.0
+"""A silence counts as a gap when this many events were to be expected in it: chance leaves e^-30."""
+SHORTEST_GAP_MS = 2
+HOT_SAMPLE_SHARE = 0.5
+"""A hot pixel fires in at least this share of the samples; what moves through the picture does not."""
+HOT_SAMPLES_NEEDED = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A silence [start_us, end_us) that chance does not explain: data were lost or the sensor was stopped."""
+
+    start_us: int
+    end_us: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Health:
+    """What a look at one camera's stream says."""
+
+    event_count: int
+    duration_us: int
+    mean_rate_hz: float
+    peak_rate_hz: float
+    """Highest rate over any whole millisecond."""
+    on_share: float
+    """Share of ON events among the sampled ones; nan without events."""
+    hot_pixels_xy: NDArray[np.int64]
+    """(N, 2) columns x, y; the busiest first."""
+    gaps: tuple[Gap, ...]
+
+
+def assess_health(
+    counts_per_ms: NDArray[np.int64], duration_us: int, samples: Iterable[Events], sensor: SensorSize
+) -> Health:
+    """Health of one stream.
+
+    Args:
+        counts_per_ms: events in each millisecond of the whole recording.
+        duration_us: its length.
+        samples: short slices (some 20 ms each) spread over the recording; hot pixels need `HOT_SAMPLES_NEEDED`.
+        sensor: size of the sensor.
+    """
+    on_count = sample_count = slices = 0
+    totals = np.zeros((sensor.height_px, sensor.width_px), np.int64)
+    active_slices = np.zeros_like(totals)
+    for events in samples:
+        if not len(events):
+            continue
+        counts = count_image(events)
+        totals += counts
+        active_slices += counts > 0
+        on_count += int(np.count_nonzero(events.on))
+        sample_count += len(events)
+        slices += 1
+    total = int(counts_per_ms.sum())
+    return Health(
+        event_count=total,
+        duration_us=duration_us,
+        mean_rate_hz=total * 1e6 / duration_us if duration_us else 0.0,
+        peak_rate_hz=float(counts_per_ms.max(initial=0)) * 1e3,
+        on_share=on_count / sample_count if sample_count else float("nan"),
+        hot_pixels_xy=_hot_pixels(totals, active_slices, slices),
+        gaps=find_gaps(counts_per_ms),
+    )
+
+
+def find_gaps(counts_per_ms: NDArray[np.int64]) -> tuple[Gap, ...]:
+    """Runs of empty milliseconds too long for the stream's mean rate."""
+    total = int(counts_per_ms.sum())
+    if not total:
+        return ()
+    shortest_ms = max(SHORTEST_GAP_MS, GAP_CERTAINTY_EVENTS * len(counts_per_ms) / total)
+    empty = np.concatenate([[False], counts_per_ms == 0, [False]])
+    edges = np.flatnonzero(empty[1:] != empty[:-1])
+    runs = zip(edges[0::2], edges[1::2], strict=True)
+    return tuple(Gap(int(start) * 1000, int(end) * 1000) for start, end in runs if end - start >= shortest_ms)
+
+
+def _hot_pixels(totals: NDArray[np.int64], active_slices: NDArray[np.int64], slices: int) -> NDArray[np.int64]:
+    if slices < HOT_SAMPLES_NEEDED:
+        return np.zeros((0, 2), np.int64)
+    ys, xs = np.nonzero(active_slices >= HOT_SAMPLE_SHARE * slices)
+    busiest_first = np.argsort(-totals[ys, xs], kind="stable")
+    return np.stack([xs, ys], axis=1)[busiest_first]
