@@ -80,9 +80,17 @@ def highest_point(s: Array, air: Air, out: Array) -> float:
         fly(s, t, air, out)
         return t
     t = 0.0
-    while out[5] > 0 and t < MAX_FLIGHT_S:
+    while t < MAX_FLIGHT_S:
+        before = out[5]
         fly(out, air.step_s, air, out)
         t += air.step_s
+        if out[5] <= 0:
+            # The climb rate is nearly linear in a step: two secant steps back from its end give nanometres.
+            back = air.step_s * out[5] / (before - out[5])
+            fly(out, back, air, out)
+            again = back * out[5] / (before - out[5])
+            fly(out, again, air, out)
+            return t + back + again
     return t
 
 
