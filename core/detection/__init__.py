@@ -2,6 +2,8 @@
 
 from core.detection.config import DetectorConfig, auto_config, paper_config
 from core.detection.detector import Detection, Detector
+from core.detection.fast import FastDetector
+from core.detection.methods import make_detector
 from core.detection.pipeline import ReferenceDetector, trace_window
 from core.detection.trace import Candidate, PipelineTrace, StageTrace, TrackState
 
@@ -10,11 +12,13 @@ __all__ = [
     "Detection",
     "Detector",
     "DetectorConfig",
+    "FastDetector",
     "PipelineTrace",
     "ReferenceDetector",
     "StageTrace",
     "TrackState",
     "auto_config",
+    "make_detector",
     "paper_config",
     "trace_window",
 ]

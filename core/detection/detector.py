@@ -22,6 +22,11 @@ class Detection:
 class Detector(Protocol):
     """Finds at most one ball per window, windows given in order of time."""
 
+    @property
+    def extra_circles(self) -> int:
+        """Circles of the last window that passed every test beside the answer; 0 for methods that know only one."""
+        ...
+
     def reset(self) -> None:
         """Forget everything seen before."""
         ...

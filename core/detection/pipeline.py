@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +88,9 @@ def trace_window(window: Window, state: TrackState, config: DetectorConfig) -> P
         state=TrackState(centre_px, misses, memory, hot_pixels, flicker),
     )
 
+
+SAME_CIRCULARITY: Final = 1e-9
+"""Rounding errors do not choose between two equally round clusters: the first one is taken."""
 
 _CANDIDATE_STAGES = ("cluster", "polarity", "geometry", "localise")
 
@@ -177,11 +182,12 @@ def _examine(
 
 def _choose(balls: Sequence[Candidate], centre_px: tuple[float, float] | None) -> Candidate | None:
     """The candidate nearest to the centre of the region of interest, on the whole sensor the most circular one."""
-    if not balls:
-        return None
-    if centre_px is None:
-        return max(balls, key=lambda ball: ball.shape.circularity if ball.shape else 0.0)
-    u, v = centre_px
-    return min(
-        balls, key=lambda ball: (ball.circle.u_px - u) ** 2 + (ball.circle.v_px - v) ** 2 if ball.circle else 0.0
-    )
+    best, least = None, math.inf
+    for ball in balls:
+        assert ball.shape and ball.circle
+        u, v = centre_px or (0.0, 0.0)
+        off = (ball.circle.u_px - u) ** 2 + (ball.circle.v_px - v) ** 2
+        badness = off if centre_px else -ball.shape.circularity
+        if badness < least - SAME_CIRCULARITY:
+            best, least = ball, badness
+    return best

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from core.config import check_settings, setting
 from core.events import Events
 
-MIN_EVENTS = 8
+MIN_EVENTS: Final = 8
 """Fewer events of one polarity say nothing about their motion."""
+MIN_SPREAD: Final = 1e-6
+"""Sums of squares below it are rounding errors: all events at one time, or no line between the polarities."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +68,7 @@ def on_evidence(around: Events) -> float:
         position -= position.mean()
         time = side.t_us - side.t_us.mean()
         tt, tq, qq = tt + time @ time, tq + time @ position, qq + position @ position
-    return math.sqrt(len(around)) * float(tq) / math.sqrt(tt * qq) if tt * qq > 0 else 0.0
+    return math.sqrt(len(around)) * float(tq) / math.sqrt(tt * qq) if min(tt, qq) > MIN_SPREAD else 0.0
 
 
 def on_leads(evidence: float, remembered: float, config: PolarityConfig) -> bool:
