@@ -1,0 +1,50 @@
+"""Keyboard shortcuts, in one table that is also what the app lists."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import viser
+
+from app.commands import Command, LookAt, Redo, SetMode, SetOverlay, Step, TogglePlay, Undo
+from app.state import MODES, OVERLAYS
+
+KEYS: Final[tuple[tuple[str, str, Command], ...]] = (
+    ("space", "Play or pause", TogglePlay()),
+    ("N", "One step on", Step(+1)),
+    ("P", "One step back", Step(-1)),
+    ("pageup", "Ten steps back", Step(-10)),
+    ("pagedown", "Ten steps on", Step(+10)),
+    ("Z", "Undo a slider", Undo()),
+    ("R", "Redo a slider", Redo()),
+    ("B", "Zoomed view follows the ball", LookAt(None)),
+    *((str(number), f"Stage: {overlay}", SetOverlay(overlay)) for number, overlay in enumerate(OVERLAYS, start=1)),
+    *((key, f"Mode: {mode}", SetMode(mode)) for key, mode in zip("MT", MODES, strict=True)),
+)
+"""Hotkey, what it does, the command. W A S D Q E and the arrows are left out: viser's camera uses them."""
+
+
+def add_keys(gui: viser.GuiApi, send: Callable[[Command], None], reframe: Callable[[], None]) -> None:
+    """Register the shortcuts for one browser; they are listed in its command palette (Ctrl-K), too."""
+
+    def register(key: str, label: str, act: Callable[[], None]) -> None:
+        command = gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
+
+        @command.on_trigger
+        async def _(_: viser.CommandEvent) -> None:
+            act()
+
+    for key, label, command in KEYS:
+        register(key, label, lambda command=command: send(command))
+    register("F", "Frame the picture again", reframe)
+
+
+def keys_html() -> str:
+    """The list that the app shows."""
+    rows = "".join(
+        f"<tr><td style='padding-right:14px'><b>{key}</b></td><td>{label}</td></tr>" for key, label, _ in KEYS
+    )
+    frame = "<tr><td><b>F</b></td><td>Frame the picture again</td></tr>"
+    hint = "Keys work after a click into the picture, not while a field has the cursor."
+    return f"<div style='font-size:12.5px;padding:4px 12px'>{hint}<table>{rows}{frame}</table></div>"

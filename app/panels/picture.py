@@ -1,0 +1,42 @@
+"""How events are drawn: accumulation window, rendering, colours, arrangement, truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import viser
+
+from app.commands import WINDOW_RANGE_US, Command, SetArrangement, SetColours, SetRendering, SetWindow, ShowTruth
+from app.pictures.event_picture import RENDERINGS
+from app.pictures.palette import POLARITY_COLOURS
+from app.state import ARRANGEMENTS, ClientState
+from app.widgets import when_changed
+
+
+class PicturePanel:
+    """The look of the pictures of one browser."""
+
+    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
+        low_us, high_us = WINDOW_RANGE_US
+        with gui.add_folder("Picture"):
+            self._window = gui.add_slider(
+                "Window [ms]", low_us / 1e3, high_us / 1e3, 0.1, 5.0, hint="How long events are accumulated"
+            )
+            self._rendering = gui.add_dropdown("Show", RENDERINGS, hint="Latest polarity, events per pixel, or age")
+            self._colours = gui.add_dropdown("ON / OFF", POLARITY_COLOURS)
+            self._arrangement = gui.add_dropdown("Arrange", ARRANGEMENTS)
+            self._truth = gui.add_checkbox("True ball", True, hint="Cyan circle, where the recording knows it")
+        when_changed(self._window, lambda value: send(SetWindow(round(float(str(value)) * 1e3))))
+        when_changed(self._rendering, lambda value: send(SetRendering(value)))  # type: ignore[arg-type]
+        when_changed(self._colours, lambda value: send(SetColours(value)))  # type: ignore[arg-type]
+        when_changed(self._arrangement, lambda value: send(SetArrangement(value)))  # type: ignore[arg-type]
+        when_changed(self._truth, lambda value: send(ShowTruth(bool(value))))
+
+    def show(self, state: ClientState) -> None:
+        """Follow the state."""
+        self._window.visible = state.mode == "Watch"
+        self._window.value = state.look.window_us / 1e3
+        self._rendering.value = state.look.rendering
+        self._colours.value = state.look.colours
+        self._arrangement.value = state.look.arrangement
+        self._truth.value = state.tune.show_truth

@@ -1,0 +1,89 @@
+"""Time: play, pause, step, speed, scrub."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import viser
+
+from app.commands import Command, Seek, SetSpeed, SetStep, Step, TogglePlay
+from app.playback import SPEEDS, STEPS_US
+from app.state import ClientState
+from app.widgets import when_changed, when_clicked
+
+SLIDER_STEP_S = 0.0005
+
+
+class TransportPanel:
+    """The time controls of one browser, for a recording of one length."""
+
+    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
+        self._gui = gui
+        self._send = send
+        self._folder = gui.add_folder("Time")
+        with self._folder:
+            self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, hint="Space", order=1)
+            self._steps = gui.add_button_group("Go", ("Start", "-10", "-1", "+1", "+10", "End"), order=2)
+            with gui.add_folder("Exact time, step and speed", expand_by_default=False, order=3):
+                self._number = gui.add_number("Time [µs]", 0, min=0, step=1, hint="End of the shown window")
+                self._step = gui.add_dropdown("Step", [step_label(step) for step in STEPS_US], hint="Of +1 and -1")
+                self._speed = gui.add_dropdown(
+                    "Speed", [speed_label(speed) for speed in SPEEDS], hint="Recording time over wall time"
+                )
+        self._slider: viser.GuiSliderHandle[float] | None = None
+        self._slider_length_us = -1
+        self._shown_playing = False
+        when_clicked(self._play, lambda: send(TogglePlay()))
+        when_changed(self._step, lambda value: send(SetStep(_lookup(STEPS_US, step_label, value))))
+        when_changed(self._speed, lambda value: send(SetSpeed(_lookup(SPEEDS, speed_label, value))))
+        when_changed(self._number, lambda value: send(Seek(int(str(value)))))
+
+        @self._steps.on_click
+        async def _(event: viser.GuiEvent) -> None:
+            go = str(event.target.value)
+            if go == "Start":
+                send(Seek(0))
+            elif go == "End":
+                send(Seek(2**62))
+            else:
+                send(Step(int(go)))
+
+    def show(self, state: ClientState, now_us: int) -> None:
+        """Follow the state; the slider is made anew when the recording's length changes."""
+        head = state.playhead
+        if head.duration_us != self._slider_length_us:
+            self._make_slider(head.duration_us)
+        assert self._slider is not None
+        if head.playing != self._shown_playing:
+            self._shown_playing = head.playing
+            self._play.label = "Pause" if head.playing else "Play"
+            self._play.icon = viser.Icon.PLAYER_PAUSE if head.playing else viser.Icon.PLAYER_PLAY
+        self._slider.value = min(round(now_us / 1e6 / SLIDER_STEP_S) * SLIDER_STEP_S, self._slider.max)
+        self._number.value = now_us
+        self._step.value = step_label(state.step_us)
+        self._speed.value = speed_label(min(SPEEDS, key=lambda speed: abs(speed - head.speed)))
+
+    def _make_slider(self, duration_us: int) -> None:
+        if self._slider is not None:
+            self._slider.remove()
+        self._slider_length_us = duration_us
+        length_s = max(duration_us / 1e6, SLIDER_STEP_S)
+        with self._folder:
+            self._slider = self._gui.add_slider("Time [s]", 0.0, length_s, SLIDER_STEP_S, 0.0, order=0)
+        when_changed(self._slider, lambda value: self._send(Seek(round(float(str(value)) * 1e6))))
+
+
+def step_label(step_us: int) -> str:
+    """A step as people say it."""
+    if step_us >= 1_000_000:
+        return f"{step_us // 1_000_000} s"
+    return f"{step_us // 1000} ms" if step_us >= 1000 else f"{step_us} µs"
+
+
+def speed_label(speed: float) -> str:
+    """A speed as a factor, slow ones as a fraction."""
+    return f"{speed:g} x" if speed >= 1 else f"1/{round(1 / speed)} x"
+
+
+def _lookup(values: tuple, label: Callable, text: object):
+    return next(value for value in values if label(value) == text)

@@ -1,0 +1,112 @@
+"""A rectangle of the sensor as a picture, magnified or binned: crisp pixels, overlays at sub-pixel positions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from app.pictures.palette import Ink
+from core.events import SensorSize
+
+SUB_PIXEL_BITS = 5
+TARGET_WIDTH_PX = 1280
+"""A picture is magnified until it is about this wide."""
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """Pixels [x, x + width) by [y, y + height); may reach beyond the sensor."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    @staticmethod
+    def of_sensor(sensor: SensorSize) -> Region:
+        """All of it."""
+        return Region(0, 0, sensor.width_px, sensor.height_px)
+
+    @staticmethod
+    def around(u_px: float, v_px: float, sensor: SensorSize, zoom: float) -> Region:
+        """The part of the sensor's shape that a zoom shows, centred on a point."""
+        width = max(8, round(sensor.width_px / zoom))
+        height = max(8, round(sensor.height_px / zoom))
+        return Region(round(u_px - (width - 1) / 2), round(v_px - (height - 1) / 2), width, height)
+
+
+class Canvas:
+    """A picture being drawn. `image` is (height, width) uint8 palette indices."""
+
+    def __init__(self, region: Region) -> None:
+        self.region = region
+        self.scale: float = max(1, round(TARGET_WIDTH_PX / region.width))
+        """Picture pixels per sensor pixel."""
+        self.image = np.full((region.height * self.scale, region.width * self.scale), Ink.OUTSIDE, np.uint8)
+
+    @staticmethod
+    def of_binned(pixels: NDArray[np.uint8], sensor: SensorSize, binning: int) -> Canvas:
+        """A whole-sensor picture whose pixels are `binning` sensor pixels a side."""
+        canvas = Canvas.__new__(Canvas)
+        canvas.region, canvas.scale, canvas.image = Region.of_sensor(sensor), 1 / binning, pixels
+        return canvas
+
+    def paint_pixels(self, pixels: NDArray[np.uint8]) -> None:
+        """Fill with a whole-sensor picture (sensor height, sensor width), cropped and magnified."""
+        region, scale = self.region, int(self.scale)
+        height, width = pixels.shape
+        x0, x1 = max(region.x, 0), min(region.x + region.width, width)
+        y0, y1 = max(region.y, 0), min(region.y + region.height, height)
+        if x1 <= x0 or y1 <= y0:
+            return
+        crop = pixels[y0:y1, x0:x1]
+        if scale > 1:
+            crop = crop.repeat(scale, axis=0).repeat(scale, axis=1)
+        top, left = (y0 - region.y) * scale, (x0 - region.x) * scale
+        self.image[top : top + crop.shape[0], left : left + crop.shape[1]] = crop
+
+    def draw_polygon(self, points_px: ArrayLike, ink: int, *, thickness: int = 1) -> None:
+        """Closed polygon through sensor points (N, 2)."""
+        points = self._fixed(points_px).reshape(1, -1, 2)
+        cv2.polylines(self.image, points, True, int(ink), thickness, cv2.LINE_8, SUB_PIXEL_BITS)
+
+    def draw_circle(self, u_px: float, v_px: float, r_px: float, ink: int, *, thickness: int = 1) -> None:
+        """Circle in sensor coordinates, with its centre marked."""
+        (centre,) = self._fixed([(u_px, v_px)])
+        radius = round(r_px * self.scale * 2**SUB_PIXEL_BITS)
+        cv2.circle(self.image, tuple(centre), radius, int(ink), thickness, cv2.LINE_8, SUB_PIXEL_BITS)
+        x, y = (centre / 2**SUB_PIXEL_BITS).round().astype(int).tolist()
+        cv2.drawMarker(self.image, (x, y), int(ink), cv2.MARKER_CROSS, 7 + 2 * thickness, 1)
+
+    def draw_box(self, x0_px: float, y0_px: float, x1_px: float, y1_px: float, ink: int) -> None:
+        """Outline of a rectangle with corners in sensor coordinates."""
+        self.draw_polygon([(x0_px, y0_px), (x1_px, y0_px), (x1_px, y1_px), (x0_px, y1_px)], ink)
+
+    def write(self, u_px: float, v_px: float, text: str, ink: int, *, size: float = 0.45) -> None:
+        """Text whose lower left corner stands at a sensor point."""
+        x, y = (self._fixed([(u_px, v_px)])[0] / 2**SUB_PIXEL_BITS).round().astype(int).tolist()
+        self.write_at(x, y, text, ink, size=size)
+
+    def caption(self, text: str, *, pictures: int) -> None:
+        """A title in the upper left corner, equally large on the screen however many pictures share its width."""
+        size = 0.62 * pictures * self.image.shape[1] / TARGET_WIDTH_PX
+        self.write_at(round(16 * size), round(36 * size), text, Ink.TEXT, size=size)
+
+    def write_at(self, x: int, y: int, text: str, ink: int, *, size: float = 0.5) -> None:
+        """Text whose lower left corner stands at a picture pixel, on a dark ground so that it can be read."""
+        thickness = max(1, round(1.4 * size))
+        (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, thickness)
+        x = int(np.clip(x, 2, max(2, self.image.shape[1] - width - 2)))
+        y = int(np.clip(y, height + 2, max(height + 2, self.image.shape[0] - below)))
+        cv2.rectangle(self.image, (x - 2, y - height - 2), (x + width + 1, y + below - 1), int(Ink.BACKGROUND), -1)
+        cv2.putText(self.image, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, int(ink), thickness, cv2.LINE_8)
+
+    def _fixed(self, points_px: ArrayLike) -> NDArray[np.int32]:
+        """Sensor points as fixed-point picture coordinates; the centre of a sensor pixel is that of its block."""
+        points = np.asarray(points_px, np.float64) - (self.region.x, self.region.y)
+        in_picture = (points + 0.5) * self.scale - 0.5
+        limit = 2.0 ** (30 - SUB_PIXEL_BITS)
+        return np.round(np.clip(in_picture, -limit, limit) * 2**SUB_PIXEL_BITS).astype(np.int32)

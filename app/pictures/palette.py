@@ -1,0 +1,80 @@
+"""The colours of every picture, as one 256-entry palette: pictures are arrays of indices into it."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Final, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+PolarityColours = Literal["orange / blue", "red / green", "white / grey"]
+POLARITY_COLOURS: Final[tuple[PolarityColours, ...]] = get_args(PolarityColours)
+"""Colours of ON / OFF events."""
+
+
+class Ink(IntEnum):
+    """Palette entries with a name."""
+
+    BACKGROUND = 0
+    OFF = 1  # equals core.events.image.OFF_EVENT, so a polarity image is a picture already
+    ON = 2
+    OFF_DIM = 3
+    ON_DIM = 4
+    OUTSIDE = 5
+    TEXT = 6
+    SHADE = 7
+    HULL = 8
+    HULL_REJECTED = 9
+    CIRCLE = 10
+    ROI = 11
+    TRUTH = 12
+    NOISE = 13
+    CLUSTER = 16
+    """First of CLUSTER_COLOURS entries."""
+    RAMP = 64
+    """First of RAMP_COLOURS entries, dark to bright."""
+
+
+CLUSTER_COLOURS: Final = 12
+RAMP_COLOURS: Final = 64
+
+_POLARITY_RGB: Final = {
+    "orange / blue": ((255, 150, 50), (80, 150, 255)),
+    "red / green": ((255, 80, 80), (70, 210, 110)),
+    "white / grey": ((245, 245, 245), (120, 124, 132)),
+}
+_NAMED_RGB: Final = {
+    Ink.BACKGROUND: (20, 21, 25),
+    Ink.OUTSIDE: (11, 12, 14),
+    Ink.TEXT: (235, 235, 235),
+    Ink.SHADE: (34, 36, 42),
+    Ink.HULL: (110, 235, 130),
+    Ink.HULL_REJECTED: (150, 105, 105),
+    Ink.CIRCLE: (255, 225, 60),
+    Ink.ROI: (200, 120, 255),
+    Ink.TRUTH: (60, 230, 230),
+    Ink.NOISE: (90, 92, 98),
+}
+_CLUSTER_RGB: Final = (
+    (255, 120, 90), (90, 200, 255), (170, 255, 110), (255, 120, 220), (255, 200, 80), (130, 150, 255),
+    (80, 230, 190), (220, 160, 255), (230, 230, 120), (255, 150, 150), (120, 220, 120), (150, 210, 230),
+)  # fmt: skip
+
+
+def palette(colours: PolarityColours) -> NDArray[np.uint8]:
+    """(256, 3) RGB."""
+    rgb = np.zeros((256, 3), np.uint8)
+    for ink, colour in _NAMED_RGB.items():
+        rgb[ink] = colour
+    on, off = _POLARITY_RGB[colours]
+    background = np.array(_NAMED_RGB[Ink.BACKGROUND])
+    rgb[Ink.ON], rgb[Ink.OFF] = on, off
+    rgb[Ink.ON_DIM] = background + 0.38 * (np.array(on) - background)
+    rgb[Ink.OFF_DIM] = background + 0.38 * (np.array(off) - background)
+    rgb[Ink.CLUSTER : Ink.CLUSTER + CLUSTER_COLOURS] = _CLUSTER_RGB
+    steps = np.linspace(0.0, 1.0, RAMP_COLOURS)[:, None]
+    stops = np.array([_NAMED_RGB[Ink.BACKGROUND], (150, 45, 90), (255, 140, 40), (255, 250, 210)], np.float64)
+    ramp = [np.interp(steps[:, 0], np.linspace(0, 1, len(stops)), stops[:, channel]) for channel in range(3)]
+    rgb[Ink.RAMP : Ink.RAMP + RAMP_COLOURS] = np.stack(ramp, axis=1)
+    return rgb

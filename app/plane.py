@@ -1,0 +1,105 @@
+"""The sheet in the browser: image planes in front of a camera that looks straight at them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+import viser
+
+from app.sheet import Sheet
+
+UNIT: Final = 0.01
+"""Scene units per sheet pixel."""
+FOV_RAD: Final = math.radians(10)
+"""Narrow, so that a flat sheet is seen almost as in a drawing; any would do, the map is exact."""
+PANEL_SHARE: Final = 0.31
+"""The part of the window's height that the panel below the picture takes."""
+BLANK_PNG_PX: Final = np.zeros((1, 1, 3), np.uint8)
+
+
+class PicturePlane:
+    """Image handles of one browser, reused for every picture."""
+
+    def __init__(self, client: viser.ClientHandle, on_click: Callable[[float, float], None]) -> None:
+        self._client = client
+        self._images: list[viser.ImageHandle] = []
+        self._framed: tuple[float, ...] | None = None
+        self._sheet = Sheet((), 16, 9)
+
+        @client.scene.on_click()
+        async def _(event: viser.SceneClickEvent) -> None:
+            x, y = sheet_point(np.array(event.ray_origin), np.array(event.ray_direction))
+            on_click(x, y)
+
+        @client.camera.on_update
+        async def _(_: viser.CameraHandle) -> None:
+            self.frame()
+
+    @property
+    def sheet(self) -> Sheet:
+        """What is shown now."""
+        return self._sheet
+
+    def show(self, sheet: Sheet) -> None:
+        """Replace what is shown; frames it anew when its shape changed."""
+        self._sheet = sheet
+        while len(self._images) < len(sheet.pictures):
+            self._images.append(self._add_image(len(self._images)))
+        with self._client.atomic():
+            for image, picture in zip(self._images, sheet.pictures, strict=False):
+                image.render_width, image.render_height = picture.width * UNIT, picture.height * UNIT
+                centre = (picture.x + picture.width / 2, picture.y + picture.height / 2)
+                image.position = (centre[0] * UNIT, centre[1] * UNIT, 0.0)
+                _set_png(image, picture.png)
+                image.visible = True
+            for image in self._images[len(sheet.pictures) :]:
+                image.visible = False
+        self.frame()
+
+    def frame(self, *, again: bool = False) -> None:
+        """Put the camera where the whole sheet fits above the lower panel; `again` also when nothing changed."""
+        aspect = self._client.camera.aspect
+        wanted = (float(self._sheet.width), float(self._sheet.height), round(aspect, 3))
+        if wanted == self._framed and not again:
+            return
+        self._framed = wanted
+        width, height = self._sheet.width * UNIT * 1.02, self._sheet.height * UNIT * 1.02
+        visible = max(height / (1 - PANEL_SHARE), width / aspect)
+        distance = visible / 2 / math.tan(FOV_RAD / 2)
+        top_margin = (visible * (1 - PANEL_SHARE) - height) / 2
+        look_at = np.array([self._sheet.width * UNIT / 2, visible / 2 - top_margin - height * 0.01, 0.0])
+        camera = self._client.camera
+        with self._client.atomic():
+            camera.fov = FOV_RAD
+            camera.up_direction = (0.0, -1.0, 0.0)
+            camera.near, camera.far = distance * 0.01, distance * 10
+            camera.position = look_at - (0.0, 0.0, distance)  # before look_at: setting it moves the look-at point along
+            camera.look_at = look_at
+        self._client.flush()
+
+    def _add_image(self, index: int) -> viser.ImageHandle:
+        image = self._client.scene.add_image(
+            f"/sheet/{index}", BLANK_PNG_PX, 1.0, 1.0, format="png", cast_shadow=False, receive_shadow=False
+        )
+
+        async def keep(_: object) -> None:
+            """A handled drag is not passed on to the camera: the sheet stays flat in front of it."""
+
+        for button in ("left", "right"):
+            image.on_drag(button)(keep)
+        return image
+
+
+def sheet_point(ray_origin: np.ndarray, ray_direction: np.ndarray) -> tuple[float, float]:
+    """Where a ray (scene units) meets the sheet, in sheet pixels."""
+    hit = ray_origin - ray_origin[2] / ray_direction[2] * ray_direction
+    return float(hit[0]) / UNIT, float(hit[1]) / UNIT
+
+
+def _set_png(image: viser.ImageHandle, png: bytes) -> None:
+    """Hand over encoded bytes: viser would encode an RGB array again, ten times slower than an indexed PNG."""
+    image._format = "png"
+    image._data = png

@@ -1,0 +1,57 @@
+"""The time cursor of one browser: a pure value that knows where it is at any wall-clock time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+SPEEDS: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0)
+STEPS_US: Final = (1, 10, 100, 500, 1_000, 2_000, 5_000, 10_000, 100_000, 1_000_000)
+
+
+@dataclass(frozen=True, slots=True)
+class Playhead:
+    """Where in a recording the end of the shown window is; while it plays it moves with the wall clock."""
+
+    duration_us: int
+    anchor_us: int = 0
+    """Position at `anchor_wall_s`; the position as long as it is paused."""
+    anchor_wall_s: float = 0.0
+    playing: bool = False
+    speed: float = 0.05
+
+    def position_us(self, wall_s: float) -> int:
+        """Position at a wall-clock time, in [0, duration]."""
+        moved = self.speed * (wall_s - self.anchor_wall_s) * 1e6 if self.playing else 0.0
+        return int(min(max(self.anchor_us + moved, 0), self.duration_us))
+
+    def seek(self, t_us: int, wall_s: float) -> Playhead:
+        """The same cursor elsewhere; it goes on playing if it did."""
+        return replace(self, anchor_us=int(min(max(t_us, 0), self.duration_us)), anchor_wall_s=wall_s)
+
+    def step(self, by_us: int, wall_s: float) -> Playhead:
+        """Paused, `by_us` further."""
+        return replace(self, playing=False).seek(self.position_us(wall_s) + by_us, wall_s)
+
+    def play(self, wall_s: float) -> Playhead:
+        """Playing; from the start if it stood at the end."""
+        start_us = self.position_us(wall_s)
+        if start_us >= self.duration_us:
+            start_us = 0
+        return replace(self.seek(start_us, wall_s), playing=True)
+
+    def pause(self, wall_s: float) -> Playhead:
+        """Standing where it is."""
+        return replace(self.seek(self.position_us(wall_s), wall_s), playing=False)
+
+    def at_speed(self, speed: float, wall_s: float) -> Playhead:
+        """The same position, moving at `speed` recording seconds a second."""
+        if not (math.isfinite(speed) and speed > 0):
+            return self
+        return replace(self.seek(self.position_us(wall_s), wall_s), speed=speed)
+
+    def settle(self, wall_s: float) -> Playhead:
+        """Paused once it has run to the end."""
+        at_end = self.playing and self.position_us(wall_s) >= self.duration_us
+        return self.pause(wall_s) if at_end else self

@@ -1,0 +1,81 @@
+"""Everything one browser has chosen, as one frozen value. What is shown is computed from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final, Literal, get_args
+
+from app.history import History
+from app.pictures.event_picture import Rendering
+from app.pictures.palette import PolarityColours
+from app.playback import Playhead
+from core.detection import DetectorConfig
+
+Mode = Literal["Watch", "Tune"]
+MODES: Final[tuple[Mode, ...]] = get_args(Mode)
+Arrangement = Literal["side by side", "stacked"]
+ARRANGEMENTS: Final[tuple[Arrangement, ...]] = get_args(Arrangement)
+Overlay = Literal["raw", "denoised", "clusters", "polarity", "geometry", "result"]
+OVERLAYS: Final[tuple[Overlay, ...]] = get_args(Overlay)
+"""What Tune draws: each stage's view, and the result alone."""
+Slot = Literal["A", "B"]
+SLOTS: Final[tuple[Slot, ...]] = get_args(Slot)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How events are drawn, in every mode."""
+
+    window_us: int = 5_000
+    """Watch's accumulation window; Tune shows the detector's own."""
+    rendering: Rendering = "polarity"
+    colours: PolarityColours = "orange / blue"
+    arrangement: Arrangement = "side by side"
+
+
+@dataclass(frozen=True, slots=True)
+class TuneView:
+    """What of the detector is shown."""
+
+    overlay: Overlay = "geometry"
+    zoom: float = 1.0
+    centre_px: tuple[float, float] | None = None
+    """Of the zoomed view; None follows the ball."""
+    slot: Slot = "A"
+    """The config that the sliders change."""
+    compare: bool = False
+    """Both configs side by side on the same window."""
+    show_truth: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Configs:
+    """The two detector configs of a browser."""
+
+    a: DetectorConfig
+    b: DetectorConfig
+
+    def of(self, slot: Slot) -> DetectorConfig:
+        """The config in a slot."""
+        return self.a if slot == "A" else self.b
+
+
+@dataclass(frozen=True, slots=True)
+class ClientState:
+    """One browser."""
+
+    recording: str
+    """Name in the library."""
+    camera: str
+    """The camera that Tune looks at."""
+    playhead: Playhead
+    configs: History[Configs]
+    mode: Mode = "Watch"
+    step_us: int = 1_000
+    look: Look = field(default_factory=Look)
+    tune: TuneView = field(default_factory=TuneView)
+
+    @property
+    def config(self) -> DetectorConfig:
+        """The config that the sliders change."""
+        return self.configs.present.of(self.tune.slot)

@@ -1,0 +1,49 @@
+"""Small additions to viser's controls."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import viser
+
+MARK = "● "
+
+
+class Choice:
+    """A row of buttons of which one is chosen and marked; viser's own does not show which."""
+
+    def __init__(
+        self, gui: viser.GuiApi, label: str, options: Sequence[str], choose: Callable[[str], None], *, hint: str = ""
+    ) -> None:
+        self._options = tuple(options)
+        self._group = gui.add_button_group(label, self._options, hint=hint or None)
+        self._shown: str | None = None
+
+        @self._group.on_click
+        async def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                choose(str(event.target.value).removeprefix(MARK))
+
+    def show(self, chosen: str) -> None:
+        """Mark the chosen one."""
+        if chosen != self._shown:
+            self._shown = chosen
+            self._group.options = tuple(f"{MARK}{option}" if option == chosen else option for option in self._options)
+
+
+def when_changed(handle: viser.GuiInputHandle, act: Callable[[object], None]) -> None:
+    """Call `act(value)` for changes that a person made, in their order, and not for those that we made."""
+
+    @handle.on_update
+    async def _(event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            act(event.target.value)
+
+
+def when_clicked(handle: viser.GuiButtonHandle, act: Callable[[], None]) -> None:
+    """Call `act()` for each click of a person."""
+
+    @handle.on_click
+    async def _(event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            act()

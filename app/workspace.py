@@ -1,0 +1,65 @@
+"""The folder that holds everything of a user: recordings, configs, later runs, labels and exports.
+
+A browser only ever sends names from lists that the server made, or new names, which become slugs here.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from core.errors import CommandError
+
+_SLUG = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
+
+
+def slug_from(text: str) -> str:
+    """A plain file name (without suffix) made of what a person typed.
+
+    Raises:
+        CommandError: if nothing usable is left.
+    """
+    slug = re.sub(r"[^a-z0-9_-]+", "-", text.strip().lower()).strip("-_")[:63].rstrip("-_")
+    if not _SLUG.fullmatch(slug):
+        raise CommandError("not a usable name", expected="letters and digits", got=repr(text[:80]))
+    return slug
+
+
+@dataclass(frozen=True, slots=True)
+class Workspace:
+    """Paths in the workspace folder; folders are made on first use."""
+
+    root: Path
+
+    @property
+    def recordings(self) -> Path:
+        """Folder of the recordings."""
+        return self._folder("recordings")
+
+    @property
+    def configs(self) -> Path:
+        """Folder of the detector configs."""
+        return self._folder("configs")
+
+    def config_path(self, name: str) -> Path:
+        """Where the config of this name is or will be."""
+        return self.configs / f"{slug_from(name)}.toml"
+
+    def config_names(self) -> tuple[str, ...]:
+        """Names of the saved configs."""
+        return tuple(sorted(path.stem for path in self.configs.glob("*.toml") if _SLUG.fullmatch(path.stem)))
+
+    def recording_path(self, name: str) -> Path:
+        """Where the recording of this name is or will be."""
+        return self.recordings / f"{slug_from(name)}.h5"
+
+    def _folder(self, name: str) -> Path:
+        folder = self.root / name
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CommandError(
+                "cannot use the workspace folder", got=error.strerror, where=folder, remedy="choose one with --data"
+            ) from error
+        return folder

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+from app.pictures.canvas import Canvas, Region
+from app.pictures.palette import Ink
+from core.events import SensorSize
+
+SENSOR = SensorSize(64, 48)
+
+
+def lit(canvas: Canvas, ink: int) -> np.ndarray:
+    """(N, 2) x, y of picture pixels with this ink."""
+    ys, xs = np.nonzero(canvas.image == ink)
+    return np.stack([xs, ys], axis=1)
+
+
+def test_a_sensor_pixel_becomes_a_whole_block() -> None:
+    pixels = np.zeros((48, 64), np.uint8)
+    pixels[10, 20] = Ink.ON
+    canvas = Canvas(Region(16, 8, 16, 12))
+    canvas.paint_pixels(pixels)
+    scale = int(canvas.scale)
+    assert scale == 80
+    found = lit(canvas, Ink.ON)
+    assert len(found) == scale**2
+    assert found.min(axis=0).tolist() == [(20 - 16) * scale, (10 - 8) * scale]
+
+
+def test_what_lies_beside_the_sensor_is_marked_as_outside() -> None:
+    canvas = Canvas(Region(-8, -6, 16, 12))
+    canvas.paint_pixels(np.zeros((48, 64), np.uint8))
+    half = canvas.image.shape[0] // 2
+    assert np.all(canvas.image[:half] == Ink.OUTSIDE) and np.all(canvas.image[half:, canvas.image.shape[1] // 2 :] == 0)
+    beside = Canvas(Region(500, 500, 16, 12))
+    beside.paint_pixels(np.zeros((48, 64), np.uint8))
+    assert np.all(beside.image == Ink.OUTSIDE)
+
+
+@pytest.mark.parametrize("region", [Region(16, 8, 16, 12), Region(0, 0, 64, 48)])
+def test_a_circle_is_centred_on_its_sensor_point_at_any_magnification(region: Region) -> None:
+    canvas = Canvas(region)
+    canvas.draw_circle(22.25, 12.75, 3.0, Ink.CIRCLE)
+    found = lit(canvas, Ink.CIRCLE)
+    middle = (found.min(axis=0) + found.max(axis=0)) / 2
+    sensor = (middle + 0.5) / canvas.scale - 0.5 + (region.x, region.y)
+    assert sensor == pytest.approx((22.25, 12.75), abs=0.6 / canvas.scale)
+    radius = (found.max(axis=0) - found.min(axis=0)) / 2 / canvas.scale
+    assert radius == pytest.approx((3.0, 3.0), abs=1.0 / canvas.scale)
+
+
+def test_a_binned_canvas_draws_at_the_same_sensor_points() -> None:
+    canvas = Canvas.of_binned(np.zeros((24, 32), np.uint8), SENSOR, 2)
+    canvas.draw_box(10, 10, 20, 20, Ink.ROI)
+    found = lit(canvas, Ink.ROI)
+    assert found.min(axis=0).tolist() == pytest.approx([5, 5], abs=1)
+    assert found.max(axis=0).tolist() == pytest.approx([10, 10], abs=1)
+
+
+def test_shapes_far_outside_do_not_overflow() -> None:
+    canvas = Canvas(Region(0, 0, 16, 12))
+    canvas.draw_polygon([(-1e9, 0), (1e9, 5), (1e9, 9e9)], Ink.HULL)
+    canvas.write(1e9, -1e9, "far", Ink.TEXT)
+
+
+def test_a_zoomed_region_is_centred_and_has_the_sensor_s_shape() -> None:
+    region = Region.around(30.0, 20.0, SENSOR, 4.0)
+    assert (region.width, region.height) == (16, 12)
+    assert region.x + (region.width - 1) / 2 == pytest.approx(30.0, abs=0.5)
+    assert region.y + (region.height - 1) / 2 == pytest.approx(20.0, abs=0.5)
