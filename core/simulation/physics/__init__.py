@@ -1,4 +1,4 @@
-"""Simulated table-tennis physics: serves, flight, impacts and the outcome of a stroke, in numba; and the same in MuJoCo.
+"""Table-tennis physics: serves, flight, impacts and the outcome of a stroke, in numba; and the same in MuJoCo.
 
 The names below never load mujoco; `mujoco_rally` and `mujoco_soft` do when they are imported.
 """

@@ -1,10 +1,10 @@
 """What a flying ball touches first: the table's top, its end, the net or the floor.
 
 The rules, where the paper says only "first contact" (choices):
-- The ball's lowest point decides. A ball is on the table if that point is over the top when it comes down to it; one that
-  passes outside is not, although a real ball may still clip the edge within its radius.
-- The net is a thin wall over x = 0 that stands 15.25 cm beyond the side lines, posts included. The ball touches it if it
-  overlaps it at the instant at which its centre is over x = 0: a let cord is a touch, whatever would become of it.
+- The ball's lowest point decides. A ball is on the table if that point is over the top when it comes down to it; one
+  that passes outside is not, although a real ball may still clip the edge within its radius.
+- The net is a thin wall over x = 0 that stands 15.25 cm beyond the side lines, posts included. The ball touches it if
+  it overlaps it at the instant at which its centre is over x = 0: a let cord is a touch, whatever would become of it.
 - A ball that is below the top where it comes over an end line hits the table's end, down to the floor.
 """
 
@@ -85,12 +85,13 @@ def highest_point(s: Array, air: Air, out: Array) -> float:
         fly(out, air.step_s, air, out)
         t += air.step_s
         if out[5] <= 0:
-            # The climb rate is nearly linear in a step: two secant steps back from its end give nanometres.
-            back = air.step_s * out[5] / (before - out[5])
-            fly(out, back, air, out)
-            again = back * out[5] / (before - out[5])
-            fly(out, again, air, out)
-            return t + back + again
+            # The climb rate is nearly linear within a step: two Newton steps from its end give nanometres.
+            fall = (before - out[5]) / air.step_s
+            for _ in range(2):
+                back = out[5] / fall
+                fly(out, back, air, out)
+                t += back
+            return t
     return t
 
 

@@ -1,7 +1,7 @@
 """Where a short piece of flight, known at both ends, crosses the planes that matter.
 
-Between its ends a piece is the cubic through both positions and velocities: exact for gravity alone, and with air off by
-nanometres over 10 ms. So a coarse simulation step finds the instant of an impact exactly.
+Between its ends a piece is the cubic through both positions and velocities: exact for gravity alone, and with air off
+by nanometres over 10 ms. So a coarse simulation step finds the instant of an impact exactly.
 """
 
 from __future__ import annotations
@@ -36,7 +36,10 @@ COUNT: Final = 7
 def _cubic(p0: float, v0: float, p1: float, v1: float, h: float, t: float) -> float:
     s = t / h
     return (
-        p0 * (1 + 2 * s) * (1 - s) ** 2 + h * v0 * s * (1 - s) ** 2 + p1 * s * s * (3 - 2 * s) - h * v1 * s * s * (1 - s)
+        p0 * (1 + 2 * s) * (1 - s) ** 2
+        + h * v0 * s * (1 - s) ** 2
+        + p1 * s * s * (3 - 2 * s)
+        - h * v1 * s * s * (1 - s)
     )
 
 

@@ -106,8 +106,8 @@ class Outcomes:
     landing_t_s: Array
     """(N,)."""
     landing_states: Array
-    """(N, 9) where the ball comes down to the table's plane, net and floor ignored: f and, with the velocity, s'. A ball
-    that never rises to that plane counts at its highest point."""
+    """(N, 9) where the ball comes down to the table's plane, net and floor ignored: f and, with the velocity, s'.
+    A ball that never rises to that plane counts at its highest point."""
     net_z_m: Array
     """(N,) height of the ball's centre over x = 0 on the same extrapolated flight; NaN if it never gets there."""
     contact_t_s: Array

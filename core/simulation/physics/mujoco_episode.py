@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from core.simulation.physics.episode import Case, Outcomes, Serves, Strokes
 from core.simulation.physics.flight import MAX_FLIGHT_S
-from core.simulation.physics.mujoco_rally import MujocoRally, RallyEvent
+from core.simulation.physics.judge import case_of
+from core.simulation.physics.mujoco_rally import MujocoRally
 from core.simulation.physics.racket import RacketState
+from core.simulation.physics.rally_events import RallyEvent
 from core.simulation.physics.rotation import normals_from_orientations
 from core.simulation.physics.simulate import fly_serves
 from core.simulation.physics.task import TaskConfig
@@ -76,16 +78,7 @@ def _record(i: int, hit: RallyEvent, flight: list[RallyEvent], outcomes: Outcome
     outcomes.hit_t_s[i] = hit.t_s
     outcomes.hit_states[i] = hit.state
     first = next(event for event in flight if event.kind in ("bounce", "net", "end", "floor"))
-    own_half = first.touched[0] < 0
-    if first.kind == "net":
-        case = Case.NET
-    elif first.kind == "floor":
-        case = Case.OUT
-    elif own_half:
-        case = Case.OWN_HALF
-    else:
-        case = Case.RETURNED if first.kind == "bounce" else Case.OUT
-    outcomes.case[i] = case
+    outcomes.case[i] = Case.OUT if first.kind == "floor" else case_of(first)
     outcomes.contact_t_s[i] = first.t_s
     outcomes.contact_states[i] = first.touched
     landing = next((e for kind in ("down", "top") for e in flight if e.kind == kind), hit)

@@ -8,20 +8,15 @@ impact, the impulse is given to MuJoCo's velocities, and the rest of the step go
 from __future__ import annotations
 
 import logging
-import math
-from dataclasses import dataclass
-from typing import Literal
 
-import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
 from core.simulation.physics import crossing
-from core.simulation.physics.contact import FLOOR_Z_M, HALF_WIDTH_M, over_table, overlaps_net
 from core.simulation.physics.crossing import find_crossings, piece_at
 from core.simulation.physics.impact import strike, surfaces_from_config
-from core.simulation.physics.mujoco_model import build_model
+from core.simulation.physics.mujoco_model import build_model, mj
 from core.simulation.physics.racket import (
     RacketConfig,
     RacketState,
@@ -30,6 +25,7 @@ from core.simulation.physics.racket import (
     move_racket,
     upright_racket,
 )
+from core.simulation.physics.rally_events import PASSAGES, RallyEvent, RallyEventKind, face_row, impact_kind
 from core.simulation.physics.rotation import base_orientation, normals_from_orientations
 from core.simulation.physics.task import TaskConfig
 from core.simulation.physics.trajectory import rebound_from_wall
@@ -38,25 +34,9 @@ from core.table import BALL_RADIUS_M
 logger = logging.getLogger(__name__)
 Array = NDArray[np.float64]
 
-RallyEventKind = Literal["serve", "bounce", "net", "end", "floor", "hit", "hit_plane", "net_plane", "down", "top"]
-"""Impacts: bounce (table), net, end (of the table), floor, hit. Passages, which change nothing: hit_plane, net_plane,
-down (to the table's plane, wherever), top (of an arc)."""
-
 MAX_IMPACTS_PER_STEP = 50
 LIVELY_MPS = 0.05
 """A ball that leaves an impact with the table slower than this is at rest."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RallyEvent:
-    """Something that happened during a step."""
-
-    kind: RallyEventKind
-    t_s: float
-    state: Array
-    """(9,) ball position, velocity, spin: just after an impact, at a passage."""
-    touched: Array
-    """(9,) just before an impact; the same as `state` at a passage."""
 
 
 class MujocoRally:
@@ -72,7 +52,7 @@ class MujocoRally:
         self.racket_config = racket if racket is not None else RacketConfig()
         self.dt_s = dt_s
         self.model = build_model(task.physics, dt_s=dt_s)
-        self.data = mujoco.MjData(self.model)
+        self.data = mj.MjData(self.model)
         self._ghost_after_hit = ghost_after_hit
         self._solid = True
         self._table, self._rubber = surfaces_from_config(task.physics)
@@ -105,7 +85,7 @@ class MujocoRally:
         state = np.empty(9)
         state[:3] = self.data.qpos[:3]
         state[3:6] = self.data.qvel[:3]
-        mujoco.mju_rotVecQuat(state[6:9], self.data.qvel[3:6], self.data.qpos[3:7])
+        mj.mju_rotVecQuat(state[6:9], self.data.qvel[3:6], self.data.qpos[3:7])
         return state
 
     def serve(self, position_m: ArrayLike, velocity_mps: ArrayLike, spin_radps: ArrayLike = (0, 0, 0)) -> RallyEvent:
@@ -118,7 +98,9 @@ class MujocoRally:
         if state.shape != (9,) or not np.isfinite(state).all():
             raise ConfigError("not a serve", expected="three finite (3,) vectors", got=state.tolist(), where="serve")
         if np.abs(state[:2]).max() > 5 or not BALL_RADIUS_M < state[2] < 3:
-            raise ConfigError("a serve starts above the table's plane, within 5 m", got=state[:3].tolist(), where="serve")
+            raise ConfigError(
+                "a serve starts above the table's plane, within 5 m", got=state[:3].tolist(), where="serve"
+            )
         if np.linalg.norm(state[3:6]) > 40 or np.linalg.norm(state[6:9]) > 1500:
             raise ConfigError("no such ball", expected="up to 40 m/s and 1500 rad/s", where="serve")
         self.data.qpos[3:7] = (1, 0, 0, 0)
@@ -142,23 +124,24 @@ class MujocoRally:
 
     def reset(self) -> None:
         """Back to time zero: no ball, the racket at rest."""
-        mujoco.mj_resetData(self.model, self.data)
+        mj.mj_resetData(self.model, self.data)
         self._time_s, self._playing, self._target, self._coasting = 0.0, False, None, False
         self._solid = True
         self._racket = upright_racket(self.racket_config)
 
     def step(self, dt_s: float | None = None) -> tuple[RallyEvent, ...]:
-        """Advance by `dt_s` (the rally's own step if None) and tell what happened, in order."""
+        """Advance by `dt_s` (the rally's own step if None; longer ones are divided) and tell what happened, in order."""
         remaining = self.dt_s if dt_s is None else dt_s
         events: list[RallyEvent] = []
-        for _ in range(MAX_IMPACTS_PER_STEP):
-            if remaining <= 1e-12:
-                break
-            remaining -= self._advance(remaining, events)
-        else:
-            logger.warning("ball stopped after %d impacts in one step", MAX_IMPACTS_PER_STEP)
-            self._playing = False
-            self._time_s += remaining
+        impacts = 0
+        while remaining > 1e-12:
+            h = min(remaining, self.dt_s)
+            advanced = self._advance(h, events)
+            remaining -= advanced
+            impacts = impacts + 1 if advanced < h else 0
+            if impacts > MAX_IMPACTS_PER_STEP:
+                logger.warning("ball stopped after %d impacts in one step", impacts)
+                self._playing = False
         target = self._target
         if target is not None and self._time_s > target.t_s + self.racket_config.follow_through_s:
             self._target = None
@@ -168,45 +151,49 @@ class MujocoRally:
         """Advance by `h` or to the next impact; returns the time advanced."""
         racket_end = self._racket_after(h)
         if not self._playing:
-            self._commit_racket(racket_end)
-            self._time_s += h
-            return h
+            return self._finish(h, racket_end)
         start, qpos, qvel = self.ball, self.data.qpos.copy(), self.data.qvel.copy()
         self._integrate(h)
-        end = self.ball
-        face_start, face_end = _face(self._racket), _face(racket_end)
-        find_crossings(start, end, h, face_start, face_end, self.task.stroke.hit_plane_x_m, self._times)
-        times = self._times
-        until, impact = h, None
-        passages: list[RallyEvent] = []
-        for which in np.flatnonzero(times == times):
-            t = float(times[which])
-            state = np.empty(9)
-            piece_at(start, end, h, t, state)
-            kind = self._impact_kind(int(which), state, face_start, face_end, t / h)
-            if kind is None:
-                name = _PASSAGES.get(int(which))
-                if name is not None:
-                    passages.append(RallyEvent(name, self._time_s + t, state, state))
-            elif not self._solid:
-                passages.append(RallyEvent(kind, self._time_s + t, state, state))
-                if which in _PASSAGES:
-                    passages.append(RallyEvent(_PASSAGES[int(which)], self._time_s + t, state, state))
-            elif impact is None or t < until:
-                until, impact = t, kind
-        events.extend(sorted((e for e in passages if e.t_s <= self._time_s + until), key=lambda e: e.t_s))
+        until, impact, passages = self._look_for_impact(start, self.ball, h, racket_end)
+        events.extend(passages)
         if impact is None:
-            self._commit_racket(racket_end)
-            self._time_s += h
-            return h
+            return self._finish(h, racket_end)
         self.data.qpos[:], self.data.qvel[:] = qpos, qvel
+        racket_then = self._racket_after(until)
         if until > 0:
-            racket = self._racket_after(until)
             self._integrate(until)
-            self._commit_racket(racket)
-        self._time_s += until
+        self._finish(until, racket_then)
         events.append(self._collide(impact))
         return until
+
+    def _finish(self, h: float, racket: RacketState) -> float:
+        """Let `h` be over for clock and racket; the ball is already there."""
+        self._commit_racket(racket)
+        self._time_s += h
+        return h
+
+    def _look_for_impact(
+        self, start: Array, end: Array, h: float, racket_end: RacketState
+    ) -> tuple[float, RallyEventKind | None, list[RallyEvent]]:
+        """The first impact of a step from `start` to `end`, when it is, and the passages before it."""
+        face_start, face_end = face_row(self._racket), face_row(racket_end)
+        find_crossings(start, end, h, face_start, face_end, self.task.stroke.hit_plane_x_m, self._times)
+        until, impact = h, None
+        found: list[tuple[float, RallyEventKind, Array]] = []
+        for which in np.flatnonzero(~np.isnan(self._times)):
+            t = float(self._times[which])
+            state = np.empty(9)
+            piece_at(start, end, h, t, state)
+            kind = impact_kind(int(which), state, face_start, face_end, t / h, self.task.physics.racket_radius_m)
+            if kind is not None and not self._solid:
+                found.append((t, kind, state))
+            elif kind is not None and (impact is None or t < until):
+                until, impact = t, kind
+            if int(which) in PASSAGES and (kind is None or not self._solid):
+                found.append((t, PASSAGES[int(which)], state))
+        found.sort(key=lambda item: item[0])
+        passages = [RallyEvent(kind, self._time_s + t, state, state) for t, kind, state in found if t <= until]
+        return until, impact, passages
 
     def _racket_after(self, h: float) -> RacketState:
         now = self._racket
@@ -216,28 +203,7 @@ class MujocoRally:
 
     def _integrate(self, h: float) -> None:
         self.model.opt.timestep = h
-        mujoco.mj_step(self.model, self.data)
-
-    def _impact_kind(
-        self, which: int, state: Array, face_start: Array, face_end: Array, share: float
-    ) -> RallyEventKind | None:
-        """The impact that a crossing is, or None if the ball passes."""
-        if which == crossing.DOWN:
-            return "bounce" if over_table(state[0], state[1]) else None
-        if which == crossing.NET_PLANE:
-            return "net" if overlaps_net(state[1], state[2]) else None
-        if which == crossing.END_PLANE:
-            beside = abs(state[1]) > HALF_WIDTH_M
-            return None if beside or not FLOOR_Z_M + BALL_RADIUS_M < state[2] < BALL_RADIUS_M else "end"
-        if which == crossing.FLOOR_PLANE:
-            return "floor"
-        if which == crossing.FACE:
-            centre = face_start[:3] + (face_end[:3] - face_start[:3]) * share
-            normal = face_start[6:9] + (face_end[6:9] - face_start[6:9]) * share
-            off = state[:3] - centre
-            off = off - normal * (off @ normal) / (normal @ normal)
-            return "hit" if off @ off <= self.task.physics.racket_radius_m**2 else None
-        return None
+        mj.mj_step(self.model, self.data)
 
     def _collide(self, kind: RallyEventKind) -> RallyEvent:
         """Give the ball the impulse of an impact at its present state."""
@@ -249,9 +215,10 @@ class MujocoRally:
             self._playing = bool(after[5] > LIVELY_MPS)
         elif kind == "hit":
             normal = normals_from_orientations(self._racket.q_wxyz)
+            nx, ny, nz = map(float, normal)
             lever = before[:3] - BALL_RADIUS_M * normal - self._racket.p_m
             wall = self._racket.v_mps + np.cross(self._racket.turn_radps, lever)
-            strike(after, tuple(map(float, normal)), tuple(map(float, wall)), self._rubber)
+            strike(after, (nx, ny, nz), (float(wall[0]), float(wall[1]), float(wall[2])), self._rubber)
             self._solid = not self._ghost_after_hit
         elif kind == "floor":
             after[3:9] = 0
@@ -266,7 +233,7 @@ class MujocoRally:
         self.data.qpos[:3] = state[:3]
         self.data.qvel[:3] = state[3:6]
         conjugate = self.data.qpos[3:7] * (1, -1, -1, -1)
-        mujoco.mju_rotVecQuat(self.data.qvel[3:6], state[6:9], conjugate)
+        mj.mju_rotVecQuat(self.data.qvel[3:6], state[6:9], conjugate)
 
     def _commit_racket(self, state: RacketState) -> None:
         self._racket = state
@@ -274,15 +241,3 @@ class MujocoRally:
         self.data.qpos[10:14] = state.q_wxyz
         self.data.qvel[6:9] = state.v_mps
         self.data.qvel[9:12] = 0
-
-
-_PASSAGES: dict[int, RallyEventKind] = {
-    crossing.DOWN: "down",
-    crossing.NET_PLANE: "net_plane",
-    crossing.HIT_PLANE: "hit_plane",
-    crossing.TOP_OF_ARC: "top",
-}
-
-
-def _face(state: RacketState) -> Array:
-    return np.concatenate([state.p_m, state.v_mps, normals_from_orientations(state.q_wxyz)])

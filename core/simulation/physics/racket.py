@@ -75,7 +75,9 @@ def check_target(target: RacketTarget, config: RacketConfig) -> RacketTarget:
     p, q, v = (np.asarray(a, np.float64) for a in (target.p_m, target.q_wxyz, target.v_mps))
     where = "racket target"
     if p.shape != (3,) or q.shape != (4,) or v.shape != (3,):
-        raise ConfigError("wrong shape", expected="(3,), (4,), (3,)", got=f"{p.shape}, {q.shape}, {v.shape}", where=where)
+        raise ConfigError(
+            "wrong shape", expected="(3,), (4,), (3,)", got=f"{p.shape}, {q.shape}, {v.shape}", where=where
+        )
     if not (np.isfinite(p).all() and np.isfinite(q).all() and np.isfinite(v).all() and math.isfinite(target.t_s)):
         raise ConfigError("not finite", where=where)
     if abs(float(np.linalg.norm(q)) - 1) > 1e-3:
@@ -128,7 +130,7 @@ def _limited(vector: Array, length: float) -> Array:
 
 
 def _turn(q: Array, goal: Array, h: float, max_rate: float) -> tuple[Array, Array]:
-    """Orientation after turning towards `goal` for `h` seconds at most at `max_rate`, and the angular velocity meanwhile."""
+    """Orientation after turning towards `goal` for `h` seconds at `max_rate` or less, and the angular velocity."""
     conjugate = q * np.array([1.0, -1.0, -1.0, -1.0])
     rest = multiply_quaternions(goal, conjugate)
     if rest[0] < 0:

@@ -1,4 +1,4 @@
-"""Seeded serves: a launcher on the opponent's side that sends the ball over the net, one bounce, to the hitting plane."""
+"""Seeded serves: a launcher on the opponent's side sends the ball over the net, one bounce, to the hitting plane."""
 
 from __future__ import annotations
 
@@ -44,7 +44,9 @@ def draw_serves(speed_mps: float, count: int, config: TaskConfig, rng: np.random
             got=f"{count - missing} of {count} after {MAX_ROUNDS} rounds at {speed_mps:g} m/s",
             remedy="change the elevation, the height or the bounce position, or set only_legal to false",
         )
-    return Serves(*(np.concatenate(parts) for parts in zip(*((s.ps_m, s.vs_mps, s.spins_radps) for s in found), strict=True)))
+    return Serves(
+        *(np.concatenate(parts) for parts in zip(*((s.ps_m, s.vs_mps, s.spins_radps) for s in found), strict=True))
+    )
 
 
 def _draw(speed_mps: float, count: int, config: TaskConfig, rng: np.random.Generator) -> Serves:

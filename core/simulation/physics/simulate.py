@@ -23,7 +23,9 @@ Array = NDArray[np.float64]
 MISSED = int(Case.MISSED)
 _UP = (0.0, 0.0, 1.0)
 _STILL = (0.0, 0.0, 0.0)
-_CASE_OF_CONTACT = np.array([Case.OUT, Case.OWN_HALF, Case.NET, Case.OUT, Case.RETURNED, Case.OWN_HALF, Case.OUT], np.int8)
+_CASE_OF_CONTACT = np.array(
+    [Case.OUT, Case.OWN_HALF, Case.NET, Case.OUT, Case.RETURNED, Case.OWN_HALF, Case.OUT], np.int8
+)
 """By the codes of `contact`: nothing, own top, net, floor, far top, own end, far end."""
 
 
@@ -60,40 +62,30 @@ def return_balls(arrivals: Arrivals, strokes: Strokes, config: TaskConfig) -> Ou
         raise ConfigError(
             "not one stroke per ball", expected=f"({n}, 4) and ({n}, 3)", got=strokes.qs_wxyz.shape, where="Strokes"
         )
-    outcomes = Outcomes(
-        np.full(n, MISSED, np.int8),
-        np.full(n, np.nan),
-        np.full((n, 9), np.nan),
-        np.full(n, np.nan),
-        np.full((n, 9), np.nan),
-        np.full(n, np.nan),
-        np.full(n, np.nan),
-        np.full((n, 9), np.nan),
-    )
+    hit_t, hit_states = np.full(n, np.nan), np.full((n, 9), np.nan)
     _, rubber = surfaces_from_config(config.physics)
-    air = air_from_config(config.physics)
     normals = np.ascontiguousarray(normals_from_orientations(strokes.qs_wxyz))
     rackets = np.ascontiguousarray(strokes.vs_mps, np.float64)
-    hit_t, hit_states = outcomes.hit_t_s, outcomes.hit_states
     if strokes.aim_ps_m is None or strokes.aim_t_s is None:
         _meet_in_plane(arrivals.t_s, arrivals.states, normals, rackets, rubber, hit_t, hit_states)
     else:
         aims = np.ascontiguousarray(np.column_stack([strokes.aim_ps_m, strokes.aim_t_s]))
         radius = config.physics.racket_radius_m
         start_t, starts = arrivals.bounce_t_s, arrivals.bounce_states
-        _meet_at_aim(start_t, starts, normals, rackets, aims, radius, air, rubber, hit_t, hit_states)
-    _follow(
-        hit_t,
-        hit_states,
-        air,
-        outcomes.case,
-        outcomes.landing_t_s,
-        outcomes.landing_states,
-        outcomes.net_z_m,
-        outcomes.contact_t_s,
-        outcomes.contact_states,
-    )
-    return outcomes
+        _meet_at_aim(
+            start_t, starts, normals, rackets, aims, radius, air_from_config(config.physics), rubber, hit_t, hit_states
+        )
+    return follow_hits(hit_t, hit_states, config)
+
+
+def follow_hits(hit_t_s: Array, hit_states: Array, config: TaskConfig) -> Outcomes:
+    """What comes of balls that left the racket at `hit_t_s` (N,) with `hit_states` (N, 9); NaN is a miss."""
+    n = len(hit_t_s)
+    case = np.full(n, MISSED, np.int8)
+    landing_t, net_z, contact_t = np.full((3, n), np.nan)
+    landings, contacts = np.full((2, n, 9), np.nan)
+    _follow(hit_t_s, hit_states, air_from_config(config.physics), case, landing_t, landings, net_z, contact_t, contacts)
+    return Outcomes(case, hit_t_s, hit_states, landing_t, landings, net_z, contact_t, contacts)
 
 
 def simulate_episodes(serves: Serves, strokes: Strokes, config: TaskConfig) -> Outcomes:

@@ -49,7 +49,7 @@ class ElevationConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RacketSpeedConfig:
-    """Speed of the racket along +x during the impact, by serve speed (choice): fast balls are met by a racket that gives way."""
+    """Speed of the racket along +x at the impact, by serve speed (choice): to fast balls the racket gives way."""
 
     at_3_mps: float = setting(3.0, -5.0, 8.0)
     at_4_mps: float = setting(1.8, -5.0, 8.0)
@@ -143,8 +143,8 @@ class TaskConfig:
 def task_profile(profile: Profile) -> TaskConfig:
     """The task with the physics called `paper` or `real`.
 
-    Drag and the table's friction take up to 45 % of a real ball's speed on its way, so the racket must be faster; these speeds return a
-    quarter to a half of the balls under random actions (12 % at 3 m/s), as those of `paper` do.
+    Drag and the table's friction take about half of a real ball's speed on its way, so the racket must be faster. With
+    these speeds random actions return a quarter to a half of the balls (12 % at 3 m/s), as with those of `paper`.
     """
     if profile == "paper":
         return TaskConfig()

@@ -69,7 +69,9 @@ class Trajectory:
         return states.reshape(*t.shape, 9)
 
 
-def trace_episode(serves: Serves, strokes: Strokes | None, config: TaskConfig, *, duration_s: float = 3.0) -> Trajectory:
+def trace_episode(
+    serves: Serves, strokes: Strokes | None, config: TaskConfig, *, duration_s: float = 3.0
+) -> Trajectory:
     """The path of one serve (arrays of one row) with one stroke, or with none.
 
     The first contact after the racket is the one that `simulate_episodes` finds; after it the ball bounces on, or falls
@@ -89,8 +91,8 @@ def trace_episode(serves: Serves, strokes: Strokes | None, config: TaskConfig, *
             hit = BallEvent("hit", float(outcomes.hit_t_s[0]), outcomes.hit_states[0])
     state = serves.states()[0]
     events = [BallEvent("serve", 0.0, state)]
-    t = 0.0
-    while t < duration_s:
+    t, over = 0.0, False
+    while not over:
         nxt = _next_event(t, state, hit, air, config)
         if nxt is None or nxt.t_s > duration_s:
             break
@@ -98,10 +100,8 @@ def trace_episode(serves: Serves, strokes: Strokes | None, config: TaskConfig, *
         t, state = nxt.t_s, nxt.state
         if nxt.kind == "hit":
             hit = None
-        if nxt.kind == "floor" or (nxt.kind == "bounce" and state[5] < SLOWEST_BOUNCE_MPS):
-            break
-    over = events[-1].kind == "floor" or (events[-1].kind == "bounce" and events[-1].state[5] < SLOWEST_BOUNCE_MPS)
-    end_s = events[-1].t_s if over else duration_s
+        over = nxt.kind == "floor" or (nxt.kind == "bounce" and state[5] < SLOWEST_BOUNCE_MPS)
+    end_s = t if over else duration_s
     knots_t, knots = _knots(events, end_s, air)
     return Trajectory(knots_t, knots, end_s, tuple(events), air)
 
@@ -125,7 +125,7 @@ def _next_event(t: float, state: Array, hit: BallEvent | None, air: Air, config:
 
 
 def rebound_from_wall(state: Array, config: TaskConfig) -> None:
-    """The ball `state` (9,) after the net or the table's end, which takes most of its speed (choice, for the picture)."""
+    """Turn the ball `state` (9,) back from the net or the table's end with little speed (choice, for the picture)."""
     heading = math.copysign(1.0, state[3])
     state[0] -= heading * NET_STEP_M
     state[3] *= -config.physics.net_restitution
