@@ -81,6 +81,8 @@ class SetCamera:
     camera: str
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        if self.camera not in state.cameras:
+            return state
         return replace(state, camera=self.camera, tune=replace(state.tune, centre_px=None))
 
 

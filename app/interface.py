@@ -19,11 +19,10 @@ from app.panels.transport import TransportPanel
 from app.panels.tune_view import TuneViewPanel
 from app.state import MODES, ClientState
 from app.views import Answer
-from app.widgets import Choice, when_changed
+from app.widgets import Choice, Listing
 
 PANEL_X_PX, PANEL_Y_PX = 8, -8
 PANEL_SIZE_PX = (860, 208)
-NO_RECORDING = "-"
 
 
 class Actions(Protocol):
@@ -42,8 +41,7 @@ class Interface:
 
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None], actions: Actions) -> None:
         self._mode = Choice(gui, "Mode", MODES, lambda mode: send(SetMode(mode)))  # type: ignore[arg-type]
-        self._recording = gui.add_dropdown("Recording", (NO_RECORDING,), hint="Recordings of the workspace")
-        when_changed(self._recording, lambda name: actions.open_recording(str(name)))
+        self._recording = Listing(gui, "Recording", actions.open_recording, hint="Recordings of the workspace")
         self._transport = TransportPanel(gui, send)
         self._tune_folder = gui.add_folder(None, visible=False)
         with self._tune_folder:
@@ -64,17 +62,17 @@ class Interface:
             panel.float(x=PANEL_X_PX, y=PANEL_Y_PX, width=PANEL_SIZE_PX[0], height=PANEL_SIZE_PX[1])
         add_keys(gui, send, actions.reframe)
 
-    def show(self, state: ClientState, now_us: int, cameras: tuple[str, ...]) -> None:
+    def show(self, state: ClientState, now_us: int) -> None:
         """Make every control follow the state."""
         tuning = state.mode == "Tune"
         self._mode.show(state.mode)
-        self._recording.value = state.recording
+        self._recording.show(state.recording)
         self._tune_folder.visible = tuning
         self._results.visible = tuning
         self._info.panel.visible = not tuning
         self._transport.show(state, now_us)
         self._picture.show(state)
-        self._tune_view.show(state, cameras)
+        self._tune_view.show(state)
         self._settings.show(state)
 
     def show_time(self, state: ClientState, now_us: int) -> None:
@@ -84,9 +82,7 @@ class Interface:
 
     def show_recordings(self, names: tuple[str, ...]) -> None:
         """Offer these recordings."""
-        options = names or (NO_RECORDING,)
-        if self._recording.options != options:
-            self._recording.options = options
+        self._recording.offer(names)
 
     def show_configs(self, names: tuple[str, ...]) -> None:
         """Offer these saved configs."""

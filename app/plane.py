@@ -29,10 +29,11 @@ class PicturePlane:
         self._framed: tuple[float, ...] | None = None
         self._sheet = Sheet((), 16, 9)
 
-        @client.scene.on_click()
-        async def _(event: viser.SceneClickEvent) -> None:
+        async def clicked(event: viser.SceneClickEvent) -> None:  # async: in the order of the clicks
             x, y = sheet_point(np.array(event.ray_origin), np.array(event.ray_direction))
             on_click(x, y)
+
+        client.scene.on_click()(clicked)  # pyright: ignore[reportArgumentType]
 
         @client.camera.on_update
         async def _(_: viser.CameraHandle) -> None:

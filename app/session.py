@@ -121,7 +121,7 @@ class Session:
         if self._state != self._shown:
             self._shown = self._state
             with self._client.atomic():
-                self._interface.show(self._state, now_us, tuple(self._recording.cameras))
+                self._interface.show(self._state, now_us)
         if wall_s - self._time_shown_s >= TIME_SHOWN_EVERY_S:
             self._time_shown_s = wall_s
             self._interface.show_time(self._state, now_us)
@@ -185,15 +185,17 @@ class Session:
 
     def _use_recording(self, name: str, recording: Recording, info: RecordingInfo) -> None:
         self._recording = recording
-        camera = next(iter(recording.cameras))
+        cameras = tuple(recording.cameras)
         playhead = Playhead(recording.duration_us)
         if self._state is None:
             configs = History(Configs(DetectorConfig(), DetectorConfig()))
-            self._state = ClientState(name, camera, playhead, configs)
+            self._state = ClientState(name, cameras, cameras[0], playhead, configs)
         else:
             self._cancel_score()
             view = replace(self._state.tune, centre_px=None)
-            self._state = replace(self._state, recording=name, camera=camera, playhead=playhead, tune=view)
+            self._state = replace(
+                self._state, recording=name, cameras=cameras, camera=cameras[0], playhead=playhead, tune=view
+            )
         self._interface.show_info(info)
         if self._autoplay:
             self._autoplay = False

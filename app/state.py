@@ -66,8 +66,10 @@ class ClientState:
 
     recording: str
     """Name in the library."""
+    cameras: tuple[str, ...]
+    """Its cameras."""
     camera: str
-    """The camera that Tune looks at."""
+    """The one that Tune looks at."""
     playhead: Playhead
     configs: History[Configs]
     mode: Mode = "Watch"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import typing
 from collections.abc import Callable, Sequence
 
 import viser
 
 MARK = "● "
+NOTHING = "-"
 
 
 class Choice:
@@ -29,6 +31,32 @@ class Choice:
         if chosen != self._shown:
             self._shown = chosen
             self._group.options = tuple(f"{MARK}{option}" if option == chosen else option for option in self._options)
+
+
+class Listing:
+    """A dropdown whose options the server changes as it finds them."""
+
+    def __init__(self, gui: viser.GuiApi, label: str, choose: Callable[[str], None], *, hint: str = "") -> None:
+        self._dropdown = typing.cast(
+            "viser.GuiDropdownHandle[str]", gui.add_dropdown(label, (NOTHING,), hint=hint or None)
+        )
+        when_changed(self._dropdown, lambda value: choose(str(value)) if value != NOTHING else None)
+
+    @property
+    def chosen(self) -> str | None:
+        """The chosen option; None while there are none."""
+        return None if self._dropdown.value == NOTHING else self._dropdown.value
+
+    def offer(self, options: tuple[str, ...]) -> None:
+        """Replace the options; the choice stays where it still is one."""
+        options = options or (NOTHING,)
+        if self._dropdown.options != options:
+            self._dropdown.options = options
+
+    def show(self, chosen: str) -> None:
+        """Mark one as chosen."""
+        if chosen in self._dropdown.options:
+            self._dropdown.value = chosen
 
 
 def when_changed(handle: viser.GuiInputHandle, act: Callable[[object], None]) -> None:

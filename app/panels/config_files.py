@@ -6,9 +6,7 @@ from collections.abc import Callable
 
 import viser
 
-from app.widgets import when_clicked
-
-NOTHING = "-"
+from app.widgets import Listing, when_clicked
 
 
 class ConfigFilesPanel:
@@ -18,16 +16,14 @@ class ConfigFilesPanel:
         with gui.add_folder("Config file"):
             self._name = gui.add_text("Name", "", hint="Saved in the workspace; `rallyscope detect --config` takes it")
             when_clicked(gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY), lambda: save(self._name.value))
-            self._saved = gui.add_dropdown("Saved", (NOTHING,))
+            self._saved = Listing(gui, "Saved", lambda name: None, hint="Configs in the workspace")
             when_clicked(gui.add_button("Load", icon=viser.Icon.FOLDER_OPEN), self._load)
         self._load_name = load
 
     def show(self, names: tuple[str, ...]) -> None:
         """Offer these configs."""
-        options = names or (NOTHING,)
-        if self._saved.options != options:
-            self._saved.options = options
+        self._saved.offer(names)
 
     def _load(self) -> None:
-        if self._saved.value != NOTHING:
-            self._load_name(self._saved.value)
+        if self._saved.chosen is not None:
+            self._load_name(self._saved.chosen)

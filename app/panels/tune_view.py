@@ -8,7 +8,7 @@ import viser
 
 from app.commands import ZOOM_RANGE, Command, LookAt, SetCamera, SetCompare, SetOverlay, SetSlot, SetZoom
 from app.state import OVERLAYS, SLOTS, ClientState
-from app.widgets import Choice, when_changed, when_clicked
+from app.widgets import Choice, Listing, when_changed, when_clicked
 
 
 class TuneViewPanel:
@@ -17,7 +17,7 @@ class TuneViewPanel:
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         self._folder = gui.add_folder("View")
         with self._folder:
-            self._camera = gui.add_dropdown("Camera", ("-",))
+            self._camera = Listing(gui, "Camera", lambda name: send(SetCamera(name)))
             self._overlay = Choice(
                 gui, "Stage", OVERLAYS, lambda value: send(SetOverlay(value)),  # type: ignore[arg-type]
                 hint="What each stage keeps; keys 1 to 6",
@@ -29,16 +29,14 @@ class TuneViewPanel:
                 hint="The config that the sliders change",
             )  # fmt: skip
             self._compare = gui.add_checkbox("Compare A and B", False, hint="Both configs on the same window")
-        when_changed(self._camera, lambda value: send(SetCamera(str(value))))
         when_changed(self._zoom, lambda value: send(SetZoom(float(str(value)))))
         when_changed(self._compare, lambda value: send(SetCompare(bool(value))))
         when_clicked(follow, lambda: send(LookAt(None)))
 
-    def show(self, state: ClientState, cameras: tuple[str, ...]) -> None:
+    def show(self, state: ClientState) -> None:
         """Follow the state."""
-        if self._camera.options != cameras:
-            self._camera.options = cameras
-        self._camera.value = state.camera
+        self._camera.offer(state.cameras)
+        self._camera.show(state.camera)
         self._overlay.show(state.tune.overlay)
         self._zoom.value = state.tune.zoom
         self._slot.show(state.tune.slot)

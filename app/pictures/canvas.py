@@ -71,7 +71,7 @@ class Canvas:
     def draw_polygon(self, points_px: ArrayLike, ink: int, *, thickness: int = 1) -> None:
         """Closed polygon through sensor points (N, 2)."""
         points = self._fixed(points_px).reshape(1, -1, 2)
-        cv2.polylines(self.image, points, True, int(ink), thickness, cv2.LINE_8, SUB_PIXEL_BITS)
+        cv2.polylines(self.image, [points], True, int(ink), thickness, cv2.LINE_8, SUB_PIXEL_BITS)
 
     def draw_circle(self, u_px: float, v_px: float, r_px: float, ink: int, *, thickness: int = 1) -> None:
         """Circle in sensor coordinates, with its centre marked."""

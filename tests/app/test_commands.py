@@ -14,7 +14,7 @@ from core.errors import ConfigError
 @pytest.fixture
 def state() -> ClientState:
     configs = History(Configs(DetectorConfig(), DetectorConfig()))
-    return ClientState("demo", "left", Playhead(1_000_000), configs)
+    return ClientState("demo", ("left", "right"), "left", Playhead(1_000_000), configs)
 
 
 @pytest.mark.parametrize(
@@ -30,6 +30,7 @@ def state() -> ClientState:
         c.LookAt((float("inf"), 0.0)),
         c.SetStep(7),
         c.SetSpeed(-1.0),
+        c.SetCamera("../x"),
     ],
 )
 def test_a_value_no_control_offers_changes_nothing(state: ClientState, command: c.Command) -> None:
