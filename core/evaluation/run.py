@@ -1,0 +1,76 @@
+"""Running a detector over a recording: every window's answer as plain columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.detection import Detector
+from core.detection.window import windows_between
+from core.recordings import CameraStream
+
+REPORT_EVERY = 64
+"""Windows between two reports of progress."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WindowAnswers:
+    """What a detector said of each of N windows in order of time."""
+
+    end_us: NDArray[np.int64]
+    """End of the window."""
+    t_us: NDArray[np.int64]
+    """Time of the estimate; the end of the window where there is none."""
+    u_px: NDArray[np.float64]
+    """nan where no ball was found; so v_px and r_px."""
+    v_px: NDArray[np.float64]
+    r_px: NDArray[np.float64]
+    extra_circles: NDArray[np.int32]
+    """Further circles of the window that passed every test."""
+
+    @property
+    def detected(self) -> NDArray[np.bool_]:
+        """(N,) where a ball was found."""
+        return ~np.isnan(self.u_px)
+
+
+def duration_of(stream: CameraStream) -> int:
+    """Microseconds from 0 to the end of the last millisecond with events."""
+    return 1000 * len(stream.counts_per_ms())
+
+
+def run_detector(
+    stream: CameraStream,
+    detector: Detector,
+    window_us: int,
+    *,
+    progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> WindowAnswers:
+    """The detector's answers to all whole windows of a camera; those so far when `cancelled()` becomes true."""
+    end_us = duration_of(stream)
+    detector.reset()
+    rows: list[tuple[int, int, float, float, float, int]] = []
+    for number, window in enumerate(windows_between(stream, 0, end_us, window_us)):
+        found = detector.step(window)
+        place = (window.end_us, np.nan, np.nan, np.nan)
+        if found is not None:
+            place = (found.t_us, found.u_px, found.v_px, found.r_px)
+        rows.append((window.end_us, *place, detector.extra_circles))
+        if number % REPORT_EVERY == 0:
+            if cancelled is not None and cancelled():
+                break
+            if progress is not None:
+                progress(window.end_us / end_us)
+    end, t, u, v, r, extra = zip(*rows, strict=True) if rows else ((),) * 6
+    return WindowAnswers(
+        end_us=np.array(end, np.int64),
+        t_us=np.array(t, np.int64),
+        u_px=np.array(u, np.float64),
+        v_px=np.array(v, np.float64),
+        r_px=np.array(r, np.float64),
+        extra_circles=np.array(extra, np.int32),
+    )
