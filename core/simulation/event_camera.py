@@ -1,0 +1,134 @@
+"""One simulated event camera: give it the ball's path and ask for the events of the next stretch of time."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from core.errors import ConfigError
+from core.events import Events
+from core.simulation.background import LOG_LIGHT, make_background
+from core.simulation.flight import BallPath
+from core.simulation.noise import RawEvents, draw_hot_pixels, draw_noise, merge_events
+from core.simulation.pixels import EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, event_buffer
+from core.simulation.scene import TO_LIGHT_WORLD, SceneConfig
+from core.simulation.sensor import SensorConfig, make_pixels
+from core.simulation.sweep import look_at_once, settle_block, sweep_block
+from core.simulation.view import BallSteps, ball_steps, view_matrix
+
+BLOCK_US: Final = 5_000
+"""Blocks start at whole multiples of this, whatever stretches are asked for, so that chunking changes nothing."""
+FIRST_CAPACITY: Final = 1 << 19
+
+
+class EventCamera:
+    """A camera with the state of its pixels. Time starts at 0 and is asked for in order, in whole blocks."""
+
+    def __init__(
+        self,
+        camera: Camera,
+        scene: SceneConfig,
+        config: SensorConfig,
+        rng: np.random.Generator,
+    ) -> None:
+        self.camera = camera
+        self._scene = scene
+        self._config = config
+        self._rng = rng
+        self._maps = make_background(camera, scene)
+        self._view = view_matrix(camera)
+        self._pixels = make_pixels(self._maps[:, LOG_LIGHT], config, rng)
+        self._hot = draw_hot_pixels(camera.sensor, config, rng)
+        self._events = event_buffer(FIRST_CAPACITY)
+        self._now_us = 0
+
+    @property
+    def now_us(self) -> int:
+        """How far this camera has got."""
+        return self._now_us
+
+    def advance(self, path: BallPath, end_us: int) -> Events:
+        """The events from `now_us` up to, not including, `end_us`.
+
+        Raises:
+            ConfigError: if `end_us` is not a later whole multiple of `BLOCK_US`.
+        """
+        if end_us <= self._now_us or end_us % BLOCK_US:
+            raise ConfigError("cannot simulate to this time", expected=f"a later multiple of {BLOCK_US} us", got=end_us)
+        parts = [self._advance_block(path) for _ in range((end_us - self._now_us) // BLOCK_US)]
+        t, x, y, on = (np.concatenate([part[column] for part in parts]) for column in range(4))
+        for column in (t, x, y, on):
+            column.flags.writeable = False
+        return Events(t, x, y, on, self.camera.sensor)
+
+    def _advance_block(
+        self, path: BallPath
+    ) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint16], NDArray[np.bool_]]:
+        start_us, end_us = self._now_us, self._now_us + BLOCK_US
+        steps = ball_steps(self.camera, self._scene, path, start_us, end_us)
+        count = self._sweep(steps, start_us) if steps is not None else 0
+        count = self._settle(end_us, count)
+        signal = self._sorted(count, start_us, end_us)
+        noise = draw_noise(self.camera.sensor, self._config, self._hot, start_us, end_us, self._rng)
+        self._now_us = end_us
+        return merge_events(signal, noise, self._pixels.rows, self._config.refractory_us, self.camera.sensor.width_px)
+
+    def _sweep(self, steps: BallSteps, start_us: int) -> int:
+        pixels, width = self._pixels, self.camera.sensor.width_px
+        if start_us == 0:
+            look_at_once(pixels.rows, width, self._maps, self._view, TO_LIGHT_WORLD, steps.rows[0], steps.boxes[0])
+        count, done = 0, 0
+        while True:
+            count, pixels.awake_count, done = sweep_block(
+                pixels.rows,
+                pixels.awake,
+                pixels.awake_list,
+                pixels.awake_count,
+                width,
+                self._maps,
+                self._view,
+                TO_LIGHT_WORLD,
+                steps.t_us,
+                steps.rows,
+                steps.boxes,
+                self._sensor(count),
+                self._events,
+                done,
+            )
+            if done == len(steps.t_us) - 1:
+                return count
+            self._grow(count)
+
+    def _settle(self, end_us: int, count: int) -> int:
+        pixels = self._pixels
+        while True:
+            count, pixels.awake_count, finished = settle_block(
+                pixels.rows,
+                pixels.awake,
+                pixels.awake_list,
+                pixels.awake_count,
+                float(end_us),
+                self._sensor(count),
+                self._events,
+            )
+            if finished:
+                return count
+            self._grow(count)
+
+    def _sensor(self, count: int) -> tuple[float, float, float]:
+        return self._config.photoreceptor_us, float(self._config.refractory_us), float(count)
+
+    def _grow(self, count: int) -> None:
+        larger = event_buffer(2 * len(self._events))
+        larger[:count] = self._events[:count]
+        self._events = larger
+
+    def _sorted(self, count: int, start_us: int, end_us: int) -> RawEvents:
+        """The buffers in order of time, whole microseconds; of equal times, the pixel that was swept first is first."""
+        t_us = np.clip(np.floor(self._events[:count, EVENT_TIME_US]).astype(np.int64), start_us, end_us - 1)
+        order = np.argsort(t_us, kind="stable")
+        found = self._events[order]
+        return RawEvents(t_us[order], found[:, EVENT_PIXEL].astype(np.int64), found[:, EVENT_ON] > 0)

@@ -1,0 +1,71 @@
+"""What the cameras look at: how bright table, net, room and ball are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from core.config import check_settings, setting
+from core.errors import ConfigError, NotBuiltError
+
+TO_LIGHT_WORLD: Final = np.array([0.15, 0.25, 1.0]) / np.linalg.norm([0.15, 0.25, 1.0])
+"""Direction to the middle of the ceiling lights, a little off the vertical so that shadows are not under the ball."""
+LIGHT_SIZE: Final = 0.12
+"""Width of the lights as seen from the table, radians: a shadow's edge is this times the ball's height wide."""
+ROOM_HALF_M: Final = (5.0, 4.0)
+"""Distance of the walls from the table's centre along x and y."""
+NET_TAPE_M: Final = 0.015
+"""Width of the white tape on top of the net."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneConfig:
+    """Reflectances, 0 black to 1 white, and the optics. Events see ratios only, so the unit of light drops out."""
+
+    ball: float = setting(0.85, 0.01, 1.0)
+    """A white or orange ball in near infrared."""
+    table: float = setting(0.12, 0.01, 1.0)
+    """Matt dark blue."""
+    line: float = setting(0.75, 0.01, 1.0)
+    """White lines."""
+    floor: float = setting(0.10, 0.01, 1.0)
+    """Dark sports floor."""
+    wall: float = setting(0.16, 0.01, 1.0)
+    """Dark curtain behind the table."""
+    net: float = setting(0.06, 0.01, 1.0)
+    """Cords of the net."""
+    net_cover: float = setting(0.30, 0.0, 1.0)
+    """Share of the view that the cords take: 1 to 1.5 mm cords in 7 to 8 mm meshes."""
+    ambient: float = setting(0.65, 0.0, 1.0)
+    """Share of the light that comes from everywhere; the rest comes from the lights above and shades the ball."""
+    shadow: float = setting(0.35, 0.0, 0.9)
+    """How much darker the table is in the middle of a sharp shadow of the ball."""
+    edge_px: float = setting(1.6, 0.5, 6.0)
+    """Width of an edge in the picture: the lens and the pixel's own area together."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+SCENES: Final[dict[str, SceneConfig]] = {
+    "ball": SceneConfig(),
+    "dark": SceneConfig(ball=0.04, table=0.45, line=0.8, floor=0.6, wall=0.7),
+}
+"""A bright ball in front of a dark room; a dark ball in front of a bright one."""
+SCENES_TO_COME: Final = ("low-contrast", "person", "two-persons", "rally", "head")
+
+
+def scene_named(name: str) -> SceneConfig:
+    """A scene by its name on the command line.
+
+    Raises:
+        NotBuiltError: for a scene that the command line knows and that does not exist yet.
+        ConfigError: for any other name.
+    """
+    if name in SCENES_TO_COME:
+        raise NotBuiltError(f"scene {name!r} is not built yet", expected=f"one of {', '.join(SCENES)}")
+    if name not in SCENES:
+        raise ConfigError(f"no scene {name!r}", expected=f"one of {', '.join((*SCENES, *SCENES_TO_COME))}")
+    return SCENES[name]

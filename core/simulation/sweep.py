@@ -1,0 +1,104 @@
+"""Walk through the substeps of a block and touch only the pixels that ball and shadow sweep over."""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+
+from core.simulation.background import LOG_LIGHT
+from core.simulation.pixels import ramp_pixel, rest_awake, rest_pixel
+from core.simulation.sensor import RECEPTOR, REFERENCE, TARGET, TIME_US
+from core.simulation.shading import UNTOUCHED, pixel_light
+
+EVENTS_PER_PIXEL = 128
+"""Room kept free in the buffers for each pixel of a substep; contrast 5 at the lowest threshold is 250 in a step, but
+only of the few pixels of an edge."""
+
+
+@nb.njit(cache=True, nogil=True)
+def sweep_block(
+    pixels,
+    awake,
+    awake_list,
+    awake_count,
+    width,
+    maps,
+    view,
+    to_light,
+    t_us,
+    rows,
+    boxes,
+    sensor,
+    events,
+    done,
+):
+    """Run substeps `done + 1` to the last; returns (event count, awake count, substeps done).
+
+    `sensor` is (photoreceptor time constant, refractory time, events already in the buffers). Stops early when the
+    buffers might overflow in the next substep; call again with larger ones.
+    """
+    tau_us, refractory_us, count = sensor[0], sensor[1], int(sensor[2])
+    capacity = len(events)
+    for step in range(done + 1, len(t_us)):
+        needed = 0
+        for part in range(boxes.shape[1]):
+            x0, y0, x1, y1 = union_box(boxes[step - 1, part], boxes[step, part])
+            needed += (x1 - x0) * (y1 - y0)
+        if count + needed * EVENTS_PER_PIXEL > capacity:
+            return count, awake_count, step - 1
+        before_us, now_us = t_us[step - 1], t_us[step]
+        decay = math.exp(-(now_us - before_us) / tau_us) if tau_us > 0.0 else 0.0
+        for part in range(boxes.shape[1]):
+            x0, y0, x1, y1 = union_box(boxes[step - 1, part], boxes[step, part])
+            for y in range(y0, y1):
+                for x in range(x0, x1):
+                    pixel = y * width + x
+                    if pixels[pixel, TIME_US] >= now_us:
+                        continue  # ball and shadow overlap here
+                    seen = pixel_light(maps, view, to_light, rows[step], pixel)
+                    goal = maps[pixel, LOG_LIGHT] if seen == UNTOUCHED else math.log(seen)
+                    if goal == pixels[pixel, TARGET]:
+                        continue  # at rest, which is caught up with in closed form when it ends
+                    if not awake[pixel]:
+                        awake[pixel] = True
+                        awake_list[awake_count] = pixel
+                        awake_count += 1
+                    count = rest_pixel(pixels, pixel, before_us, tau_us, refractory_us, events, count)
+                    count = ramp_pixel(pixels, pixel, goal, now_us, decay, tau_us, refractory_us, events, count)
+    return count, awake_count, len(t_us) - 1
+
+
+@nb.njit(cache=True, nogil=True)
+def settle_block(pixels, awake, awake_list, awake_count, end_us, sensor, events):
+    """Bring all awake pixels to the end of the block; returns (event count, awake count, finished).
+
+    Not finished, and nothing done, if the buffers might overflow.
+    """
+    count = int(sensor[2])
+    if count + awake_count * EVENTS_PER_PIXEL > len(events):
+        return count, awake_count, False
+    count, awake_count = rest_awake(pixels, awake, awake_list, awake_count, end_us, sensor[0], sensor[1], events, count)
+    return count, awake_count, True
+
+
+@nb.njit(cache=True, nogil=True)
+def look_at_once(pixels, width, maps, view, to_light, row, boxes):
+    """Let pixels have looked at the ball for long: how a recording begins that starts in the middle of a flight."""
+    for part in range(boxes.shape[0]):
+        for y in range(boxes[part, 1], boxes[part, 3]):
+            for x in range(boxes[part, 0], boxes[part, 2]):
+                pixel = y * width + x
+                seen = pixel_light(maps, view, to_light, row, pixel)
+                goal = maps[pixel, LOG_LIGHT] if seen == UNTOUCHED else math.log(seen)
+                pixels[pixel, TARGET] = pixels[pixel, RECEPTOR] = pixels[pixel, REFERENCE] = goal
+
+
+@nb.njit(cache=True, nogil=True)
+def union_box(a, b):
+    """The box round two boxes (first column, first row, last + 1 ...); an empty one does not count."""
+    if a[2] <= a[0]:
+        return b[0], b[1], b[2], b[3]
+    if b[2] <= b[0]:
+        return a[0], a[1], a[2], a[3]
+    return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])

@@ -1,0 +1,73 @@
+"""What the simulation knows: the ball in the world and its outline in each picture, at any time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.cameras import Camera, ball_circles
+from core.recordings import BallTruth, PixelTruth
+from core.simulation.flight import BallPath
+from core.simulation.scene import NET_TAPE_M
+from core.table import BALL_RADIUS_M, NET_HEIGHT_M, NET_OVERHANG_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
+
+TRUTH_STEP_US = 500
+"""Between samples a ball bends by less than 0.002 px from a straight line at 9 m/s, 1.5 m away."""
+WHOLE = 1.05
+"""The ball counts as visible once it is out of the launcher by this many radii beyond its centre."""
+
+
+def truth_times(path: BallPath, start_us: int, end_us: int) -> NDArray[np.int64]:
+    """Every 500 us in [start, end), and every kink of the path, so that linear interpolation holds across bounces."""
+    regular = np.arange(start_us, end_us, TRUTH_STEP_US, dtype=np.int64)
+    kinks = np.round(path.kinks_s * 1e6).astype(np.int64)
+    return np.union1d(regular, kinks[(start_us <= kinks) & (kinks < end_us)])
+
+
+def ball_truth(path: BallPath, t_us: ArrayLike) -> BallTruth:
+    """The ball in the world at ascending times `t_us` (N,)."""
+    t = np.atleast_1d(np.asarray(t_us, np.int64))
+    states = path.at(t * 1e-6)
+    return BallTruth(t, states.p_world_m, states.v_world_mps, states.spin_radps, states.present)
+
+
+def pixel_truth(camera: Camera, path: BallPath, t_us: ArrayLike) -> PixelTruth:
+    """Outline centre and radius in a camera at ascending times `t_us` (N,); nan and not visible where there is none.
+
+    Visible means: the whole ball is out of its launcher, its centre is on the sensor, and neither the table nor the
+    tape of the net is in front of the centre. The mesh of the net hides nothing.
+    """
+    t = np.atleast_1d(np.asarray(t_us, np.int64))
+    states, portals = path.at(t * 1e-6), path.portals(t * 1e-6)
+    circles = ball_circles(camera, states.p_world_m)
+    with np.errstate(invalid="ignore"):
+        out = np.einsum("ij,ij->i", portals.normal_world, states.p_world_m) > portals.offset_m + WHOLE * BALL_RADIUS_M
+        on_sensor = (np.abs(circles.u_px - (camera.sensor.width_px - 1) / 2) <= camera.sensor.width_px / 2) & (
+            np.abs(circles.v_px - (camera.sensor.height_px - 1) / 2) <= camera.sensor.height_px / 2
+        )
+        visible = states.present & out & on_sensor & ~_hidden(camera.position_world_m, states.p_world_m)
+    u, v, r = (np.where(visible, column, np.nan) for column in (circles.u_px, circles.v_px, circles.r_px))
+    return PixelTruth(t, u, v, r, visible)
+
+
+def _hidden(eye: NDArray[np.float64], ps: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether table, floor or net tape lie between `eye` and points (N, 3)."""
+    to_ball = ps - eye
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_table = -eye[2] / to_ball[:, 2]
+        at_table = eye + to_table[:, None] * to_ball
+        to_net = -eye[0] / to_ball[:, 0]
+        at_net = eye + to_net[:, None] * to_ball
+        behind_table = (
+            (to_table > 0)
+            & (to_table < 1)
+            & (np.abs(at_table[:, 0]) < TABLE_LENGTH_M / 2)
+            & (np.abs(at_table[:, 1]) < TABLE_WIDTH_M / 2)
+        )
+        behind_tape = (
+            (to_net > 0)
+            & (to_net < 1)
+            & (np.abs(at_net[:, 1]) < TABLE_WIDTH_M / 2 + NET_OVERHANG_M)
+            & (np.abs(at_net[:, 2] - (NET_HEIGHT_M - NET_TAPE_M / 2)) < NET_TAPE_M / 2)
+        )
+    return behind_table | behind_tape | (ps[:, 2] < BALL_RADIUS_M - TABLE_HEIGHT_M)

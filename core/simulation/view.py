@@ -1,0 +1,131 @@
+"""What the kernels need to know about camera, ball and time: substeps, rows that describe the ball, boxes to redraw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera, ball_outline
+from core.geometry import invert_transform
+from core.simulation.flight import BallPath, BallStates, Portals
+from core.simulation.scene import LIGHT_SIZE, TO_LIGHT_WORLD, SceneConfig
+from core.simulation.shading import BALL_COLUMNS, VIEW_ROWS
+from core.table import BALL_RADIUS_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
+
+Array = NDArray[np.float64]
+
+STEP_PX = 0.35
+"""Most motion in the picture per substep: a fifth of an edge."""
+LONGEST_STEP_US = 500.0
+"""A slow ball is looked at this often."""
+PROBES = 11
+"""Instants in a block at which the speed in the picture is looked at."""
+BOX_MARGIN_PX = 1.5
+"""Beyond half an edge, for the curvature of the outline between its points and for rounding."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BallSteps:
+    """The ball at S + 1 instants, equally spaced, to one camera."""
+
+    t_us: Array
+    rows: Array
+    """(S + 1, BALL_COLUMNS), see `core.simulation.shading`."""
+    boxes: NDArray[np.int64]
+    """(S + 1, 2, 4): first column, first row, one past the last column and row of ball and shadow; empty where 0."""
+
+
+def view_matrix(camera: Camera) -> Array:
+    """The (5, 3) description of the camera that the kernels take."""
+    matrix = np.empty((VIEW_ROWS, 3))
+    matrix[:3] = camera.T_world_camera[:3, :3]
+    matrix[3] = camera.position_world_m
+    matrix[4] = camera.T_world_camera[:3, :3].T @ TO_LIGHT_WORLD
+    return matrix
+
+
+def ball_steps(camera: Camera, scene: SceneConfig, path: BallPath, start_us: int, end_us: int) -> BallSteps | None:
+    """Substeps over [start, end] fine enough for the ball's motion; None if it cannot be seen at any of them."""
+    probes = np.linspace(start_us, end_us, PROBES)
+    states = path.at(probes * 1e-6)
+    if not states.present.any():
+        return None
+    speed = _picture_speed(camera, states)
+    steps = max(
+        int(np.ceil((end_us - start_us) / LONGEST_STEP_US)), int(np.ceil(speed * (end_us - start_us) / STEP_PX))
+    )
+    t_us = np.linspace(start_us, end_us, steps + 1)
+    states = path.at(t_us * 1e-6)
+    rows = ball_rows(camera, scene, states, path.portals(t_us * 1e-6))
+    boxes = np.stack([_ball_boxes(camera, scene, states), _shadow_boxes(camera, scene, states)], axis=1)
+    if not boxes.any():
+        return None
+    return BallSteps(t_us, rows, boxes)
+
+
+def ball_rows(camera: Camera, scene: SceneConfig, states: BallStates, portals: Portals) -> Array:
+    """One row of BALL_COLUMNS per state; rows of an absent ball are far behind the camera."""
+    ps_world = np.where(states.present[:, None], states.p_world_m, camera.position_world_m)
+    ps = camera.to_camera(ps_world)
+    ps[~states.present] = (0.0, 0.0, -1e3)
+    R_camera_world = invert_transform(camera.T_world_camera)[:3, :3]
+    distance2 = np.einsum("ij,ij->i", ps, ps)
+    obliquity = distance2 / np.maximum(ps[:, 2], 1e-3) ** 2
+    rows = np.empty((len(ps), BALL_COLUMNS))
+    rows[:, 0:3] = ps
+    rows[:, 3] = distance2 - BALL_RADIUS_M**2
+    rows[:, 4] = np.sqrt(camera.K[0, 0] * camera.K[1, 1]) * obliquity**0.75 / np.sqrt(distance2)
+    rows[:, 5:8] = portals.normal_world @ R_camera_world.T
+    rows[:, 8] = portals.offset_m - portals.normal_world @ camera.position_world_m
+    rows[:, 9:12] = ps_world
+    rows[:, 12] = np.where(states.present, scene.shadow, 0.0)
+    rows[:, 13] = scene.ball
+    rows[:, 14] = scene.ambient
+    rows[:, 15] = scene.edge_px
+    return rows
+
+
+def _picture_speed(camera: Camera, states: BallStates) -> float:
+    """Fastest motion of the ball between neighbouring probes, pixels per microsecond; 0 out of the picture."""
+    uvs = camera.project(states.p_world_m)
+    size = np.array([camera.sensor.width_px, camera.sensor.height_px])
+    near = (np.abs(uvs - size / 2) < size).all(axis=1)
+    moved = np.linalg.norm(np.diff(uvs, axis=0), axis=1) / np.diff(states.t_s * 1e6)
+    moved = moved[near[1:] & near[:-1]]
+    return float(moved.max()) if len(moved) else 0.0
+
+
+def _ball_boxes(camera: Camera, scene: SceneConfig, states: BallStates) -> NDArray[np.int64]:
+    return _boxes(camera, ball_outline(camera, states.p_world_m, points=8), 0.5 * scene.edge_px)
+
+
+def _shadow_boxes(camera: Camera, scene: SceneConfig, states: BallStates) -> NDArray[np.int64]:
+    """Round the shadow on the plane where its middle falls: the table's, or else the floor's."""
+    slope = TO_LIGHT_WORLD[:2] / TO_LIGHT_WORLD[2]
+    p = states.p_world_m
+    with np.errstate(invalid="ignore"):
+        on_table = p[:, :2] - slope * p[:, 2:]
+        hits_table = (np.abs(on_table) < np.array([TABLE_LENGTH_M, TABLE_WIDTH_M]) / 2).all(axis=1) & (p[:, 2] > 0)
+        height = p[:, 2] + np.where(hits_table, 0.0, TABLE_HEIGHT_M)
+        middle = np.column_stack([p[:, :2] - slope * height[:, None], p[:, 2] - height])
+        reach = (BALL_RADIUS_M + 0.5 * LIGHT_SIZE * height) / TO_LIGHT_WORLD[2]
+    angle = np.arange(8) * (np.pi / 4)
+    around = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(8)])
+    points = middle[:, None] + reach[:, None, None] * around
+    outline = camera.project(points.reshape(-1, 3)).reshape(len(p), 8, 2)
+    return _boxes(camera, outline, 0.5 * scene.edge_px)
+
+
+def _boxes(camera: Camera, outline: Array, margin_px: float) -> NDArray[np.int64]:
+    """(N, 4) boxes round N outlines of 8 points, a little wider; all zero off the sensor."""
+    low, high = outline.min(axis=1), outline.max(axis=1)
+    widen = 0.05 * (high - low).max(axis=1, keepdims=True) + margin_px + BOX_MARGIN_PX
+    size = np.array([camera.sensor.width_px, camera.sensor.height_px])
+    seen = np.isfinite(outline).all(axis=(1, 2)) & (high + widen > 0).all(axis=1) & (low - widen < size).all(axis=1)
+    boxes = np.zeros((len(outline), 4), np.int64)
+    boxes[seen, :2] = np.clip(np.floor(low - widen)[seen], 0, size)
+    boxes[seen, 2:] = np.clip(np.ceil(high + widen)[seen] + 1, 0, size)
+    boxes[(boxes[:, 2] <= boxes[:, 0]) | (boxes[:, 3] <= boxes[:, 1])] = 0
+    return boxes
