@@ -1,5 +1,6 @@
 """Recordings on disk: one way to open every format, and the writer of ours."""
 
+from core.recordings.importing import import_recording
 from core.recordings.opening import open_recording
 from core.recordings.recording import CameraStream, Recording, Triggers
 from core.recordings.truth import BallTruth, PixelTruth
@@ -12,5 +13,6 @@ __all__ = [
     "Recording",
     "RecordingWriter",
     "Triggers",
+    "import_recording",
     "open_recording",
 ]

@@ -1,22 +1,30 @@
-"""Opens whatever is a recording."""
+"""Opens whatever is a recording: ours, one whose writer was killed, or an event file of any other format."""
 
 from __future__ import annotations
 
+import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 
 from core.errors import RecordingError
+from core.events import SensorSize
 from core.recordings import layout
 from core.recordings.assemble import assemble
 from core.recordings.growing import is_growing
+from core.recordings.importing import import_recording
 from core.recordings.reader import FileRecording
-from core.recordings.recording import Recording
 
 
-def open_recording(path: Path | str) -> Recording:
-    """A recording of ours, one whose writer was killed.
+def open_recording(
+    path: Path | str, *, sensor: SensorSize | None = None, progress: Callable[[float], None] | None = None
+) -> FileRecording:
+    """The recording in a file, recognised by content.
+
+    A recording whose writer was killed is finished first. A foreign file is decoded once, into a temporary recording
+    that goes when this one is closed; `sensor` overrides what it says of its size, `progress` follows the decoding.
 
     Raises:
         RecordingError: if it cannot be read.
@@ -24,26 +32,43 @@ def open_recording(path: Path | str) -> Recording:
     path = Path(path)
     if not path.is_file():
         raise RecordingError("no such file", where=path)
-    if is_growing(path):
-        return _open_abandoned(path)
-    if _is_ours(path):
-        return FileRecording(path)
-    raise RecordingError("not a recording", where=path)
+    try:
+        if is_growing(path):
+            return _open_abandoned(path)
+        if is_recording(path):
+            return FileRecording(path)
+    except OSError as error:
+        raise RecordingError("the recording cannot be read", got=error, where=path) from error
+    folder = tempfile.TemporaryDirectory(prefix="rallyscope-")
+    try:
+        decoded = Path(folder.name) / "decoded.h5"
+        import_recording([path], decoded, sensor=sensor, progress=progress)
+        return FileRecording(decoded, on_close=folder.cleanup)
+    except BaseException:
+        folder.cleanup()
+        raise
 
 
-def _is_ours(path: Path) -> bool:
+def is_recording(path: Path) -> bool:
+    """Whether it is a finished recording of ours."""
     if not h5py.is_hdf5(path):
         return False
-    with h5py.File(path, "r") as file:
-        return file.attrs.get("format") == layout.FORMAT
+    try:
+        with h5py.File(path, "r") as file:
+            return file.attrs.get("format") == layout.FORMAT
+    except OSError:
+        return False
 
 
 def _open_abandoned(path: Path) -> FileRecording:
-    try:
+    if os.access(path.parent, os.W_OK):
         assemble(path)
         return FileRecording(path)
-    except PermissionError:  # a read-only folder: finish it elsewhere
-        folder = tempfile.TemporaryDirectory(prefix="rallyscope-")
+    folder = tempfile.TemporaryDirectory(prefix="rallyscope-")
+    try:
         finished = Path(folder.name) / "recovered.h5"
         assemble(path, destination=finished)
         return FileRecording(finished, on_close=folder.cleanup)
+    except BaseException:
+        folder.cleanup()
+        raise

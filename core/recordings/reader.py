@@ -70,7 +70,7 @@ class FileRecording:
         group = group_at(file, "cameras")
         names = map(str, attribute(group, "order")) if "order" in group.attrs else sorted(group)
         self._cameras: dict[str, CameraStream] = {
-            name: FileCamera(self, group_at(group, name), self._threads) for name in names
+            name: FileCamera(self, group_at(group, name), self._threads) for name in names if _has_events(group, name)
         }
 
     @property
@@ -131,6 +131,11 @@ class FileRecording:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _has_events(cameras: h5py.Group, name: str) -> bool:
+    """Not so for an ordinary camera, which is in the file for its frames."""
+    return f"{name}/frames" not in cameras or len(dataset_at(cameras, f"{name}/events/t")) > 0
 
 
 class FileCamera:

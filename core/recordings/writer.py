@@ -69,7 +69,8 @@ class RecordingWriter:
         self._file = GrowingFile(self.path, overwrite=overwrite)
         self._packers = ThreadPoolExecutor(_PACKERS, thread_name_prefix="pack")
         self._pending: deque[tuple[dict[str, Json], Future[list[bytes]]]] = deque()
-        self._failed = False
+        self.failed = False
+        """Whether the disk refused something; nothing more can be written then."""
         start: dict[str, Json] = {
             "kind": "start",
             "uuid": self.uuid,
@@ -157,6 +158,11 @@ class RecordingWriter:
         self._duration_us = max(self._duration_us, int(duration_us))
         self._append_frame({"kind": "duration", "duration_us": self._duration_us})
 
+    @property
+    def duration_us(self) -> int:
+        """Of the recording so far."""
+        return self._duration_us
+
     def event_count(self, camera: str) -> int:
         """Events of one camera so far."""
         buffer = self._buffer(camera)
@@ -176,7 +182,7 @@ class RecordingWriter:
         if self._file.closed:
             return
         try:
-            if not self._failed:
+            if not self.failed:
                 self.flush()
                 indices = {name: buffer.index.marks() for name, buffer in self._cameras.items()}
                 assemble(self.path, indices=indices)
@@ -226,12 +232,12 @@ class RecordingWriter:
             self._append_frame(meta, packed)
 
     def _append_frame(self, meta: Mapping[str, Json], payload: list[bytes] | None = None) -> None:
-        if self._failed or self._file.closed:
+        if self.failed or self._file.closed:
             raise RecordingError("the recording is closed or could not be written", where=self.path)
         try:
             self._file.append(meta, payload)
         except RecordingError:
-            self._failed = True
+            self.failed = True
             raise
 
 

@@ -1,0 +1,98 @@
+"""Pictures of an ordinary camera to be recorded beside the events: from a video or a folder of images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import RecordingError
+from core.events import SensorSize
+
+FRAME_CAMERA: Final = "rgb"
+"""The name of the camera that the pictures belong to."""
+_SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+
+
+@dataclass(frozen=True, slots=True)
+class FrameInput:
+    """Where the pictures are and when they were taken."""
+
+    images: Path
+    """A video, or a folder whose image files are taken in order of their names."""
+    times: Path
+    """Text, one line a picture: its time (mid exposure) in us on the clock of the first event source."""
+    exposure_us: int
+
+
+def read_frame_times(path: Path) -> NDArray[np.int64]:
+    """The times in a text file; a first line that is no number is a heading.
+
+    Raises:
+        RecordingError: if a line is not a time or times decrease.
+    """
+    try:
+        lines = [line.split(",")[0].strip() for line in path.read_text().splitlines() if line.strip()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError("the frame times cannot be read", got=error, where=path) from error
+    times: list[int] = []
+    for number, text in enumerate(lines):
+        try:
+            times.append(int(text))
+        except ValueError as error:
+            if number:
+                raise RecordingError(
+                    "not a frame time",
+                    expected="whole microseconds",
+                    got=repr(text),
+                    where=f"{path}, line {number + 1}",
+                ) from error
+    t_us = np.array(times, np.int64)
+    if bool((np.diff(t_us) < 0).any()):
+        raise RecordingError("frame times run backwards", where=path)
+    return t_us
+
+
+def read_images(path: Path) -> Iterator[NDArray[np.uint8]]:
+    """RGB pictures (height, width, 3), one after the other.
+
+    Raises:
+        RecordingError: if there are none.
+    """
+    count = 0
+    for image in _folder_images(path) if path.is_dir() else _video_images(path):
+        count += 1
+        yield np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8)
+    if not count:
+        raise RecordingError("no pictures", expected="a video or a folder of images", where=path)
+
+
+def first_image_size(path: Path) -> SensorSize:
+    """The size of the first picture."""
+    height, width = next(read_images(path)).shape[:2]
+    return SensorSize(width, height)
+
+
+def _folder_images(path: Path) -> Iterator[NDArray[np.uint8]]:
+    for file in sorted(item for item in path.iterdir() if item.suffix.lower() in _SUFFIXES):
+        image = cv2.imread(str(file), cv2.IMREAD_COLOR)
+        if image is None:
+            raise RecordingError("not an image", where=file)
+        yield np.asarray(image, np.uint8)
+
+
+def _video_images(path: Path) -> Iterator[NDArray[np.uint8]]:
+    video = cv2.VideoCapture(str(path))
+    try:
+        while True:
+            found, image = video.read()
+            if not found:
+                return
+            yield np.asarray(image, np.uint8)
+    finally:
+        video.release()

@@ -1,0 +1,228 @@
+"""Makes a recording of ours out of event files of others: one, or the two of a stereo pair."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from core.cameras import Camera
+from core.errors import RecordingError
+from core.events import Events, SensorSize
+from core.recordings.frame_import import FRAME_CAMERA, FrameInput, first_image_size, read_frame_times, read_images
+from core.recordings.identity import source_uuid
+from core.recordings.recording import Triggers
+from core.recordings.sources import EventSource, open_sources
+from core.recordings.sources.source import Report
+from core.recordings.writer import RecordingWriter
+
+_FLUSH_S: Final = 1.0
+"""What a killed import may lose."""
+_UNRELATED_US: Final = 3_600_000_000
+"""Clocks of one stereo pair are not further apart than this."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImportSummary:
+    """What an import made."""
+
+    path: Path
+    events: dict[str, int]
+    """Per camera."""
+    triggers: dict[str, int]
+    duration_us: int
+    notes: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class _Feed:
+    """One camera on its way in."""
+
+    name: str
+    source: EventSource
+    clock_us: int
+    """Added to the source's times to get those of the first source."""
+    weight: float
+    report: Report = field(default_factory=Report)
+    parts: Iterator[Events] = field(init=False)
+    pending: Events | None = field(init=False)
+    first_us: int | None = field(init=False)
+    last_us: int = 0
+    triggers: int = 0
+    last_trigger_us: int | None = None
+
+    def __post_init__(self) -> None:
+        self.parts = self.source.read(self.report)
+        self.pending = next(self.parts, None)
+        self.first_us = None if self.pending is None else int(self.pending.t_us[0]) + self.clock_us
+
+
+def import_recording(
+    sources: Sequence[Path],
+    destination: Path,
+    *,
+    names: Sequence[str] | None = None,
+    sensor: SensorSize | None = None,
+    calibration: Mapping[str, Camera] | None = None,
+    offset_us: int = 0,
+    frames: FrameInput | None = None,
+    overwrite: bool = False,
+    progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> ImportSummary | None:
+    """Write the recording and say what is in it; None if `cancelled` said so, and then no file is left.
+
+    Time 0 is the first event. `offset_us` is added to the times of the second source to get the clock of the first.
+    The clock of each camera is kept: its own time is the recording's plus its `t_offset`.
+
+    Raises:
+        RecordingError: if a source cannot be read at all, or the recording cannot be written.
+    """
+    feeds = _open_feeds(sources, names, sensor, offset_us)
+    zero_us = _common_zero(feeds)
+    sensors = {feed.name: feed.source.sensor for feed in feeds}
+    if frames is not None:
+        sensors[FRAME_CAMERA] = first_image_size(frames.images)
+    writer = RecordingWriter(
+        destination,
+        sensors,
+        calibration=_match_calibration(calibration or {}, list(sensors)),
+        time_offsets_us={feed.name: zero_us - feed.clock_us for feed in feeds},
+        uuid=source_uuid(sources, list(sensors), str(sensor), offset_us),
+        overwrite=overwrite,
+    )
+    try:
+        done = _copy_events(writer, feeds, zero_us, progress, cancelled)
+        if done and frames is not None:
+            _copy_frames(writer, frames, zero_us)
+        if not done:
+            writer.discard()
+            return None
+        notes = _write_notes(writer, feeds, sources)
+        writer.close()
+    except BaseException:
+        if writer.failed:  # the disk is full: what is there may be of use
+            writer.close()
+        else:
+            writer.discard()
+        raise
+    if progress is not None:
+        progress(1.0)
+    events = {feed.name: writer.event_count(feed.name) for feed in feeds}
+    return ImportSummary(destination, events, {feed.name: feed.triggers for feed in feeds}, writer.duration_us, notes)
+
+
+def _open_feeds(
+    paths: Sequence[Path], names: Sequence[str] | None, sensor: SensorSize | None, offset_us: int
+) -> list[_Feed]:
+    if not 1 <= len(paths) <= 2:
+        raise RecordingError("wrong number of sources", expected="one, or two of a stereo pair", got=len(paths))
+    opened = [(number, source) for number, path in enumerate(paths) for source in open_sources(path, sensor)]
+    if names is None:
+        names = ("left", "right") if len(paths) == len(opened) == 2 else [source.name for _, source in opened]
+    if len(names) != len(opened) or len(set(names)) != len(names):
+        raise RecordingError("the names do not fit", expected=f"{len(opened)} different ones", got=",".join(names))
+    weights = [paths[number].stat().st_size for number, _ in opened]
+    return [
+        _Feed(name, source, offset_us if number else 0, weight / max(1, sum(weights)))
+        for name, (number, source), weight in zip(names, opened, weights, strict=True)
+    ]
+
+
+def _common_zero(feeds: list[_Feed]) -> int:
+    """The time of the first event of all."""
+    for feed in feeds:
+        if feed.first_us is None and feed.report.notes:
+            raise RecordingError(f"no events could be read: {feed.report.notes[-1]}")
+    firsts = [feed.first_us for feed in feeds if feed.first_us is not None]
+    if firsts and max(firsts) - min(firsts) > _UNRELATED_US:
+        apart = " and ".join(f"{feed.name} begins at {feed.first_us} us" for feed in feeds)
+        raise RecordingError("the clocks have nothing in common", got=apart, remedy="give --offset-us")
+    return min(firsts, default=0)
+
+
+def _match_calibration(calibration: Mapping[str, Camera], names: list[str]) -> dict[str, Camera]:
+    """A calibration of one camera is for the only camera, whatever it is called."""
+    if len(calibration) == 1 and len(names) == 1:
+        return {names[0]: next(iter(calibration.values()))}
+    return dict(calibration)
+
+
+def _copy_events(
+    writer: RecordingWriter,
+    feeds: list[_Feed],
+    zero_us: int,
+    progress: Callable[[float], None] | None,
+    cancelled: Callable[[], bool] | None,
+) -> bool:
+    """Write all events, the camera that is behind first; False if cancelled."""
+    flushed_s = time.monotonic()
+    while active := [feed for feed in feeds if feed.pending is not None]:
+        if cancelled is not None and cancelled():
+            return False
+        feed = min(active, key=lambda feed: int(feed.pending.t_us[0]) + feed.clock_us if feed.pending else 0)
+        part = feed.pending
+        assert part is not None
+        t_us = part.t_us + (feed.clock_us - zero_us)
+        t_us.flags.writeable = False
+        writer.append(feed.name, Events(t_us, part.x_px, part.y_px, part.on, part.sensor))
+        feed.last_us = int(t_us[-1])
+        feed.pending = next(feed.parts, None)
+        if time.monotonic() - flushed_s > _FLUSH_S:
+            _copy_triggers(writer, feeds, zero_us)
+            writer.flush()
+            flushed_s = time.monotonic()
+        if progress is not None:
+            progress(sum(feed.report.share * feed.weight for feed in feeds))
+    _copy_triggers(writer, feeds, zero_us)
+    return True
+
+
+def _copy_triggers(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) -> None:
+    for feed in feeds:
+        parts, feed.report.triggers = feed.report.triggers, []
+        if not parts:
+            continue
+        t_us = np.concatenate([part.t_us for part in parts]) + (feed.clock_us - zero_us)
+        if feed.last_trigger_us is not None:
+            t_us = np.maximum(t_us, feed.last_trigger_us)
+        t_us = np.maximum.accumulate(t_us)  # edges of a disordered read-out, as with events
+        rising = np.concatenate([part.rising for part in parts])
+        channel = np.concatenate([part.channel for part in parts])
+        writer.write_triggers(feed.name, Triggers(t_us, rising, channel))
+        feed.last_trigger_us = int(t_us[-1])
+        feed.triggers += len(t_us)
+
+
+def _copy_frames(writer: RecordingWriter, frames: FrameInput, zero_us: int) -> None:
+    times_us = read_frame_times(frames.times) - zero_us
+    exposure_us = np.array([frames.exposure_us])
+    count = 0
+    for image in read_images(frames.images):
+        if count < len(times_us):
+            writer.write_frames(FRAME_CAMERA, times_us[count : count + 1], exposure_us, image[None])
+        count += 1
+    if count != len(times_us):
+        raise RecordingError(
+            "frames and frame times differ in number", expected=len(times_us), got=count, where=frames.images
+        )
+
+
+def _write_notes(writer: RecordingWriter, feeds: list[_Feed], sources: Sequence[Path]) -> tuple[str, ...]:
+    files = " and ".join(path.name for path in sources)
+    notes = [f"Imported from {files} ({', '.join(dict.fromkeys(feed.source.format for feed in feeds))})."]
+    for feed in feeds:
+        if feed.first_us is None:
+            notes.append(f"Camera {feed.name} has no events.")
+        notes.extend(feed.report.notes)
+    starts = [feed.first_us for feed in feeds if feed.first_us is not None]
+    if len(starts) > 1 and max(starts) - min(starts) > min(feed.last_us for feed in feeds):
+        notes.append("The cameras do not overlap in time; an offset between their clocks may be missing.")
+    notes = list(dict.fromkeys(notes))
+    for note in notes:
+        writer.note(note)
+    return tuple(notes)

@@ -1,0 +1,151 @@
+"""Prophesee EVT2 (32-bit words, one event each) and EVT2.1 (64-bit words, up to 32 pixels of a row each).
+
+Source: Prophesee's EVT2 and EVT2.1 format descriptions. The decoders stop at the first event outside the sensor.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+
+from core.recordings.sources.evt_time import IGNORE, STOP, TIME_HIGH, judge_time_high, next_time_high
+
+EVENT_OFF: Final = 0x0
+EVENT_ON: Final = 0x1
+EXT_TRIGGER: Final = 0xA
+OTHERS: Final = 0xE
+CONTINUED: Final = 0xF
+
+_SECOND: Final = 1_000_000 // 64
+_MASK: Final = 0xFFFFFFF
+_SUSPECT_WORDS: Final = 4096
+_HIGH, _EPOCH, _LAST_T, _IGNORED = 0, 2, 6, 7
+
+
+def start_state_evt2(words: np.ndarray) -> np.ndarray:
+    """The state in front of the first word of an EVT2 file."""
+    return _start_state(int(next_time_high(words, 0, 28, 0, _MASK)))
+
+
+def start_state_evt21(words: np.ndarray) -> np.ndarray:
+    """The state in front of the first word of an EVT2.1 file."""
+    return _start_state(int(next_time_high(words, 0, 60, 32, _MASK)))
+
+
+def _start_state(first: int) -> np.ndarray:
+    state = np.zeros(8, np.int64)
+    state[_HIGH] = first if first > 1 else 0
+    state[_LAST_T] = np.iinfo(np.int64).min
+    return state
+
+
+@njit(cache=True, nogil=True)
+def _step_time(words, i, value, state, type_shift, value_shift):
+    """Take in a coarse time; returns 0 for a plain step, 1 for a jump, 2 for the end of what can be trusted."""
+    high = state[_HIGH]
+    if value == high:
+        return 0
+    verdict = judge_time_high(words, i, value, high, type_shift, value_shift, _MASK, _SECOND)
+    if verdict == STOP:
+        return 2
+    if verdict == IGNORE:
+        state[_IGNORED] += 1
+        return 0
+    if value < high:
+        state[_EPOCH] += 1 << 34
+    state[_HIGH] = value
+    return 1 if ((value - high) & _MASK) > _SECOND else 0
+
+
+@njit(cache=True, nogil=True)
+def decode_evt2(words, state, width, height, t, x, y, on, trigger_t, trigger_on, trigger_id):
+    """As `decode_evt3`: returns (words used, events, triggers, damage)."""
+    last_t = state[_LAST_T]
+    base_t = state[_EPOCH] + (state[_HIGH] << 6)
+    events, triggers, damage = 0, 0, 0
+    jump_word, jump_events, jump_triggers = -_SUSPECT_WORDS, 0, 0
+    room, trigger_room = len(t), len(trigger_t)
+    i = 0
+    while i < len(words) and events < room and triggers < trigger_room:
+        word = np.int64(words[i])
+        kind = word >> 28
+        if kind in (EVENT_OFF, EVENT_ON):
+            column, row = (word >> 11) & 0x7FF, word & 0x7FF
+            if column >= width:
+                damage = 2
+                break
+            if row >= height:
+                damage = 3
+                break
+            last_t = max(last_t, base_t + ((word >> 22) & 0x3F))
+            t[events], x[events], y[events], on[events] = last_t, column, row, kind
+            events += 1
+        elif kind == TIME_HIGH:
+            step = _step_time(words, i, word & _MASK, state, 28, 0)
+            if step == 2:
+                damage = 4
+                break
+            if step == 1:
+                jump_word, jump_events, jump_triggers = i, events, triggers
+            base_t = state[_EPOCH] + (state[_HIGH] << 6)
+        elif kind == EXT_TRIGGER:
+            last_t = max(last_t, base_t + ((word >> 22) & 0x3F))
+            trigger_t[triggers], trigger_on[triggers], trigger_id[triggers] = last_t, word & 1, (word >> 8) & 0x1F
+            triggers += 1
+        i += 1  # other words carry what events do not need: monitoring, vendor data
+    if damage and i - jump_word < _SUSPECT_WORDS:
+        events, triggers = jump_events, jump_triggers
+    state[_LAST_T] = last_t
+    return i, events, triggers, damage
+
+
+@njit(cache=True, nogil=True)
+def decode_evt21(words, state, width, height, t, x, y, on, trigger_t, trigger_on, trigger_id):
+    """As `decode_evt3`: returns (words used, events, triggers, damage)."""
+    last_t = state[_LAST_T]
+    base_t = state[_EPOCH] + (state[_HIGH] << 6)
+    events, triggers, damage = 0, 0, 0
+    jump_word, jump_events, jump_triggers = -_SUSPECT_WORDS, 0, 0
+    room, trigger_room = len(t) - 32, len(trigger_t)
+    i = 0
+    while i < len(words) and events <= room and triggers < trigger_room:
+        word = words[i]
+        kind = np.int64(word >> np.uint64(60))
+        upper = np.int64((word >> np.uint64(32)) & np.uint64(_MASK))
+        if kind in (EVENT_OFF, EVENT_ON):
+            column, row = (upper >> 11) & 0x7FF, upper & 0x7FF
+            pixels = np.int64(word & np.uint64(0xFFFFFFFF))
+            if row >= height:
+                damage = 3
+                break
+            last_t = max(last_t, base_t + (upper >> 22))
+            while pixels:
+                if pixels & 1:
+                    if column >= width:
+                        damage = 2
+                        break
+                    t[events], x[events], y[events], on[events] = last_t, column, row, kind
+                    events += 1
+                pixels >>= 1
+                column += 1
+            if damage:
+                break
+        elif kind == TIME_HIGH:
+            step = _step_time(words, i, upper, state, 60, 32)
+            if step == 2:
+                damage = 4
+                break
+            if step == 1:
+                jump_word, jump_events, jump_triggers = i, events, triggers
+            base_t = state[_EPOCH] + (state[_HIGH] << 6)
+        elif kind == EXT_TRIGGER:
+            last_t = max(last_t, base_t + (upper >> 22))
+            trigger_t[triggers], trigger_on[triggers], trigger_id[triggers] = last_t, upper & 1, (upper >> 8) & 0x1F
+            triggers += 1
+        i += 1
+    if damage and i - jump_word < _SUSPECT_WORDS:
+        events, triggers = jump_events, jump_triggers
+    state[_LAST_T] = last_t
+    return i, events, triggers, damage

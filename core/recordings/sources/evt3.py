@@ -1,0 +1,117 @@
+"""Prophesee EVT3: 16-bit words that change one thing at a time (row, column, time) or set a row of pixels at once.
+
+Source: Prophesee's EVT3 format description. The decoder stops at the first word that cannot be part of such a stream.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+
+from core.recordings.sources.evt_time import IGNORE, STOP, TIME_HIGH, judge_time_high, next_time_high
+
+ADDR_Y: Final = 0x0
+ADDR_X: Final = 0x2
+VECT_BASE_X: Final = 0x3
+VECT_12: Final = 0x4
+VECT_8: Final = 0x5
+TIME_LOW: Final = 0x6
+CONTINUED_4: Final = 0x7
+EXT_TRIGGER: Final = 0xA
+OTHERS: Final = 0xE
+CONTINUED_12: Final = 0xF
+
+_SECOND: Final = 1_000_000 // 4096
+_MASK: Final = 0xFFF
+_SUSPECT_WORDS: Final = 4096
+"""A jump in time this close before damage is taken for part of it."""
+
+HIGH, LOW, EPOCH, Y, BASE_X, BASE_ON, LAST_T, IGNORED = range(8)
+
+
+def start_state(words: np.ndarray) -> np.ndarray:
+    """The state in front of the first word of a file."""
+    first = int(next_time_high(words, 0, 12, 0, _MASK))
+    state = np.zeros(8, np.int64)
+    # Cameras repeat the coarse time every few microseconds, so what stands before the first one has that same time;
+    # files written by software leave out the coarse time 0.
+    state[HIGH] = first if first > 1 else 0
+    state[LAST_T] = np.iinfo(np.int64).min
+    return state
+
+
+@njit(cache=True, nogil=True)
+def decode_evt3(words, state, width, height, t, x, y, on, trigger_t, trigger_on, trigger_id):
+    """Decode until the words or the room for events or triggers run out, or the first damage.
+
+    Returns (words used, events, triggers, damage): damage 0 none, 1 word, 2 column, 3 row, 4 time.
+    """
+    high, low, epoch = state[HIGH], state[LOW], state[EPOCH]
+    row, base_x, base_on, last_t = state[Y], state[BASE_X], state[BASE_ON], state[LAST_T]
+    now = max(last_t, epoch + (high << 12) + low)
+    events, triggers, damage = 0, 0, 0
+    jump_word, jump_events, jump_triggers = -_SUSPECT_WORDS, 0, 0
+    room, trigger_room = len(t) - 12, len(trigger_t)
+    i = 0
+    while i < len(words) and events <= room and triggers < trigger_room:
+        word = np.int64(words[i])
+        kind = word >> 12
+        if kind == ADDR_X:
+            column = word & 0x7FF
+            if column >= width:
+                damage = 2
+                break
+            t[events], x[events], y[events], on[events] = now, column, row, (word >> 11) & 1
+            events += 1
+        elif kind == TIME_LOW:
+            low = word & 0xFFF
+            now = max(now, epoch + (high << 12) + low)
+        elif kind == ADDR_Y:
+            row = word & 0x7FF
+            if row >= height:
+                damage = 3
+                break
+        elif kind == TIME_HIGH:
+            value = word & 0xFFF
+            if value != high:
+                verdict = judge_time_high(words, i, value, high, 12, 0, _MASK, _SECOND)
+                if verdict == STOP:
+                    damage = 4
+                    break
+                if verdict == IGNORE:
+                    state[IGNORED] += 1
+                else:
+                    if ((value - high) & _MASK) > _SECOND:
+                        jump_word, jump_events, jump_triggers = i, events, triggers
+                    if value < high:
+                        epoch += 1 << 24
+                    high, low = value, 0  # the fine time follows; the old one would be up to 4 ms late
+                    now = max(now, epoch + (high << 12))
+        elif kind in (VECT_12, VECT_8):
+            bits = 12 if kind == VECT_12 else 8
+            for bit in range(bits):
+                if (word >> bit) & 1:
+                    if base_x + bit >= width:
+                        damage = 2
+                        break
+                    t[events], x[events], y[events], on[events] = now, base_x + bit, row, base_on
+                    events += 1
+            if damage:
+                break
+            base_x += bits
+        elif kind == VECT_BASE_X:
+            base_x, base_on = word & 0x7FF, (word >> 11) & 1
+        elif kind == EXT_TRIGGER:
+            trigger_t[triggers], trigger_on[triggers], trigger_id[triggers] = now, word & 1, (word >> 8) & 0xF
+            triggers += 1
+        elif kind not in (CONTINUED_4, OTHERS, CONTINUED_12):
+            damage = 1
+            break
+        i += 1
+    if damage and i - jump_word < _SUSPECT_WORDS:
+        events, triggers = jump_events, jump_triggers
+    state[HIGH], state[LOW], state[EPOCH] = high, low, epoch
+    state[Y], state[BASE_X], state[BASE_ON], state[LAST_T] = row, base_x, base_on, now
+    return i, events, triggers, damage

@@ -1,0 +1,46 @@
+"""The coarse time words of Prophesee's EVT formats: which to believe.
+
+EVT2, EVT2.1 and EVT3 share one scheme: a word of type 8 carries the upper bits of the time, a counter that wraps. It is
+repeated many times a second, so a damaged one betrays itself by the next.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numba import njit
+
+TIME_HIGH: Final = 8
+
+BELIEVE: Final = 0
+IGNORE: Final = 1
+STOP: Final = 2
+
+
+@njit(cache=True, nogil=True)
+def next_time_high(words, start, type_shift, value_shift, mask):
+    """The value of the first coarse time word from `start` on, or -1."""
+    for i in range(start, len(words)):
+        word = np.uint64(words[i])
+        if word >> np.uint64(type_shift) == TIME_HIGH:
+            return np.int64((word >> np.uint64(value_shift)) & np.uint64(mask))
+    return np.int64(-1)
+
+
+@njit(cache=True, nogil=True)
+def judge_time_high(words, at, value, current, type_shift, value_shift, mask, second):
+    """Whether to believe the coarse time `value` of word `at` after `current`.
+
+    `second` is one second in steps of the counter, `mask` its largest value. A step of up to a second forward is
+    plain. A larger one, forward or back, is damage if the next coarse time goes on from the current one; if it does
+    not, forward it is a pause of the camera, and back it is the end of what can be trusted.
+    """
+    ahead = (value - current) & mask
+    if ahead <= second:
+        return BELIEVE
+    following = next_time_high(words, at + 1, type_shift, value_shift, mask)
+    if following >= 0 and ((following - current) & mask) <= second:
+        return IGNORE
+    longest_pause = min(mask // 2, 600 * second)
+    return BELIEVE if ahead <= longest_pause else STOP

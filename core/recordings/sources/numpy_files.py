@@ -1,0 +1,85 @@
+"""Events in NumPy files: an .npz of columns, or one array of records or of rows in either kind of file.
+
+Accepted: columns named as in `table_columns` (t, x, y, p and their usual spellings); a structured array with such
+fields; a plain (N, 4) array of t, x, y, p or x, y, t, p, told apart by which column never decreases.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import RecordingError
+from core.events import SensorSize
+from core.recordings.sources.checking import check_table
+from core.recordings.sources.making import make_source
+from core.recordings.sources.source import Columns, EventSource, Report
+from core.recordings.sources.table_columns import counts_seconds, find_columns, times_us
+from core.recordings.sources.table_order import guess_columns
+
+_ROWS: Final = 1 << 18
+_BROKEN: Final = (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError)
+
+
+def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
+    """The one camera of the file.
+
+    Raises:
+        RecordingError: if no events are found in it.
+    """
+    try:
+        columns, stated = _load(path)
+    except _BROKEN as error:
+        raise RecordingError("the NumPy file cannot be read", got=error, where=path) from error
+    return [make_source(path, "camera", "NumPy", sensor or stated, lambda report: _parts(columns, report), check_table)]
+
+
+def _parts(columns: Columns, report: Report) -> Iterator[Columns]:
+    count = len(columns.t_us)
+    for first in range(0, count, _ROWS):
+        yield Columns(*(column[first : first + _ROWS] for column in columns))
+        report.share = min(1.0, (first + _ROWS) / count)
+
+
+def _load(path: Path) -> tuple[Columns, SensorSize | None]:
+    loaded = np.load(path, allow_pickle=False)
+    if isinstance(loaded, np.ndarray):
+        return _from_array(loaded, path), None
+    with loaded:
+        names = list(loaded.files)
+        stated = None
+        if "width" in names and "height" in names:
+            stated = SensorSize(int(loaded["width"]), int(loaded["height"]))
+        whole = next((name for name in ("events", "arr_0") if name in names), None)
+        if whole is not None:
+            return _from_array(loaded[whole], path), stated
+        places = find_columns(names, where=str(path))
+        arrays = {column: loaded[names[place]] for column, place in places.items()}
+        lengths = {column: array.shape for column, array in arrays.items()}
+        if len(set(lengths.values())) != 1 or arrays["t"].ndim != 1:
+            raise RecordingError("event columns differ in shape", expected="equal lengths", got=lengths, where=path)
+        return _columns(arrays, counts_seconds(names[places["t"]])), stated
+
+
+def _from_array(array: NDArray, path: Path) -> Columns:
+    if array.dtype.names is not None:
+        places = find_columns(array.dtype.names, where=str(path))
+        named = {column: array[array.dtype.names[place]].reshape(-1) for column, place in places.items()}
+        return _columns(named, counts_seconds(array.dtype.names[places["t"]]))
+    if array.ndim != 2 or array.shape[1] != 4:
+        raise RecordingError("not an array of events", expected="(N, 4) or records", got=array.shape, where=path)
+    order = guess_columns(array[:10_000], where=str(path))
+    return _columns({column: array[:, place] for column, place in order.places.items()}, order.seconds)
+
+
+def _columns(arrays: dict[str, NDArray], seconds: bool | None) -> Columns:
+    for name in ("x", "y"):
+        if arrays[name].dtype.kind not in "iuf":
+            raise ValueError(f"column {name} is of type {arrays[name].dtype}")
+    x, y = (arrays[name].astype(np.int64) for name in ("x", "y"))
+    return Columns(times_us(arrays["t"], seconds=seconds), x, y, arrays["p"] > 0)

@@ -1,0 +1,108 @@
+"""The text in front of a Prophesee RAW or DAT file: lines that begin with a percent sign."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from core.events import SensorSize
+
+_MAX_HEADER: Final = 64 << 10
+_GENERATIONS: Final = (
+    (("gen31", "gen3.1", "gen3_", "gen3"), SensorSize(640, 480)),
+    (("gen4", "imx636", "imx646", "gen41"), SensorSize(1280, 720)),
+    (("genx320",), SensorSize(320, 320)),
+)
+"""Old headers name only the plug-in of the camera; its generation tells the sensor."""
+
+
+@dataclass(frozen=True, slots=True)
+class PropheseeHeader:
+    """What the header says; None where it says nothing."""
+
+    size_bytes: int
+    version: str | None
+    """Of a RAW file: "EVT2", "EVT2.1" or "EVT3", or another name the header gives."""
+    sensor: SensorSize | None
+    word_swapped: bool
+    """EVT2.1 as the first cameras wrote it: the two halves of each word exchanged."""
+    is_dat: bool
+
+
+def read_prophesee_header(path: Path) -> PropheseeHeader:
+    """Parse the header; a file without one has size 0 and knows nothing."""
+    with path.open("rb") as file:
+        head = file.read(_MAX_HEADER)
+    lines, size = _header_lines(head)
+    fields: dict[str, str] = {}
+    for line in lines:
+        key, _, value = line.partition(" ")
+        fields.setdefault(key.lower(), value.strip())
+    format_name, _, extras = fields.get("format", "").partition(";")
+    options = dict(item.split("=", 1) for item in extras.split(";") if "=" in item)
+    return PropheseeHeader(
+        size,
+        _version(fields.get("evt"), format_name),
+        _sensor(fields, options),
+        options.get("endianness") == "legacy",
+        is_dat=_is_dat(lines, head[size : size + 2]),
+    )
+
+
+def _header_lines(head: bytes) -> tuple[list[str], int]:
+    lines: list[str] = []
+    size = 0
+    while head[size : size + 1] == b"%":
+        end = head.find(b"\n", size)
+        line = head[size:end]
+        if end < 0 or not all(32 <= byte < 127 or byte in b"\t\r" for byte in line):
+            break  # the first word of the events happens to begin like a header line
+        size = end + 1
+        text = line[1:].decode("ascii").strip()
+        if text == "end":
+            break
+        lines.append(text)
+    return lines, size
+
+
+def _version(evt: str | None, format_name: str) -> str | None:
+    if format_name:
+        name = format_name.upper()
+        return {"EVT21": "EVT2.1"}.get(name, name)
+    if evt is not None:
+        return {"2.0": "EVT2", "2": "EVT2", "2.1": "EVT2.1", "3.0": "EVT3", "3": "EVT3"}.get(evt, f"EVT{evt}")
+    return None
+
+
+def _sensor(fields: dict[str, str], options: dict[str, str]) -> SensorSize | None:
+    for width, height in (
+        (options.get("width"), options.get("height")),
+        tuple(fields.get("geometry", "x").lower().split("x", 1))
+        if "x" in fields.get("geometry", "x")
+        else (None, None),
+        (fields.get("width"), fields.get("height")),
+    ):
+        if (
+            width
+            and height
+            and width.isdigit()
+            and height.isdigit()
+            and 0 < int(width) <= 8192
+            and 0 < int(height) <= 8192
+        ):
+            return SensorSize(int(width), int(height))
+    plugin = " ".join(fields.get(key, "").lower() for key in ("plugin_name", "camera_integrator_name", "sensor_name"))
+    for names, sensor in reversed(_GENERATIONS):
+        if any(name in plugin for name in names):
+            return sensor
+    return None
+
+
+def _is_dat(lines: list[str], following: bytes) -> bool:
+    """DAT files say so in words, or by the type and size of their events, which follow the header."""
+    if any(re.match(r"data file containing", line, re.IGNORECASE) for line in lines):
+        return True
+    names = {line.split(" ", 1)[0].lower() for line in lines}
+    return not names & {"evt", "format", "plugin_name"} and following in (b"\x00\x08", b"\x0c\x08", b"\x0e\x08")

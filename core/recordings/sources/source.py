@@ -1,0 +1,51 @@
+"""What every importer gives: the sensor, the events in order, and what was seen on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.events import Events, SensorSize
+from core.recordings.recording import Triggers
+
+
+class Columns(NamedTuple):
+    """Events as a decoder finds them: not yet checked, of any integer types."""
+
+    t_us: NDArray
+    x_px: NDArray
+    y_px: NDArray
+    on: NDArray
+
+
+@dataclass(slots=True)
+class Report:
+    """What a decoder says beside its events; it grows while they are read."""
+
+    share: float = 0.0
+    """Of the source that has been read, 0..1."""
+    notes: list[str] = field(default_factory=list)
+    triggers: list[Triggers] = field(default_factory=list)
+
+    def add_triggers(self, t_us: NDArray, rising: NDArray, channel: NDArray) -> None:
+        """External trigger edges in the source's own time."""
+        if len(t_us):
+            self.triggers.append(Triggers(t_us.astype(np.int64), rising.astype(np.bool_), channel.astype(np.int16)))
+
+
+@dataclass(frozen=True, slots=True)
+class EventSource:
+    """The events of one camera in a foreign file. They can be read once."""
+
+    name: str
+    """Of the camera, as the file calls it, or "camera"."""
+    format: str
+    """For people: "Prophesee EVT3"."""
+    sensor: SensorSize
+    read: Callable[[Report], Iterator[Events]]
+    """Sorted events in consecutive parts on the source's own clock. It tells the report how far it is, and if it has
+    to stop early, why."""
