@@ -6,12 +6,12 @@ from typing import Final
 
 from core.detection.config import DetectorConfig
 from core.detection.detector import Detection
-from core.detection.fast_memory import Memory, allocate, limits_of
+from core.detection.fast_memory import Arrays, allocate
 from core.detection.fast_window import find_ball
 from core.detection.flicker import FlickerMemory, keep_steady_pixels
 from core.detection.hot_pixels import HotPixelMemory, keep_cool_pixels
 from core.detection.polarity import remember
-from core.detection.roi import Roi, follow, roi_around
+from core.detection.roi import Centre, Roi, follow, roi_around
 from core.detection.trace import TrackState
 from core.events import Events, SensorSize, Window
 
@@ -26,10 +26,12 @@ class FastDetector:
         """Without a sensor the working arrays are made at the first window."""
         self.config = config
         self.extra_circles = 0
-        self._limits = limits_of(config)
         self._sensor = sensor
-        self._memory: Memory | None = allocate(config, sensor, ROOM) if sensor else None
-        self._track = TrackState()
+        self._room = ROOM
+        self._arrays: Arrays | None = allocate(config, sensor, ROOM) if sensor else None
+        self._centre_px: Centre | None = None
+        self._misses = 0
+        self._on_leads = 0.0
         self._hot_pixels: HotPixelMemory | None = None
         self._flicker: FlickerMemory | None = None
 
@@ -37,37 +39,39 @@ class FastDetector:
     def state(self) -> TrackState:
         """What it remembers, as a value that later windows do not change."""
         return TrackState(
-            self._track.centre_px,
-            self._track.misses,
-            self._track.on_leads,
+            self._centre_px,
+            self._misses,
+            self._on_leads,
             self._hot_pixels.copy() if self._hot_pixels else None,
             self._flicker.copy() if self._flicker else None,
         )
 
     def reset(self) -> None:
         """Forget everything seen before."""
-        self._track = TrackState()
-        self._hot_pixels = self._flicker = None
+        self.resume(TrackState())
         self.extra_circles = 0
+
+    def resume(self, state: TrackState) -> None:
+        """Go on from a state of its own or of the readable pipeline."""
+        self._centre_px, self._misses, self._on_leads = state.centre_px, state.misses, state.on_leads
+        self._hot_pixels = state.hot_pixels.copy() if state.hot_pixels else None
+        self._flicker = state.flicker.copy() if state.flicker else None
 
     def step(self, window: Window) -> Detection | None:
         """The ball in this window, or None."""
-        config, track = self.config, self._track
+        config = self.config
         events = self._drop_bad_pixels(window.events)
-        roi = roi_around(track.centre_px, config.roi)
-        circles = self._find(events, roi) if len(events) else 0
+        circles = self._find(events, roi_around(self._centre_px, config.roi)) if len(events) else 0
         self.extra_circles = max(0, circles - 1)
+        found_px, evidence, detection = None, None, None
+        if circles:
+            assert self._arrays is not None
+            u, v, r, evidence = self._arrays[1].tolist()
+            found_px, detection = (u, v), Detection(window.end_us, u, v, r)
         window_us = window.end_us - window.start_us
-        if not circles:
-            centre_px, misses = follow(track.centre_px, track.misses, None, config.roi)
-            memory = remember(track.on_leads, None, window_us, config.polarity)
-            self._track = TrackState(centre_px, misses, memory)
-            return None
-        assert self._memory is not None
-        u, v, r, evidence = self._memory.answer.tolist()
-        centre_px, misses = follow(track.centre_px, track.misses, (u, v), config.roi)
-        self._track = TrackState(centre_px, misses, remember(track.on_leads, evidence, window_us, config.polarity))
-        return Detection(window.end_us, u, v, r)
+        self._centre_px, self._misses = follow(self._centre_px, self._misses, found_px, config.roi)
+        self._on_leads = remember(self._on_leads, evidence, window_us, config.polarity)
+        return detection
 
     def _drop_bad_pixels(self, events: Events) -> Events:
         """The optional stages; unlike in the readable pipeline their memories are changed in place."""
@@ -86,12 +90,12 @@ class FastDetector:
         if roi is not None:
             x_min, x_max = max(x_min, roi.x_min), min(x_max, roi.x_max)
             y_min, y_max = max(y_min, roi.y_min), min(y_max, roi.y_max)
-        memory = self._memory
-        if memory is None or sensor != self._sensor or len(events) >= len(memory.events):
-            memory = self._memory = allocate(self.config, sensor, max(ROOM, 2 * len(events)))
-            self._sensor = sensor
-        u, v = self._track.centre_px or (0.0, 0.0)
+        arrays = self._arrays
+        if arrays is None or sensor != self._sensor or len(events) > self._room:
+            self._sensor, self._room = sensor, max(self._room, 2 * len(events))
+            arrays = self._arrays = allocate(self.config, sensor, self._room)
+        u, v = self._centre_px or (0.0, 0.0)
         return find_ball(
             events.t_us, events.x_px, events.y_px, events.on, roi is None, x_min, x_max, y_min, y_max, u, v,
-            self._track.on_leads, self._limits, memory,
+            self._on_leads, *arrays,
         )  # fmt: skip

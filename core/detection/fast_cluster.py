@@ -8,7 +8,6 @@ flooding pixels in the order of their first events, counting each with its numbe
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import numpy as np
 from numba import njit
@@ -16,19 +15,6 @@ from numpy.typing import NDArray
 
 from core.detection.cluster import ClusterConfig, scaled_time
 from core.events import Events, SensorSize
-
-MARGIN_PX: Final = 12
-"""Empty pixels round the grid, so that no neighbour needs a bounds check: the largest eps."""
-
-
-def blank_grid(sensor: SensorSize) -> NDArray[np.int32]:
-    """A grid of 1 + number of the occupied pixel, 0 where there is none; see `address`."""
-    return np.zeros((sensor.height_px + 2 * MARGIN_PX) * grid_stride(sensor), np.int32)
-
-
-def grid_stride(sensor: SensorSize) -> int:
-    """Grid cells from a pixel to the one below it."""
-    return sensor.width_px + 2 * MARGIN_PX
 
 
 def neighbour_rows(eps_px: float) -> NDArray[np.int64]:
@@ -42,23 +28,35 @@ def neighbour_rows(eps_px: float) -> NDArray[np.int64]:
 def grid_labels(events: Events, config: ClusterConfig) -> NDArray[np.int32]:
     """(N,) the labels of `cluster.cluster_labels`, fast."""
     count = len(events)
-    grid, stride = blank_grid(events.sensor), grid_stride(events.sensor)
     rows = neighbour_rows(config.eps_px)
+    frame = grid_frame(0, events.sensor.width_px - 1, 0, rows)
+    grid = np.zeros(grid_size(events.sensor, rows), np.int32)
     pixel_of, cells, sizes, labels, stack, following = np.empty((6, max(1, count)), np.int32)
-    pixels = _collect(events.x_px, events.y_px, grid, stride, pixel_of, cells, sizes)
+    pixels = _collect(events.x_px, events.y_px, grid, frame, pixel_of, cells, sizes)
     if config.time_scale_px_per_ms > 0 and count:
         times = scaled_time(events.t_us, config.time_scale_px_per_ms)
         chains = pixel_of, cells, pixels, sizes, following
-        label_in_time(times, grid, stride, *chains, rows, config.eps_px, config.min_samples, labels, stack)
+        label_in_time(times, grid, frame[0], *chains, rows, config.eps_px, config.min_samples, labels, stack)
         return labels[:count]
-    label_pixels(grid, stride, cells, sizes, pixels, rows, config.min_samples, labels, stack)
+    label_pixels(grid, frame[0], cells, sizes, pixels, rows, config.min_samples, labels, stack)
     return labels[pixel_of[:count]]
 
 
-@njit(cache=True, nogil=True, inline="always")
-def cell_of(x, y, stride):
-    """Index of a pixel in the grid."""
-    return (np.int64(y) + MARGIN_PX) * stride + np.int64(x) + MARGIN_PX
+def grid_size(sensor: SensorSize, rows: NDArray[np.int64]) -> int:
+    """Cells of a grid for a whole sensor with an empty margin as wide as the disc reaches."""
+    margin = rows.shape[1] - 1
+    return (sensor.width_px + margin) * (sensor.height_px + margin)
+
+
+@njit(cache=True, nogil=True)
+def grid_frame(x_min, x_max, y_min, rows):
+    """Cells from a row to the next, and index of the cell of pixel (0, 0), of a grid that begins at (x_min, y_min).
+
+    The margin makes bounds checks of neighbours superfluous. A grid as small as the events allow stays in the cache.
+    """
+    margin = rows.shape[1] // 2
+    stride = x_max - x_min + 1 + 2 * margin
+    return stride, (margin - y_min) * stride + margin - x_min
 
 
 @njit(cache=True, nogil=True)
@@ -75,10 +73,11 @@ def add_event(grid, cell, cells, sizes, pixels):
 
 
 @njit(cache=True, nogil=True)
-def _collect(x_px, y_px, grid, stride, pixel_of, cells, sizes):
+def _collect(x_px, y_px, grid, frame, pixel_of, cells, sizes):
     pixels = 0
+    stride, origin = frame
     for i in range(len(x_px)):
-        pixel_of[i], pixels = add_event(grid, cell_of(x_px[i], y_px[i], stride), cells, sizes, pixels)
+        pixel_of[i], pixels = add_event(grid, origin + y_px[i] * stride + x_px[i], cells, sizes, pixels)
     return pixels
 
 

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from core.detection.config import DetectorConfig
-from core.detection.fast_cluster import blank_grid, grid_stride, neighbour_rows
+from core.detection.fast_cluster import grid_size, neighbour_rows
 from core.detection.fast_opening import blank_bits, kernel_spans
 from core.events import SensorSize
 
-LEADING = {"on": 1, "off": -1, "auto": 0}
+LEADING: Final = {"on": 1.0, "off": -1.0, "auto": 0.0}
 
 
 class Limits(NamedTuple):
-    """The thresholds of a config as the compiled code takes them; a named tuple because numba knows those."""
+    """The thresholds of a config inside the compiled code."""
 
     eps_px: float
-    min_samples: int
+    min_samples: float
     time_scale_px_per_ms: float
-    size_min: int
-    size_max: int
-    leading: int
+    size_min: float
+    size_max: float
+    leading: float
     """1: ON, -1: OFF, 0: decided from the data."""
     pair_radius_px: float
     outlier_radius_px: float
@@ -34,20 +35,25 @@ class Limits(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Working arrays. `bits`, `opened` and `grid` are empty before and after every window."""
+    """Working arrays inside the compiled code. `bits`, `opened` and `grid` are empty before and after every window."""
 
     bits: NDArray[np.uint64]
     opened: NDArray[np.uint64]
     spans: NDArray[np.int64]
     grid: NDArray[np.int32]
-    stride: int
-    rows: NDArray[np.int64]
+    disc: NDArray[np.int64]
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    """Leftmost and rightmost pixel of each row of the picture."""
+    hull: NDArray[np.int64]
     events: NDArray[np.int32]
     """Row numbers of the events that are still in."""
     pixel_of: NDArray[np.int32]
     """Number of the pixel of each of those."""
     cells: NDArray[np.int32]
+    """Grid cell of each pixel."""
     sizes: NDArray[np.int32]
+    """Events of each pixel."""
     labels: NDArray[np.int32]
     """Cluster of each pixel, or of each event if time counts."""
     stack: NDArray[np.int32]
@@ -57,53 +63,52 @@ class Memory(NamedTuple):
     """Where each cluster begins in `order`."""
     seen: NDArray[np.int32]
     """Last cluster that counted each pixel."""
-    first: NDArray[np.int64]
-    last: NDArray[np.int64]
-    """Leftmost and rightmost pixel of each row of the picture."""
-    hull: NDArray[np.int64]
-    answer: NDArray[np.float64]
-    """u, v, r of the chosen circle and its evidence that ON leads."""
 
 
-def limits_of(config: DetectorConfig) -> Limits:
-    """The thresholds of a config."""
-    return Limits(
-        eps_px=float(config.cluster.eps_px),
+Arrays = tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]
+"""limits, answer, words, spans, grid, disc, per_row, per_event: few arrays, since each costs a compiled call 80 ns."""
+
+
+def allocate(config: DetectorConfig, sensor: SensorSize, room: int) -> Arrays:
+    """Limits and working arrays for windows of up to `room` events."""
+    limits = Limits(
+        eps_px=config.cluster.eps_px,
         min_samples=config.cluster.min_samples,
-        time_scale_px_per_ms=float(config.cluster.time_scale_px_per_ms),
+        time_scale_px_per_ms=config.cluster.time_scale_px_per_ms,
         size_min=config.cluster.size_min,
         size_max=config.cluster.size_max,
         leading=LEADING[config.polarity.leading_polarity],
-        pair_radius_px=float(config.polarity.pair_radius_px),
-        outlier_radius_px=float(config.polarity.outlier_radius_px),
-        circularity_min=float(config.geometry.circularity_min),
-        solidity_min=float(config.geometry.solidity_min),
-        radius_min_px=float(config.localise.radius_min_px),
-        radius_max_px=float(config.localise.radius_max_px),
+        pair_radius_px=config.polarity.pair_radius_px,
+        outlier_radius_px=config.polarity.outlier_radius_px,
+        circularity_min=config.geometry.circularity_min,
+        solidity_min=config.geometry.solidity_min,
+        radius_min_px=config.localise.radius_min_px,
+        radius_max_px=config.localise.radius_max_px,
+    )
+    disc = neighbour_rows(config.cluster.eps_px)
+    return (
+        np.array(limits, np.float64),
+        np.zeros(4),  # the answer: u, v, r of the chosen circle and its evidence that ON leads
+        np.zeros((2, *blank_bits(sensor).shape), np.uint64),
+        kernel_spans(config.denoise.kernel_px),
+        np.zeros(grid_size(sensor, disc), np.int32),
+        disc,
+        np.zeros((6 * sensor.height_px + 4), np.int64),
+        np.empty((9, room + 1), np.int32),
     )
 
 
-def allocate(config: DetectorConfig, sensor: SensorSize, events: int) -> Memory:
-    """Working arrays for windows of up to `events` events."""
-    per_event = np.empty((8, events + 1), np.int32)
-    return Memory(
-        bits=blank_bits(sensor),
-        opened=blank_bits(sensor),
-        spans=kernel_spans(config.denoise.kernel_px),
-        grid=blank_grid(sensor),
-        stride=grid_stride(sensor),
-        rows=neighbour_rows(config.cluster.eps_px),
-        events=per_event[0],
-        pixel_of=per_event[1],
-        cells=per_event[2],
-        sizes=per_event[3],
-        labels=per_event[4],
-        stack=per_event[5],
-        order=per_event[6],
-        starts=per_event[7],
-        seen=np.empty(events + 1, np.int32),
-        first=np.empty(sensor.height_px, np.int64),
-        last=np.empty(sensor.height_px, np.int64),
-        hull=np.empty((2 * sensor.height_px + 2, 2), np.int64),
-        answer=np.zeros(4),
-    )
+@njit(cache=True, nogil=True)
+def unpack_limits(a):
+    """The named view of the array of limits."""
+    return Limits(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11])
+
+
+@njit(cache=True, nogil=True)
+def unpack_memory(words, spans, grid, disc, per_row, per_event):
+    """The named views of the working arrays."""
+    e, height = per_event, (len(per_row) - 4) // 6
+    hull = per_row[2 * height :].reshape(-1, 2)
+    first, last = per_row[:height], per_row[height : 2 * height]
+    lists = e[0], e[1], e[2], e[3], e[4], e[5], e[6], e[7], e[8]
+    return Memory(words[0], words[1], spans, grid, disc, first, last, hull, *lists)

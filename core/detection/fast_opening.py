@@ -13,8 +13,8 @@ from core.events import SensorSize
 
 PAD_ROWS: Final = 4
 """Empty rows above and below the picture: half of the largest kernel."""
-ONE: Final = np.uint64(1)
-WORD: Final = np.uint64(64)
+BLOCK_WORDS: Final = 1024
+"""Eroded at a time: 8 kB, so that each pass stays in the fastest cache."""
 
 
 def blank_bits(sensor: SensorSize) -> NDArray[np.uint64]:
@@ -29,54 +29,58 @@ def kernel_spans(kernel_px: int) -> NDArray[np.int64]:
 
 
 @njit(cache=True, nogil=True)
-def open_bits(bits, opened, spans, row_min, row_max, word_min, word_max):
-    """Open `bits` into `opened` (empty before) within the given rows and words, which hold all set pixels.
+def open_bits(bits, opened, spans, row_min, row_max):
+    """Open `bits` into `opened` (empty before), when all set pixels lie in these rows of words.
 
-    Returns the number of words in which the erosion left a pixel: 0 means that nothing survived.
+    Returns the first and last row of `opened` that may hold a pixel; first > last when nothing survived.
     """
     half = len(spans) // 2
-    cross = half == 1
-    eroded = np.empty(bits.shape[1], np.uint64)
-    left = 0
-    for row in range(row_min, row_max + 1):
-        if cross:
-            _erode_row_cross(bits, eroded, row, word_min, word_max)
+    stride = bits.shape[1]
+    flat = bits.reshape(-1)  # the empty words at both ends of a row keep the rows apart
+    block = np.empty(BLOCK_WORDS, np.uint64)
+    first, last = bits.shape[0], -1
+    stop = (row_max + 1) * stride
+    for base in range(row_min * stride, stop, BLOCK_WORDS):
+        eroded = block[: min(BLOCK_WORDS, stop - base)]
+        if half == 1:
+            _erode_cross(flat, stride, base, eroded)
         else:
-            _erode_row(bits, eroded, spans, row, word_min, word_max)
-        for word in range(word_min, word_max + 1):
-            if eroded[word]:
-                left += 1
-                _dilate_word(opened, spans, row, word, eroded[word])
-    return left
+            _erode(flat, stride, spans, base, eroded)
+        for k in range(len(eroded)):
+            if eroded[k]:
+                row, word = (base + k) // stride, (base + k) % stride
+                _dilate_word(opened, spans, row, word, eroded[k])
+                first, last = min(first, row - half), max(last, row + half)
+    return first, last
 
 
 @njit(cache=True, nogil=True)
-def _erode_row_cross(bits, eroded, row, word_min, word_max):
-    # The 3 x 3 cross without a branch, so that the compiler makes vector instructions of it.
-    above, middle, below = bits[row - 1], bits[row], bits[row + 1]
-    top = WORD - ONE
-    for word in range(word_min, word_max + 1):
-        centre = middle[word]
-        from_left = (centre << ONE) | (middle[word - 1] >> top)
-        from_right = (centre >> ONE) | (middle[word + 1] << top)
-        eroded[word] = centre & from_left & from_right & above[word] & below[word]
+def _erode_cross(flat, stride, base, eroded):
+    # The 3 x 3 cross in one pass over slices from 0: the compiler makes it eight words to an instruction.
+    count = len(eroded)
+    centre, above, below = flat[base:], flat[base - stride :], flat[base + stride :]
+    before, after = flat[base - 1 :], flat[base + 1 :]
+    one, top = np.uint64(1), np.uint64(63)
+    for k in range(count):
+        sides = ((centre[k] << one) | (before[k] >> top)) & ((centre[k] >> one) | (after[k] << top))
+        eroded[k] = centre[k] & sides & above[k] & below[k]
 
 
 @njit(cache=True, nogil=True)
-def _erode_row(bits, eroded, spans, row, word_min, word_max):
+def _erode(flat, stride, spans, base, eroded):
     half = len(spans) // 2
-    for word in range(word_min, word_max + 1):
-        left = bits[row, word]
-        for number in range(len(spans)):
-            if not left:
-                break
-            line = bits[row + number - half]
-            left &= line[word]
-            for shift in range(1, spans[number] + 1):
+    eroded[:] = flat[base : base + len(eroded)]
+    for number in range(len(spans)):
+        line = base + (number - half) * stride
+        centre, before, after = flat[line:], flat[line - 1 :], flat[line + 1 :]
+        for shift in range(spans[number] + 1):
+            if shift == 0:
+                for k in range(len(eroded)):
+                    eroded[k] &= centre[k]
+            else:
                 by, rest = np.uint64(shift), np.uint64(64 - shift)
-                left &= (line[word] << by) | (line[word - 1] >> rest)
-                left &= (line[word] >> by) | (line[word + 1] << rest)
-        eroded[word] = left
+                for k in range(len(eroded)):
+                    eroded[k] &= ((centre[k] << by) | (before[k] >> rest)) & ((centre[k] >> by) | (after[k] << rest))
 
 
 @njit(cache=True, nogil=True)

@@ -5,35 +5,37 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from core.detection.fast_cluster import add_event, cell_of, label_in_time, label_pixels
+from core.detection.fast_cluster import add_event, grid_frame, label_in_time, label_pixels
 from core.detection.fast_edges import measure_cluster, on_evidence_around
-from core.detection.fast_opening import ONE, PAD_ROWS, open_bits
+from core.detection.fast_memory import unpack_limits, unpack_memory
+from core.detection.fast_opening import PAD_ROWS, open_bits
 from core.detection.pipeline import SAME_CIRCULARITY
 
 
 @njit(cache=True, nogil=True)
-def find_ball(t_us, x_px, y_px, on, whole, x_min, x_max, y_min, y_max, centre_u, centre_v, remembered, limits, memory):
-    """Look for the ball in the events inside the bounds (clipped to the sensor; `whole`: all events are).
+def find_ball(
+    t_us, x_px, y_px, on, whole, x_min, x_max, y_min, y_max, centre_u, centre_v, remembered,
+    limit_values, answer, words, spans, grid, disc, per_row, per_event,
+):  # fmt: skip
+    """Look for the ball in the events inside the bounds, which lie on the sensor (`whole`: all events do).
 
-    Returns the number of circles that passed every test; with at least one, memory.answer holds the chosen one.
+    Returns the number of circles that passed every test; with at least one, `answer` holds the chosen one.
     """
+    limits = unpack_limits(limit_values)
+    memory = unpack_memory(words, spans, grid, disc, per_row, per_event)
     count = _survivors(x_px, y_px, whole, x_min, x_max, y_min, y_max, memory)
     if not count:
         return 0
-    pixels = 0
-    for k in range(count):
-        i = memory.events[k]
-        cell = cell_of(x_px[i], y_px[i], memory.stride)
-        memory.pixel_of[k], pixels = add_event(memory.grid, cell, memory.cells, memory.sizes, pixels)
-    clusters = _label(t_us, count, pixels, limits, memory)
+    stride, pixels = _collect_pixels(x_px, y_px, count, memory)
+    clusters = _label(t_us, count, pixels, stride, limits, memory)
     circles = 0
     best = np.inf
     for cluster in range(clusters):
         size = memory.starts[cluster + 1] - memory.starts[cluster]
         if size < limits.size_min or size > limits.size_max:
             continue
-        leading_on, evidence = limits.leading > 0, 0.0
-        if limits.leading == 0:
+        leading_on, evidence = limits.leading > 0.0, 0.0
+        if limits.leading == 0.0:
             evidence = on_evidence_around(t_us, x_px, y_px, on, cluster, clusters, limits.pair_radius_px, memory)
             leading_on = remembered + evidence >= 0.0
         circularity, u, v, r = measure_cluster(x_px, y_px, on, cluster, leading_on, limits, memory)
@@ -43,10 +45,9 @@ def find_ball(t_us, x_px, y_px, on, whole, x_min, x_max, y_min, y_max, centre_u,
         badness = -circularity if whole else (u - centre_u) ** 2 + (v - centre_v) ** 2
         if badness < best - SAME_CIRCULARITY:
             best = badness
-            answer = memory.answer
             answer[0], answer[1], answer[2], answer[3] = u, v, r, evidence
     for pixel in range(pixels):
-        memory.grid[memory.cells[pixel]] = 0
+        grid[memory.cells[pixel]] = 0
     return circles
 
 
@@ -67,21 +68,40 @@ def _survivors(x_px, y_px, whole, x_min, x_max, y_min, y_max, memory):
         return count
     for k in range(count):
         i = events[k]
-        bits[y_px[i] + PAD_ROWS, (x_px[i] >> 6) + 1] |= ONE << np.uint64(x_px[i] & 63)
-    row_min, row_max, word_min, word_max = y_min + PAD_ROWS, y_max + PAD_ROWS, (x_min >> 6) + 1, (x_max >> 6) + 1
+        bits[y_px[i] + PAD_ROWS, (x_px[i] >> 6) + 1] |= np.uint64(1) << np.uint64(x_px[i] & 63)
+    row_min, row_max = y_min + PAD_ROWS, y_max + PAD_ROWS
+    first, last = open_bits(bits, opened, memory.spans, row_min, row_max)
     left = 0
-    if open_bits(bits, opened, memory.spans, row_min, row_max, word_min, word_max):
+    if first <= last:
         for k in range(count):
             i = events[k]
             events[left] = i
-            left += (opened[y_px[i] + PAD_ROWS, (x_px[i] >> 6) + 1] >> np.uint64(x_px[i] & 63)) & ONE == ONE
-        opened[row_min - PAD_ROWS : row_max + PAD_ROWS + 1, word_min - 1 : word_max + 2] = 0
-    bits[row_min : row_max + 1, word_min : word_max + 1] = 0
+            row = y_px[i] + PAD_ROWS
+            if first <= row <= last:
+                left += ((opened[row, (x_px[i] >> 6) + 1] >> np.uint64(x_px[i] & 63)) & np.uint64(1)) != 0
+        opened[first : last + 1] = 0
+    bits[row_min : row_max + 1] = 0
     return left
 
 
 @njit(cache=True, nogil=True)
-def _label(t_us, count, pixels, limits, memory):
+def _collect_pixels(x_px, y_px, count, memory):
+    """Number the pixels of the events in a grid just large enough; returns its stride and how many there are."""
+    x_min, x_max, y_min = np.int64(1 << 30), np.int64(-1), np.int64(1 << 30)
+    for k in range(count):
+        x, y = np.int64(x_px[memory.events[k]]), np.int64(y_px[memory.events[k]])
+        x_min, x_max, y_min = min(x_min, x), max(x_max, x), min(y_min, y)
+    stride, origin = grid_frame(x_min, x_max, y_min, memory.disc)
+    pixels = 0
+    for k in range(count):
+        i = memory.events[k]
+        cell = origin + y_px[i] * stride + x_px[i]
+        memory.pixel_of[k], pixels = add_event(memory.grid, cell, memory.cells, memory.sizes, pixels)
+    return stride, pixels
+
+
+@njit(cache=True, nogil=True)
+def _label(t_us, count, pixels, stride, limits, memory):
     """Cluster, then sort the events by cluster into memory.order; returns the number of clusters."""
     labels, order, starts, pixel_of = memory.labels, memory.order, memory.starts, memory.pixel_of
     timed = limits.time_scale_px_per_ms > 0.0
@@ -90,12 +110,12 @@ def _label(t_us, count, pixels, limits, memory):
         for k in range(count):
             times[k] = (t_us[memory.events[k]] - t_us[memory.events[0]]) * (limits.time_scale_px_per_ms / 1000.0)
         clusters = label_in_time(
-            times, memory.grid, memory.stride, pixel_of, memory.cells, pixels, memory.sizes, order, memory.rows,
+            times, memory.grid, stride, pixel_of, memory.cells, pixels, memory.sizes, order, memory.disc,
             limits.eps_px, limits.min_samples, labels, memory.stack,
         )  # fmt: skip
     else:
         clusters = label_pixels(
-            memory.grid, memory.stride, memory.cells, memory.sizes, pixels, memory.rows, limits.min_samples, labels,
+            memory.grid, stride, memory.cells, memory.sizes, pixels, memory.disc, limits.min_samples, labels,
             memory.stack,
         )  # fmt: skip
     starts[: clusters + 1] = 0
