@@ -82,6 +82,10 @@ def import_recording(
     Raises:
         RecordingError: if a source cannot be read at all, or the recording cannot be written.
     """
+    if any(destination.exists() and path.exists() and destination.samefile(path) for path in sources):
+        raise RecordingError("the recording would replace its own source", where=destination)
+    if destination.exists() and not overwrite:  # found before long work on the sources
+        raise RecordingError("the file exists", where=destination, remedy="choose another name, or --force")
     feeds = _open_feeds(sources, names, sensor, offset_us)
     zero_us = _common_zero(feeds)
     sensors = {feed.name: feed.source.sensor for feed in feeds}

@@ -79,11 +79,12 @@ class FileRecording:
 
     @property
     def groups(self) -> tuple[str, ...]:
-        """Every group that holds columns, such as "/racket" or "/ground_truth/ball"."""
+        """Every group of columns outside /cameras, such as "/racket" or "/ground_truth/ball"."""
         found: list[str] = []
 
         def visit(name: str, item: h5py.Group | h5py.Dataset) -> None:
-            if isinstance(item, h5py.Group) and any(isinstance(child, h5py.Dataset) for child in item.values()):
+            columns = isinstance(item, h5py.Group) and not name.startswith("cameras")
+            if columns and any(isinstance(child, h5py.Dataset) for child in item.values()):
                 found.append(f"/{name}")
 
         self._file.visititems(visit)

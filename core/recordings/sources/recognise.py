@@ -68,6 +68,8 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     try:
         with h5py.File(path, "r") as file:
             groups = ", ".join(map(str, file)) or "nothing"
+            if "rallyscope" in str(file.attrs.get("format", "")):
+                raise RecordingError("it is a recording already", where=path, remedy="open it as it is")
             metavision = "CD/events" in file
         found = open_metavision_hdf5(path, sensor) if metavision else open_hdf5_table(path, sensor)
     except (OSError, RuntimeError, KeyError, ValueError) as error:

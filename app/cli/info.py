@@ -1,0 +1,89 @@
+"""`rallyscope info`: what a recording, or an event file of any other format, holds."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+
+from app.cli.progress import progress_bar
+from core.recordings import CameraStream, open_recording
+from core.recordings.reader import FileRecording
+
+Facts = dict[str, object]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The verb's arguments."""
+    parser.add_argument("recording", type=Path, metavar="REC", help="a recording or an event file")
+    parser.add_argument("--json", action="store_true", help="print it as JSON")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Print what is there."""
+    with progress_bar(f"Reading {arguments.recording.name}") as progress:
+        recording = open_recording(arguments.recording, progress=progress)
+    with closing(recording):
+        facts = recording_facts(recording)
+        if arguments.json:
+            print(json.dumps({"path": str(arguments.recording), **facts}))
+        else:
+            print("\n".join([str(arguments.recording), *_lines(recording, facts)]))
+
+
+def recording_facts(recording: FileRecording) -> Facts:
+    """What the JSON output holds."""
+    ball = recording.ball
+    return {
+        "uuid": recording.uuid,
+        "duration_us": recording.duration_us,
+        "seed": recording.seed,
+        "cameras": {name: _camera_facts(stream) for name, stream in recording.cameras.items()},
+        "ball_truth_samples": 0 if ball is None else len(ball.t_us),
+        "frames": {name: len(frames) for name, frames in recording.frames.items()},
+        "groups": list(recording.groups),
+        "notes": list(recording.notes),
+    }
+
+
+def _camera_facts(stream: CameraStream) -> Facts:
+    counts = stream.counts_per_ms()
+    seconds = max(len(counts), 1) / 1000
+    smooth = np.convolve(counts, np.ones(min(10, max(1, len(counts)))), "valid") if len(counts) else np.zeros(1)
+    truth = stream.truth
+    return {
+        "width_px": stream.sensor.width_px,
+        "height_px": stream.sensor.height_px,
+        "events": stream.event_count,
+        "mean_rate_hz": stream.event_count / seconds,
+        "peak_rate_hz": float(smooth.max()) * 1000 / min(10, max(1, len(counts))),
+        "triggers": len(stream.triggers.t_us),
+        "calibrated": stream.calibration is not None,
+        "truth_samples": 0 if truth is None else len(truth.t_us),
+    }
+
+
+def _lines(recording: FileRecording, facts: Facts) -> list[str]:
+    lines = [f"  duration     {recording.duration_us / 1e6:.6f} s", f"  uuid         {recording.uuid}"]
+    if recording.seed is not None:
+        lines.append(f"  seed         {recording.seed}")
+    for name, stream in recording.cameras.items():
+        lines += [f"  camera {name}: {stream.sensor}", *_camera_lines(_camera_facts(stream))]
+    if recording.ball is not None:
+        lines.append(f"  ball truth   {facts['ball_truth_samples']:,} samples")
+    lines += [f"  frames {name}: {len(frames):,}" for name, frames in recording.frames.items()]
+    return lines + [f"  note: {note}" for note in recording.notes]
+
+
+def _camera_lines(facts: Facts) -> list[str]:
+    mean, peak = (float(str(facts[name])) / 1e6 for name in ("mean_rate_hz", "peak_rate_hz"))
+    return [
+        f"    events       {facts['events']:,}",
+        f"    rate         {mean:.3f} million/s on average, {peak:.3f} million/s in the busiest 10 ms",
+        f"    triggers     {facts['triggers']:,} edges",
+        f"    calibration  {'yes' if facts['calibrated'] else 'no'}",
+        f"    truth        {facts['truth_samples']:,} samples",
+    ]
