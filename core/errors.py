@@ -39,6 +39,10 @@ class CalibrationError(RallyscopeError):
     """A camera calibration that is missing, malformed or impossible."""
 
 
+class LabelError(RallyscopeError):
+    """A label, a label store or a label file that cannot be used."""
+
+
 class ConfigError(RallyscopeError):
     """A configuration value or file that is out of range, unknown or malformed."""
 

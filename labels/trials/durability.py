@@ -1,0 +1,126 @@
+"""Does a label survive? Kills of a process that labels, and what one durable label costs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from labels.model import Label, Provenance, Source, State
+from labels.store import LabelStore, Layer
+
+UUID = "00000000-0000-4000-8000-000000000001"
+LAYER = Layer(UUID, "left", "trial")
+STEP_US = 1000
+
+
+def trial_label(index: int, t_us: int | None = None) -> Label:
+    """A label as the app makes them, with everything filled in; `index` can be read back from its position."""
+    t_us = index * STEP_US if t_us is None else t_us
+    provenance = Provenance(
+        source=Source.SNAPPED, window_us=(t_us, t_us + 2000), rendering="polarity", time_spent_ms=900
+    )
+    return Label(
+        t_us=t_us,
+        state=State.VISIBLE,
+        x_px=index * 0.125,
+        y_px=200.5,
+        r_px=7.5,
+        covariance_px2=(0.01, 0.0, 0.02),
+        provenance=provenance,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class KillResult:
+    """What was found after one SIGKILL."""
+
+    acknowledged: int
+    lost: int
+    readable: bool
+    resumed: bool
+    """Whether labelling went on, and an undo took back exactly the last label."""
+
+
+def kill_while_labelling(folder: Path, delay_s: float) -> KillResult:
+    """Let a process put labels and report each one that it was told is saved; SIGKILL it after `delay_s` of that."""
+    command = [sys.executable, "-m", "labels.trials.durability", str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as writer:
+        assert writer.stdout is not None
+        first = writer.stdout.readline()
+        time.sleep(delay_s)
+        writer.kill()
+        reported = first + writer.stdout.read()
+    whole = [int(line) for line in reported.split(b"\n")[:-1] if line]
+    try:
+        with LabelStore.open(folder, UUID, LAYER.camera, LAYER.annotator) as store:
+            found = dict(zip(store.labels().t_us.tolist(), store.labels().x_px.tolist(), strict=True))
+            lost = sum(found.get(index * STEP_US) != trial_label(index).x_px for index in whole)
+            next_index = len(found)
+            store.put(trial_label(next_index))
+            resumed = store.undo() == (next_index * STEP_US,) and len(store.labels()) == len(found)
+    except Exception:  # any failure to open counts as an unreadable store, whatever its kind
+        return KillResult(len(whole), len(whole), readable=False, resumed=False)
+    return KillResult(len(whole), lost, readable=True, resumed=resumed)
+
+
+def write_seconds(folder: Path, count: int, *, already: int) -> np.ndarray:
+    """Seconds of each of `count` durable puts into a store that holds `already` labels."""
+    with LabelStore.open(folder, UUID, LAYER.camera, f"cost-{already}") as store:
+        if already:
+            store.edit(put=[trial_label(index) for index in range(already)])
+        seconds = np.empty(count)
+        for row in range(count):
+            label = trial_label(already + row)
+            before = time.perf_counter()
+            store.put(label)
+            seconds[row] = time.perf_counter() - before
+    return seconds
+
+
+def undo_everything(folder: Path, operations: int, rng: np.random.Generator) -> tuple[int, bool]:
+    """Random edits, deletions, undos and redos, then undo to the end and redo to the end.
+
+    Returns how many labels are left after undoing everything, and whether redoing everything leads back.
+    """
+    with LabelStore.open(folder, UUID, LAYER.camera, "undo") as store:
+        for index in range(operations):
+            t_us = int(rng.integers(operations // 4)) * STEP_US
+            act = rng.random()
+            if act < 0.5:
+                store.put(trial_label(index, t_us))
+            elif act < 0.6:
+                times = rng.choice(operations, 5, replace=False) * STEP_US
+                store.edit(put=[trial_label(index, int(time_us)) for time_us in times])
+            elif act < 0.75:
+                store.delete(t_us)
+            elif act < 0.9:
+                store.undo()
+            else:
+                store.redo()
+        while store.redo():
+            pass
+        final = store.all()
+    with LabelStore.open(folder, UUID, LAYER.camera, "undo") as store:  # after a restart
+        while store.undo():
+            pass
+        left = len(store.labels())
+        while store.redo():
+            pass
+        return left, store.all() == final
+
+
+def _label_until_killed(folder: Path) -> None:
+    with LabelStore.open(folder, UUID, LAYER.camera, LAYER.annotator) as store:
+        for index in range(len(store.labels()), 10**9):
+            store.put(trial_label(index))
+            os.write(1, b"%d\n" % index)  # unbuffered: what is reported here has been acknowledged
+
+
+if __name__ == "__main__":
+    _label_until_killed(Path(sys.argv[1]))

@@ -1,0 +1,35 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from labels.trials.durability import LAYER, kill_while_labelling, undo_everything, write_seconds
+
+
+def test_no_acknowledged_label_is_lost_when_the_process_is_killed_again_and_again(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    results = [kill_while_labelling(tmp_path, float(rng.uniform(0.0, 0.05))) for _ in range(4)]
+    assert sum(result.acknowledged for result in results) >= 4
+    assert all(result.readable and result.resumed for result in results)
+    assert [result.lost for result in results] == [0, 0, 0, 0]
+
+
+def test_the_kill_trial_notices_lost_labels_and_unreadable_stores(tmp_path: Path) -> None:
+    assert kill_while_labelling(tmp_path, 0.02).lost == 0
+    path = LAYER.path(tmp_path)
+    path.rename(path.with_suffix(".away"))
+    path.mkdir()  # what was acknowledged is gone, and nothing can be written
+    result = kill_while_labelling(tmp_path, 0.0)
+    assert not result.readable
+
+
+def test_random_operations_undone_completely_give_the_empty_state(tmp_path: Path) -> None:
+    left, redone = undo_everything(tmp_path, 400, np.random.default_rng(2))
+    assert left == 0
+    assert redone
+
+
+def test_a_durable_label_does_not_cost_more_when_there_are_many(tmp_path: Path) -> None:
+    few, many = write_seconds(tmp_path, 50, already=0), write_seconds(tmp_path, 50, already=5000)
+    assert np.median(many) < 10 * np.median(few) + 0.005
