@@ -146,12 +146,12 @@ class SetZoom:
 
 @dataclass(frozen=True, slots=True)
 class LookAt:
-    """Centre the zoomed view on a point of the sensor; None follows the ball again."""
+    """Centre the zoomed view on a point of the sensor; None follows the ball again. Unzoomed, a click means nothing."""
 
     centre_px: tuple[float, float] | None
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        if self.centre_px is not None and not all(map(math.isfinite, self.centre_px)):
+        if self.centre_px is not None and (state.tune.zoom <= 1.0 or not all(map(math.isfinite, self.centre_px))):
             return state
         return replace(state, tune=replace(state.tune, centre_px=self.centre_px))
 

@@ -24,7 +24,7 @@ from app.worker import LatestWins
 from app.workspace import Workspace
 from core.config import load_config, save_config
 from core.detection import DetectorConfig
-from core.errors import RallyscopeError
+from core.errors import RallyscopeError, RecordingError
 from core.evaluation import Score, score_recording
 from core.recordings import Recording
 
@@ -178,7 +178,10 @@ class Session:
     # Recordings and configs ---------------------------------------------------------------------------------------
 
     def _open(self, name: str) -> tuple[Recording, RecordingInfo]:
-        return self._library.open(name), gather_info(self._library, name)
+        recording = self._library.open(name)
+        if not recording.cameras:
+            raise RecordingError("no cameras in this recording", where=name, remedy="choose another")
+        return recording, gather_info(self._library, name)
 
     def _opened(self, name: str, answer: tuple[Recording, RecordingInfo]) -> None:
         self._enqueue(lambda: self._use_recording(name, *answer))

@@ -63,9 +63,13 @@ class RecordingInfoPanel:
         if any(len(curve.t_s) > 1 for curve in info.curves.values()):
             with self._rate_tab:
                 self._plot = self._gui.add_uplot(
-                    _plot_data(info, -1), _plot_series(tuple(info.curves)), height=130, scales={"x": {"time": False}},
-                    axes=(_axis("s"), _axis("Mev/s")), legend={"show": False},
-                )  # fmt: skip
+                    _plot_data(info, -1),
+                    _plot_series(tuple(info.curves)),
+                    height=130,
+                    scales={"x": {"time": False}, "y": {"range": (0.0, _top(info))}},
+                    axes=(_axis("s"), _axis("Mev/s")),
+                    legend={"show": False},
+                )
 
     def show_time(self, now_us: int) -> None:
         """Mark the current time in the plot."""
@@ -120,6 +124,11 @@ def _plot_data(info: RecordingInfo, marked_bin: int) -> tuple[np.ndarray, ...]:
     if marked_bin >= 0:
         marker[marked_bin] = max(column[marked_bin] for column in columns)
     return (longest.t_s, *columns, marker)
+
+
+def _top(info: RecordingInfo) -> float:
+    """Upper end of the plot, fixed so that the marker does not rescale it."""
+    return 1.1 * max(1e-6, *(float(curve.rate_hz.max(initial=0.0)) / 1e6 for curve in info.curves.values()))
 
 
 def _plot_series(cameras: tuple[str, ...]) -> tuple[uplot.Series, ...]:

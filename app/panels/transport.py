@@ -11,7 +11,7 @@ from app.playback import SPEEDS, STEPS_US
 from app.state import ClientState
 from app.widgets import when_changed, when_clicked
 
-SLIDER_STEP_S = 0.0005
+SLIDER_STEP_S = 0.001
 
 
 class TransportPanel:

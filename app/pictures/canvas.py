@@ -85,8 +85,11 @@ class Canvas:
         """Outline of a rectangle with corners in sensor coordinates."""
         self.draw_polygon([(x0_px, y0_px), (x1_px, y0_px), (x1_px, y1_px), (x0_px, y1_px)], ink)
 
-    def write(self, u_px: float, v_px: float, text: str, ink: int, *, size: float = 0.45) -> None:
-        """Text whose lower left corner stands at a sensor point."""
+    def write(self, u_px: float, v_px: float, text: str, ink: int, *, size: float = 0.6) -> None:
+        """Text whose lower left corner stands at a sensor point, if that is in the picture."""
+        region = self.region
+        if not (region.x <= u_px < region.x + region.width and region.y <= v_px < region.y + region.height):
+            return
         x, y = (self._fixed([(u_px, v_px)])[0] / 2**SUB_PIXEL_BITS).round().astype(int).tolist()
         self.write_at(x, y, text, ink, size=size)
 
@@ -97,7 +100,7 @@ class Canvas:
 
     def write_at(self, x: int, y: int, text: str, ink: int, *, size: float = 0.5) -> None:
         """Text whose lower left corner stands at a picture pixel, on a dark ground so that it can be read."""
-        thickness = max(1, round(1.4 * size))
+        thickness = max(1, round(2.6 * size))  # thin strokes vanish when a browser shrinks the picture
         (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, thickness)
         x = int(np.clip(x, 2, max(2, self.image.shape[1] - width - 2)))
         y = int(np.clip(y, height + 2, max(height + 2, self.image.shape[0] - below)))

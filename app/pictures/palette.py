@@ -70,8 +70,8 @@ def palette(colours: PolarityColours) -> NDArray[np.uint8]:
     on, off = _POLARITY_RGB[colours]
     background = np.array(_NAMED_RGB[Ink.BACKGROUND])
     rgb[Ink.ON], rgb[Ink.OFF] = on, off
-    rgb[Ink.ON_DIM] = background + 0.38 * (np.array(on) - background)
-    rgb[Ink.OFF_DIM] = background + 0.38 * (np.array(off) - background)
+    rgb[Ink.ON_DIM] = background + 0.5 * (np.array(on) - background)
+    rgb[Ink.OFF_DIM] = background + 0.5 * (np.array(off) - background)
     rgb[Ink.CLUSTER : Ink.CLUSTER + CLUSTER_COLOURS] = _CLUSTER_RGB
     steps = np.linspace(0.0, 1.0, RAMP_COLOURS)[:, None]
     stops = np.array([_NAMED_RGB[Ink.BACKGROUND], (150, 45, 90), (255, 140, 40), (255, 250, 210)], np.float64)

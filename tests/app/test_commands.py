@@ -76,6 +76,7 @@ def test_copy_gives_the_other_slot_the_edited_config(state: ClientState) -> None
 
 
 def test_another_camera_is_looked_at_as_a_whole(state: ClientState) -> None:
-    zoomed = c.LookAt((3.0, 4.0)).apply(state, 0.0)
+    assert c.LookAt((3.0, 4.0)).apply(state, 0.0) == state
+    zoomed = c.LookAt((3.0, 4.0)).apply(c.SetZoom(4.0).apply(state, 0.0), 0.0)
     assert zoomed.tune.centre_px == (3.0, 4.0)
     assert c.SetCamera("right").apply(zoomed, 0.0).tune == replace(zoomed.tune, centre_px=None)

@@ -1,0 +1,56 @@
+"""`rallyscope bench NAME`: measure speed and quality on this machine."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import json
+
+from app.cli.progress import progress_bar
+from core.errors import NotBuiltError
+
+BENCHES = ("import", "detection", "simulation", "prediction", "learning", "labels", "export", "app")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The verb's arguments."""
+    parser.add_argument("name", choices=BENCHES, metavar="|".join(BENCHES), help="what to measure")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Run `core.evaluation.bench_<name>` and print what it returns: "rows", "machine" and what else it has."""
+    module = f"core.evaluation.bench_{arguments.name}"
+    if importlib.util.find_spec(module) is None:
+        built = ", ".join(name for name in BENCHES if importlib.util.find_spec(f"core.evaluation.bench_{name}"))
+        raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
+    with progress_bar(f"Measuring {arguments.name}") as progress:
+        report: dict[str, object] = importlib.import_module(module).run(progress)
+    if arguments.json:
+        print(json.dumps(report))
+        return
+    rows = report.pop("rows")
+    assert isinstance(rows, list)
+    print(format_table(rows))
+    for name, value in report.items():
+        print(f"{name}: {value if isinstance(value, str) else json.dumps(value)}")
+
+
+def format_table(rows: list[dict[str, object]]) -> str:
+    """Rows with the same keys as text, numbers to the right and to three decimals."""
+    if not rows:
+        return "nothing was measured"
+    titles = list(rows[0])
+    cells = [[_cell(row.get(title)) for title in titles] for row in rows]
+    widths = [max(len(line[k]) for line in [titles, *cells]) for k in range(len(titles))]
+    lines = [
+        "  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in [titles, *cells]
+    ]
+    return "\n".join(lines)
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
