@@ -1,0 +1,80 @@
+"""Simulated flights to measure detectors on: events in memory, served like a camera of a recording, with the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from core.cameras.presets import stereo_preset
+from core.events import Events, SensorSize, concatenate_events
+from core.recordings import PixelTruth, Triggers
+from core.simulation.scene import scene_named
+from core.simulation.sensor import SensorConfig
+from core.simulation.serve import ServeConfig
+from core.simulation.serves import draw_serves
+from core.simulation.stereo import StereoConfig, simulate_stereo
+from core.simulation.truth import pixel_truth
+
+TRUTH_EVERY_US = 500
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MemoryStream:
+    """One simulated camera in memory."""
+
+    name: str
+    events: Events
+    truth: PixelTruth
+    duration_us: int
+
+    @property
+    def sensor(self) -> SensorSize:
+        return self.events.sensor
+
+    @property
+    def event_count(self) -> int:
+        return len(self.events)
+
+    @property
+    def calibration(self) -> Camera | None:
+        return None
+
+    @property
+    def triggers(self) -> Triggers:
+        return Triggers(np.empty(0, np.int64), np.empty(0, np.bool_), np.empty(0, np.int16))
+
+    def slice(self, start_us: int, end_us: int) -> Events:
+        """The events with `start_us <= t < end_us`."""
+        return self.events.between(start_us, end_us)
+
+    def counts_per_ms(self) -> NDArray[np.int64]:
+        """Events in each whole millisecond."""
+        edges = np.arange(0, self.duration_us + 1, 1000)
+        return np.diff(np.searchsorted(self.events.t_us, edges)).astype(np.int64)
+
+
+def simulate_flights(
+    scene: str, noise_hz: float, speeds_mps: tuple[float, ...], *, seed: int, duration_us: int | None = None
+) -> list[MemoryStream]:
+    """Both 1280x720 cameras of the standard placement while one serve of each speed flies by.
+
+    Raises:
+        RallyscopeError: for an unknown scene.
+    """
+    cameras = stereo_preset()
+    path = draw_serves([ServeConfig(speed_mps=speed) for speed in speeds_mps], np.random.default_rng(seed))
+    config = StereoConfig(scene=scene_named(scene), sensor=SensorConfig(noise_hz=noise_hz))
+    chunks = list(simulate_stereo(config, cameras, path, seed=seed, duration_us=duration_us))
+    end_us = chunks[-1].end_us
+    return [
+        MemoryStream(
+            name,
+            concatenate_events([chunk.events[name] for chunk in chunks], camera.sensor),
+            pixel_truth(camera, path, np.arange(0, end_us, TRUTH_EVERY_US)),
+            end_us,
+        )
+        for name, camera in cameras.items()
+    ]
