@@ -31,7 +31,7 @@ VERBS = {
     "labels": "import, export and score labels",
     "export": "write a recording for other tools",
 }
-BUILT = ("import", "info")
+BUILT = ("import", "info", "train", "evaluate")
 """Verbs that work; each is the module `app.cli.<verb>` with `add_arguments(parser)` and `run(arguments) -> None`."""
 
 

@@ -1,0 +1,54 @@
+"""`rallyscope evaluate`: a trained run on fixed balls, with the trivial policies beside it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from app.cli.arguments import positive_int
+from app.cli.bench import format_table
+from core.learning.summary import evaluate_run
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The verb's arguments."""
+    parser.add_argument("run_folder", type=Path, metavar="RUN", help="folder of a training run")
+    parser.add_argument("--best", action="store_true", help="the best policy of each seed instead of the last")
+    parser.add_argument(
+        "--balls", type=positive_int, metavar="N", help="fixed balls per speed (default: the run's, 500)"
+    )
+    parser.add_argument("--json", action="store_true", help="print a row per speed as JSON")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Evaluate and print."""
+    rows = evaluate_run(arguments.run_folder, balls=arguments.balls, which="best" if arguments.best else "last")
+    if arguments.json:
+        print(json.dumps(rows))
+        return
+    print(format_table([line for row in rows for line in _lines(row)]))
+
+
+def _lines(row: dict[str, object]) -> list[dict[str, object]]:
+    """The run and what stands beside it, a line each."""
+    speed = row["speed_mps"]
+    error, baselines = row["error_mm"], row["baselines"]
+    assert isinstance(error, dict) and isinstance(baselines, dict)
+    lines: list[dict[str, object]] = [
+        {"m/s": speed, "policy": f"this run ({row['seeds']} seeds)", "returned": row["returned"], **_millimetres(error)}
+    ]
+    for name, score in baselines.items():
+        lines.append(
+            {
+                "m/s": speed,
+                "policy": name.replace("_", " "),
+                "returned": score.get("returned"),
+                **_millimetres({"mean": score["error_mm"]}),
+            }
+        )
+    return lines
+
+
+def _millimetres(error: dict[str, float | None]) -> dict[str, object]:
+    return {f"{name} mm": error.get(name) for name in ("mean", "median", "p95")}

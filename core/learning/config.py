@@ -1,0 +1,291 @@
+"""Everything that a training run can be told: the task, the agent, the reward, the replay rule, the ladder of speeds.
+
+What the paper leaves open is a field here, with our choice as its default; the whole of it lands in the run's folder.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from core.config import check_settings, setting
+from core.errors import ConfigError
+from core.simulation.physics.config import Profile
+from core.simulation.physics.task import TaskConfig, hard_serves, task_profile
+from core.table import NET_HEIGHT_M, TABLE_LENGTH_M
+
+AgentName = Literal["ddpg", "landing-model", "ppo", "a2c", "trpo", "td3", "sac"]
+StateSource = Literal["predicted", "truth", "truth+noise", "events"]
+ReplayRule = Literal["threshold", "discard", "retain"]
+RewardKind = Literal["cdta", "case", "simple"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GoalConfig:
+    """Where the ball is to land, in the table's plane (choice; the paper does not say how its targets are spread)."""
+
+    kind: Literal["random", "fixed"] = "random"
+    """A new uniform target per ball in the box below, or always the box's centre."""
+    low_x_m: float = setting(0.45, 0.0, 1.37)
+    high_x_m: float = setting(1.10, 0.0, 1.37)
+    half_width_m: float = setting(0.45, 0.0, 0.76)
+    """The box reaches this far to both sides of the centre line."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if self.low_x_m > self.high_x_m:
+            raise ConfigError("an empty target box", expected="low_x_m <= high_x_m", got=self.low_x_m, where="goal")
+
+    @property
+    def centre_m(self) -> tuple[float, float]:
+        """The middle of the box."""
+        return (self.low_x_m + self.high_x_m) / 2, 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EnvironmentConfig:
+    """One episode: one serve, seen somehow, one racket orientation, one outcome."""
+
+    task: TaskConfig = field(default_factory=TaskConfig)
+    goal: GoalConfig = field(default_factory=GoalConfig)
+    state_source: StateSource = "predicted"
+    """How the learner gets p_c and v_c: the paper's five-point prediction, the truth, the truth with noise, or the
+    whole chain of event cameras. Except for `truth`, the racket goes where the ball is expected and may miss it."""
+    position_noise_m: float = setting(0.005, 0.0, 0.1)
+    """Standard deviation per axis of `truth+noise`."""
+    velocity_noise: float = setting(0.01, 0.0, 0.2)
+    """Standard deviation per axis of `truth+noise`, as a share of the speed."""
+    actuator_error_deg: float = setting(0.0, 0.0, 5.0)
+    """Standard deviation of each angle that the racket really takes, anew per stroke; the learner does not see it."""
+    actuator_bias_deg: float = setting(0.0, -5.0, 5.0)
+    """A constant error of every angle."""
+    engine: Literal["closed-form", "mujoco"] = "closed-form"
+    """Which simulator plays the strokes; both give the same outcomes."""
+    step_s: float = setting(0.01, 0.0005, 0.05)
+    """Time step of the simulation (paper: 10 ms in training): the grid of the observations, and MuJoCo's step."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RewardConfig:
+    """The three rewards: CDTA (the paper's, time-weighted), case-based with constant weights, and simple."""
+
+    kind: RewardKind = "cdta"
+    base: float = setting(1.0, 0.1, 10.0)
+    """l_base: a returned ball (choice)."""
+    scale: float = setting(3.0, 0.0, 20.0)
+    """l_scale: the most that accuracy adds (choice)."""
+    beta: float = setting(0.02, 0.0, 0.5)
+    """CDTA: the weight of returning is exp(-beta n), n the episode at this speed (choice)."""
+    case_weight: float = setting(0.5, 0.0, 1.0)
+    """Case-based: the constant weight of returning (w1); accuracy has the rest."""
+    own_half: float = setting(1.0, 0.0, 10.0)
+    """l1, case 1."""
+    net: float = setting(1.0, 0.0, 10.0)
+    """l2, case 2."""
+    out: float = setting(1.0, 0.0, 10.0)
+    """l3, case 3."""
+    missed: float = setting(1.0, 0.0, 10.0)
+    """Penalty when the racket does not touch the ball, which the paper's simulation does not know (choice)."""
+    reach_m: float = setting(1.0, 0.1, 3.0)
+    """d_max: from here on accuracy adds nothing (choice)."""
+    own_half_reach_m: float = setting(TABLE_LENGTH_M / 2, 0.1, 3.0)
+    """d_max2 (choice)."""
+    out_reach_m: float = setting(2.0, 0.1, 5.0)
+    """d_max3 (choice)."""
+    net_height_m: float = setting(NET_HEIGHT_M, 0.1, 0.3)
+    """h_net."""
+    simple_accuracy: bool = False
+    """Simple: a returned ball also earns its accuracy; otherwise l_base alone."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExplorationConfig:
+    """Noise on the action while training: N(0, eta), eta = max(smallest, scale decay^n), n the episode of a stage."""
+
+    scale: float = setting(0.1, 0.0, 1.0)
+    """Of the action range [-1, 1] (choice)."""
+    decay: float = setting(0.995, 0.9, 1.0)
+    """Per episode (choice)."""
+    smallest: float = setting(0.02, 0.0, 1.0)
+    """eta_min (choice)."""
+    random_episodes: int = setting(0, 0, 500)
+    """Uniform random actions in the first episodes of a run: not in the paper, off by default."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CurriculumConfig:
+    """The ladder of serve speeds."""
+
+    speeds_mps: tuple[float, ...] = (3.0, 5.0)
+    """One stage each (paper)."""
+    episodes: tuple[int, ...] = (800, 900)
+    """Of each stage, or the most of them if it advances on convergence (paper)."""
+    advance: Literal["episodes", "converged"] = "episodes"
+    """Go on after the episodes of the stage, or as soon as enough balls come back."""
+    converged_rate: float = setting(0.98, 0.5, 1.0)
+    """Return rate that ends a stage."""
+    converged_window: int = setting(100, 10, 1000)
+    """Over how many episodes."""
+    replay: ReplayRule = "threshold"
+    """What a new stage keeps of the replay buffer: rewards of at least `keep_reward` (paper), nothing, everything."""
+    keep_reward: float = setting(1.0, -10.0, 10.0)
+    """delta: l_base keeps exactly the returned balls (choice)."""
+
+    def __post_init__(self) -> None:
+        # Files give lists; a frozen value holds tuples.
+        object.__setattr__(self, "speeds_mps", tuple(float(v) for v in self.speeds_mps))
+        object.__setattr__(self, "episodes", tuple(self.episodes))
+        check_settings(self)
+        if not self.speeds_mps or len(self.speeds_mps) != len(self.episodes):
+            raise ConfigError(
+                "not one number of episodes per speed",
+                expected=f"{len(self.speeds_mps)} numbers",
+                got=self.episodes,
+                where="curriculum.episodes",
+            )
+        if not all(3.0 <= v <= 9.0 for v in self.speeds_mps):
+            raise ConfigError("no serve of this speed", expected="3 to 9 m/s", got=self.speeds_mps, where="speeds")
+        if not all(isinstance(n, int) and 1 <= n <= 1_000_000 for n in self.episodes):
+            raise ConfigError(
+                "not a number of episodes", expected="whole, above 0", got=self.episodes, where="episodes"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DdpgConfig:
+    """The paper's agent. Network sizes, rates, batch and updates per episode are open there."""
+
+    hidden: int = setting(64, 8, 512)
+    """Units of both hidden layers (choice)."""
+    actor_rate: float = setting(1e-3, 1e-5, 1e-1)
+    critic_rate: float = setting(1e-3, 1e-5, 1e-1)
+    batch: int = setting(64, 8, 1024)
+    first_update: int = setting(32, 1, 1000)
+    """Transitions in the buffer before the first update."""
+    updates_per_episode: int = setting(2, 1, 64)
+    """Choice: two reproduce the pace of the paper's learning curves."""
+    target: Literal["terminal", "bootstrap"] = "terminal"
+    """Critic's target: y = r, as an episode has one action, or the paper's equation with a discounted next value."""
+    discount: float = setting(0.9, 0.0, 1.0)
+    """Of `bootstrap`."""
+    tau: float = setting(0.005, 0.0001, 1.0)
+    """Share by which the target networks of `bootstrap` follow."""
+    twin_critics: bool = False
+    """Two critics, the lower one counts for the actor: not in the paper."""
+    relabels: int = setting(0, 0, 16)
+    """Extra copies of each batch with another goal and its recomputed reward: not in the paper."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LandingModelConfig:
+    """The agent beyond the paper: its critic predicts where the ball lands and how high it crosses the net."""
+
+    hidden: int = setting(64, 8, 512)
+    actor_rate: float = setting(1e-3, 1e-5, 1e-1)
+    critic_rate: float = setting(1e-3, 1e-5, 1e-1)
+    final_rate: float = setting(1.0, 0.001, 1.0)
+    """Share of both rates that is left at the end of a stage, approached exponentially."""
+    batch: int = setting(64, 8, 1024)
+    first_update: int = setting(8, 1, 1000)
+    updates_per_episode: int = setting(32, 1, 256)
+    """In the first `full_episodes` of a stage."""
+    full_episodes: int = setting(100, 1, 100_000)
+    """After them the updates fall as 1 / episode, to no fewer than `fewest_updates`."""
+    fewest_updates: int = setting(4, 1, 256)
+    net_margin_m: float = setting(0.02, 0.0, 0.3)
+    """Predicted clearance over the net that the actor keeps."""
+    net_weight: float = setting(4.0, 0.0, 50.0)
+    """Metres of landing error that a metre of missing clearance counts for."""
+    net_loss: float = setting(0.3, 0.0, 10.0)
+    """Weight of the net height in the critic's loss."""
+    privileged: bool = False
+    """Learn also from what a simulator alone knows: where a ball would have landed without net and table."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RivalConfig:
+    """The agents of stable-baselines3, with their defaults but for what a batch of 1,700 one-step episodes demands."""
+
+    exploration: Literal["default", "matched"] = "default"
+    """`default` keeps the library's initial exploration; `matched` starts with the same noise as our agents."""
+    hidden: int = setting(64, 8, 512)
+    on_policy_steps: int = setting(50, 2, 2048)
+    """Episodes between updates of PPO and TRPO: the default of 2,048 is more than a whole run."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunConfig:
+    """A training run."""
+
+    agent: AgentName = "ddpg"
+    environment: EnvironmentConfig = field(default_factory=EnvironmentConfig)
+    reward: RewardConfig = field(default_factory=RewardConfig)
+    exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
+    curriculum: CurriculumConfig = field(default_factory=CurriculumConfig)
+    ddpg: DdpgConfig = field(default_factory=DdpgConfig)
+    landing_model: LandingModelConfig = field(default_factory=LandingModelConfig)
+    rival: RivalConfig = field(default_factory=RivalConfig)
+    seeds: int = setting(1, 1, 1000)
+    """Independent repetitions."""
+    first_seed: int = setting(0, 0, 2**31 - 1)
+    checkpoint_every: int = setting(50, 1, 100_000)
+    """Episodes between checkpoints; each also evaluates the policy (paper: every 50)."""
+    evaluation_balls: int = setting(500, 1, 100_000)
+    """Fixed balls of an evaluation, the same for every run."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+    @property
+    def episodes(self) -> int:
+        """Of all stages together, at most."""
+        return sum(self.curriculum.episodes)
+
+
+def environment_profile(
+    physics: Profile = "paper", *, serves: Literal["standard", "hard"] = "standard", state_source: StateSource
+) -> EnvironmentConfig:
+    """The environment with a named physics and a named distribution of serves."""
+    task = task_profile(physics)
+    if serves == "hard":
+        task = TaskConfig(physics=task.physics, serve=hard_serves(), stroke=task.stroke)
+    return EnvironmentConfig(task=task, state_source=state_source)
+
+
+def default_run(agent: AgentName = "ddpg") -> RunConfig:
+    """What `rallyscope train --agent ...` does when nothing else is said: the paper's run for its agent, and for all
+    others 5 m/s with the true state, which compares them."""
+    if agent == "ddpg":
+        return RunConfig()
+    truth = EnvironmentConfig(state_source="truth")
+    if agent == "landing-model":
+        return RunConfig(
+            agent=agent,
+            environment=truth,
+            exploration=ExplorationConfig(random_episodes=10),
+            curriculum=CurriculumConfig(speeds_mps=(5.0,), episodes=(300,), replay="retain"),
+        )
+    return RunConfig(
+        agent=agent,
+        environment=truth,
+        reward=RewardConfig(kind="case"),
+        curriculum=CurriculumConfig(speeds_mps=(5.0,), episodes=(1700,), replay="retain"),
+    )

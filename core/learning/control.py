@@ -1,0 +1,101 @@
+"""The two small files through which a training process and the one who watches it talk: status and control."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import fcntl
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from core.errors import ConfigError
+from core.learning.atomic import read_json, write_json
+
+Wish = Literal["run", "pause", "stop"]
+State = Literal["running", "paused", "stopped", "finished", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """What a person wants a training process to do."""
+
+    wish: Wish = "run"
+    episodes_per_s: float | None = None
+    """Slow down to this many, to watch; None: as fast as it goes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """How a training process is doing."""
+
+    state: State
+    pid: int
+    seed: int
+    episode: int
+    """Done in this seed."""
+    episodes: int
+    """Of one seed, at most."""
+    share: float
+    """Of the whole run, all seeds."""
+    speed_mps: float
+    seconds_left: float | None
+    message: str = ""
+
+
+@contextlib.contextmanager
+def hold_run(run: Path) -> Iterator[None]:
+    """Be the only process that trains this run.
+
+    Raises:
+        ConfigError: if another one does.
+    """
+    run.mkdir(parents=True, exist_ok=True)
+    with (run / ".lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ConfigError("another process is training this run", where=run) from error
+        yield
+
+
+def write_control(run: Path, control: Control) -> None:
+    """Ask the process that trains this run to go on, pause, stop or slow down; it looks before every episode."""
+    write_json(run / "control.json", dataclasses.asdict(control))
+
+
+def read_control(run: Path) -> Control:
+    """What is asked for; to go on if nothing is, or nothing that makes sense."""
+    found = read_json(run / "control.json")
+    wish, rate = found.get("wish"), found.get("episodes_per_s")
+    wanted: Wish = "pause" if wish == "pause" else "stop" if wish == "stop" else "run"
+    return Control(wanted, float(rate) if isinstance(rate, (int, float)) and rate > 0 else None)
+
+
+def write_status(run: Path, status: Status) -> None:
+    """Tell how it goes."""
+    write_json(run / "status.json", dataclasses.asdict(status))
+
+
+def read_status(run: Path) -> Status | None:
+    """How it goes, or went; None before a first word. A process that died is `failed`, whatever it last said."""
+    found = read_json(run / "status.json")
+    try:
+        status = Status(**found)  # type: ignore[arg-type]
+    except TypeError:
+        return None
+    if status.state in ("running", "paused") and not _is_alive(status.pid):
+        return dataclasses.replace(status, state="failed", message=status.message or "the process ended unexpectedly")
+    return status
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
