@@ -1,9 +1,9 @@
 """The rivals: PPO, A2C, TRPO, TD3 and SAC as stable-baselines3 and sb3-contrib have them, on the same balls.
 
-They keep the libraries' defaults but for what 1,700 one-step episodes demand: PPO and TRPO update every 50 episodes (the
-default of 2,048 is more than a run), and TD3 and SAC have our network size, batch and start. `matched` exploration gives
-everyone the noise of our agents (0.1 at the start) and their learning rate; on-policy methods otherwise begin with a
-standard deviation of the whole action range.
+They keep the libraries' defaults but for what 1,700 one-step episodes demand: PPO and TRPO update every 50 episodes
+(the default of 2,048 is more than a run), and TD3 and SAC have our network size, batch and start. `matched` exploration
+gives everyone the noise of our agents (0.1 at the start) and their learning rate; on-policy methods otherwise begin
+with a standard deviation of the whole action range.
 """
 
 from __future__ import annotations
