@@ -83,8 +83,9 @@ class FileRecording:
         found: list[str] = []
 
         def visit(name: str, item: h5py.Group | h5py.Dataset) -> None:
-            columns = isinstance(item, h5py.Group) and not name.startswith("cameras")
-            if columns and any(isinstance(child, h5py.Dataset) for child in item.values()):
+            if not isinstance(item, h5py.Group) or name.startswith("cameras"):
+                return
+            if any(isinstance(child, h5py.Dataset) for child in item.values()):
                 found.append(f"/{name}")
 
         self._file.visititems(visit)

@@ -18,6 +18,8 @@ _JITTER_US: Final = 1000
 STREAM_PAUSE_US: Final = 600_000_000
 """Ten minutes without one event: in a binary stream rather a damaged time stamp."""
 
+_STRAY_EVENTS: Final = 64
+
 
 def check_stream(parts: Iterable[Columns], sensor: SensorSize, report: Report, *, where: str) -> Iterator[Events]:
     """Events of a binary stream up to the first that cannot be true; the report says where that was."""
@@ -49,6 +51,8 @@ def _check(
         if reason and refuse:
             remedy = "sort the events by time" if "back" in reason else "check the sensor size (--width, --height)"
             raise RecordingError(f"event {count + good:,} cannot be used: {reason}", where=where, remedy=remedy)
+        if "back" in reason:
+            good = _without_strays(t_us, good)
         backwards = int(np.count_nonzero(steps[:good] < 0))
         if backwards:
             moved += backwards
@@ -82,3 +86,9 @@ def _good_prefix(
         if bad[at] and at < good:
             good, reason = at, describe(at)
     return good, reason
+
+
+def _without_strays(t_us: NDArray[np.int64], good: int) -> int:
+    """Where time comes back, not the time that comes back may be wrong, but the few that ran ahead of it."""
+    ahead = int(np.count_nonzero(t_us[:good] > t_us[good]))
+    return good - ahead if ahead <= _STRAY_EVENTS else good

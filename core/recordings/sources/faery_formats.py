@@ -17,7 +17,7 @@ from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import read_prophesee_header
 from core.recordings.sources.source import Columns, EventSource, Report
 
-_FAERY_ERRORS: Final = (RuntimeError, OSError, ValueError, TypeError, AttributeError)
+_AEDAT_MAGIC: Final = len(b"#!AER-DAT4.0\r\n")
 _LARGEST: Final = SensorSize(8192, 8192)
 
 
@@ -66,6 +66,11 @@ def open_es(path: Path, sensor: SensorSize | None) -> list[EventSource]:
 
 def open_aedat4(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     """Every camera of an iniVation AEDAT4 file, with external trigger edges."""
+    with path.open("rb") as file:  # faery panics, noisily, without a header
+        file.seek(_AEDAT_MAGIC)
+        header_bytes = int.from_bytes(file.read(4), "little")
+    if not 8 <= header_bytes <= path.stat().st_size - _AEDAT_MAGIC - 4:
+        raise RecordingError("the file cannot be decoded", got="an AEDAT4 file without a header", where=path)
 
     def open_decoder() -> aedat.Decoder:
         return aedat.Decoder(path)
@@ -122,12 +127,20 @@ def _decode(path: Path, open_decoder: Callable, columns: Callable, report: Repor
                     yield part
                     done += len(part.t_us)
                     report.share = min(0.99, 8.0 * done / size)
-    except _FAERY_ERRORS as error:
+    except BaseException as error:
+        _raise_unless_of_faery(error)
         report.notes.append(f"{path.name}: stopped: the rest cannot be decoded ({error}).")
 
 
 def _refuse_broken(path: Path, open_decoder: Callable):
     try:
         return open_decoder()
-    except _FAERY_ERRORS as error:
+    except BaseException as error:
+        _raise_unless_of_faery(error)
         raise RecordingError("the file cannot be decoded", got=error, where=path) from error
+
+
+def _raise_unless_of_faery(error: BaseException) -> None:
+    """Rust code reports bad input as a RuntimeError, and its own failed checks as a panic, which is no Exception."""
+    if not (isinstance(error, (RuntimeError, OSError, ValueError)) or type(error).__name__ == "PanicException"):
+        raise error

@@ -19,7 +19,7 @@ from core.events import SensorSize
 from core.recordings.sources.checking import check_table
 from core.recordings.sources.making import make_source
 from core.recordings.sources.source import Columns, EventSource, Report
-from core.recordings.sources.table_columns import counts_seconds, find_columns, times_us
+from core.recordings.sources.table_columns import addresses, counts_seconds, find_columns, times_us
 from core.recordings.sources.table_order import guess_columns
 
 _ROWS: Final = 1 << 18
@@ -81,5 +81,5 @@ def _columns(arrays: dict[str, NDArray], seconds: bool | None) -> Columns:
     for name in ("x", "y"):
         if arrays[name].dtype.kind not in "iuf":
             raise ValueError(f"column {name} is of type {arrays[name].dtype}")
-    x, y = (arrays[name].astype(np.int64) for name in ("x", "y"))
+    x, y = (addresses(arrays[name]) for name in ("x", "y"))
     return Columns(times_us(arrays["t"], seconds=seconds), x, y, arrays["p"] > 0)

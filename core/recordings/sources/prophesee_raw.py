@@ -70,12 +70,22 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
         raise RecordingError(
             "the RAW header does not say how large the sensor is", where=path, remedy="give --width and --height"
         )
+    _refuse_text(path, header)
     chosen, size = version, sensor
 
     def read(report: Report) -> Iterator[Events]:
         return _decode(path, header, _FORMATS[chosen], size, report)
 
     return [EventSource("camera", f"Prophesee {version}", sensor, read)]
+
+
+def _refuse_text(path: Path, header: PropheseeHeader) -> None:
+    """Every line of text decodes to some events; a camera's stream has bytes above 127 all along."""
+    with path.open("rb") as file:
+        file.seek(header.size_bytes)
+        head = file.read(4096)
+    if len(head) >= 16 and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head):
+        raise RecordingError("no events could be read: text follows the header", where=path)
 
 
 def _decode(path: Path, header: PropheseeHeader, kind: _Format, sensor: SensorSize, report: Report) -> Iterator[Events]:

@@ -27,10 +27,18 @@ def times_us(t: NDArray, *, seconds: bool | None = None) -> NDArray[np.int64]:
     """
     if t.dtype.kind != "f":
         return t.astype(np.int64) * (1_000_000 if seconds else 1)
-    scaled = t.astype(np.float64) * (_MICROSECONDS_PER_S if seconds is None or seconds else 1.0)
-    if not np.isfinite(scaled).all() or (np.abs(scaled) > 2**62).any():
-        raise ValueError("a time is not a finite number")
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = t.astype(np.float64) * (_MICROSECONDS_PER_S if seconds is None or seconds else 1.0)
+        if not (np.abs(scaled) < 2**62).all():
+            raise ValueError("a time is not a finite number")
     return np.rint(scaled).astype(np.int64)
+
+
+def addresses(column: NDArray) -> NDArray[np.int64]:
+    """Whole pixel addresses; -1, which is on no sensor, for what is no number."""
+    if column.dtype.kind == "f":
+        column = np.where(np.abs(column) < 2**31, column, -1)
+    return column.astype(np.int64)
 
 
 def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:

@@ -21,7 +21,7 @@ from core.events import SensorSize
 from core.recordings.sources.checking import check_table
 from core.recordings.sources.making import make_source
 from core.recordings.sources.source import Columns, EventSource, Report
-from core.recordings.sources.table_columns import counts_seconds, find_columns, times_us
+from core.recordings.sources.table_columns import addresses, counts_seconds, find_columns, times_us
 from core.recordings.sources.table_order import TableOrder, guess_columns
 
 _LINES: Final = 100_000
@@ -91,6 +91,8 @@ def _decode(path: Path, layout: _Layout, report: Report) -> Iterator[Columns]:
             read += len(file.readline())
         while lines := list(itertools.islice(file, _LINES)):
             table, good = _parse(lines, layout.separator, width)
+            if _is_cut_short(lines[-1], table, layout.order):
+                table, good = table[:-1], len(lines) - 1
             if len(table):
                 yield _columns(table, layout.order)
             if good < len(lines):
@@ -102,16 +104,22 @@ def _decode(path: Path, layout: _Layout, report: Report) -> Iterator[Columns]:
             report.share = read / size
 
 
+def _is_cut_short(line: str, table: NDArray, order: TableOrder) -> bool:
+    """Whether the line ends within its time, which then has too few digits."""
+    t = table[:, order.places["t"]]
+    return not line.endswith("\n") and len(t) > 1 and t[-1] < t[-2]
+
+
 def _columns(table: NDArray, order: TableOrder) -> Columns:
     t, x, y, p = (table[:, order.places[name]] for name in ("t", "x", "y", "p"))
-    return Columns(times_us(t, seconds=order.seconds), x.astype(np.int64), y.astype(np.int64), p > 0)
+    return Columns(times_us(t, seconds=order.seconds), addresses(x), addresses(y), p > 0)
 
 
 def _parse(lines: list[str], separator: str | None, width: int) -> tuple[NDArray[np.float64], int]:
     """The numbers of the lines up to the first that is not an event, and how many lines were good."""
     try:
-        table = np.loadtxt(lines, np.float64, delimiter=separator, ndmin=2, comments=("#", "%"))
-        if table.shape[1] >= width and np.isfinite(table).all() and bool((np.abs(table) < 2**53).all()):
+        table = np.loadtxt(lines, np.float64, delimiter=separator, ndmin=2, comments=("#", "%"), usecols=range(width))
+        if bool((np.abs(table) < 2**53).all()):
             return table, len(lines)
     except ValueError:
         pass
@@ -119,7 +127,7 @@ def _parse(lines: list[str], separator: str | None, width: int) -> tuple[NDArray
     rows = [line for line in lines[:good] if line.strip() and line.lstrip()[0] not in "#%"]
     if not rows:
         return np.empty((0, width)), good
-    return np.loadtxt(rows, np.float64, delimiter=separator, ndmin=2), good
+    return np.loadtxt(rows, np.float64, delimiter=separator, ndmin=2, usecols=range(width)), good
 
 
 def _is_event(line: str, separator: str | None, width: int) -> bool:

@@ -12,7 +12,6 @@ import pytest
 
 from core.events import Events, SensorSize
 
-SHARED = Path(__file__).parents[4] / "shared" / "data" / "events"
 DAVIS = SensorSize(346, 260)
 SOURCE_START_US = 7_000_000
 
@@ -141,8 +140,6 @@ def write_foreign():
 
 
 @pytest.fixture(scope="session")
-def shared_events() -> Path:
+def shared_events(shared_data) -> Path:
     """The folder of real event files."""
-    if not SHARED.is_dir():
-        pytest.skip(f"the shared event files are not here: {SHARED}")
-    return SHARED
+    return shared_data / "events"

@@ -1,0 +1,69 @@
+"""`rallyscope info` says what is in a recording."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from app.cli import main
+from core.cameras import Camera
+from core.events import Events, SensorSize
+from core.recordings import PixelTruth, RecordingWriter, Triggers
+
+SENSOR = SensorSize(320, 240)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """2,000 events in 100 ms, all of them in the first 20 ms; truth, triggers and calibration of one camera."""
+    camera = Camera(SENSOR, np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]]), np.zeros(5), np.eye(4))
+    rows = np.arange(2000)
+    t = np.arange(5) * 1000
+    with RecordingWriter(
+        tmp_path / "a.h5", {"left": SENSOR, "right": SENSOR}, calibration={"left": camera}, seed=12
+    ) as writer:
+        writer.append("left", Events.from_columns(rows * 10, rows % 320, rows % 240, rows % 2, SENSOR))
+        writer.write_truth("left", PixelTruth(t, t * 1.0, t * 1.0, t * 0 + 5.0, t >= 0))
+        writer.write_triggers("left", Triggers(t, t > 0, np.zeros(5, np.int16)))
+        writer.append_rows("/racket", {"t_us": t})
+        writer.note("made by a test")
+        writer.extend_duration(100_000)
+    return tmp_path / "a.h5"
+
+
+def test_json_holds_the_facts(recording, capsys):
+    assert main(["info", str(recording), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["duration_us"] == 100_000
+    assert facts["seed"] == 12
+    assert facts["notes"] == ["made by a test"]
+    assert facts["groups"] == ["/ground_truth/left", "/racket"]
+    assert facts["cameras"]["left"] == {
+        "width_px": 320, "height_px": 240, "events": 2000, "mean_rate_hz": 20_000, "peak_rate_hz": 100_000,
+        "triggers": 5, "calibrated": True, "truth_samples": 5,
+    }  # fmt: skip
+    assert facts["cameras"]["right"]["events"] == 0
+
+
+def test_text_says_the_same_to_people(recording, capsys):
+    assert main(["info", str(recording)]) == 0
+    out = capsys.readouterr().out
+    for line in ("duration     0.100000 s", "camera left: 320x240", "events       2,000", "note: made by a test"):
+        assert line in out
+
+
+def test_an_event_file_of_another_format_is_described_without_importing_it(shared_data, capsys):
+    path = shared_data / "events" / "walker_evt3_640x480.raw"
+    assert main(["info", str(path), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["cameras"]["camera"]["events"] == 343_474
+    assert facts["cameras"]["camera"]["triggers"] == 4157
+    assert facts["duration_us"] == 9_218_023 - 7_139_845 + 1
+
+
+def test_a_file_that_is_no_recording_is_one_line_and_exit_code_2(tmp_path, capsys):
+    (tmp_path / "a.h5").write_bytes(b"")
+    assert main(["info", str(tmp_path / "a.h5")]) == 2
+    assert capsys.readouterr().err == f"rallyscope: {tmp_path / 'a.h5'}: the file is empty\n"

@@ -1,0 +1,139 @@
+"""Damaged files of every format: the good part or one clear line, never a crash, a hang or wild times."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.errors import RecordingError
+from core.events import SensorSize
+from core.recordings import open_recording
+
+CASES = 14
+FIRST_US, LAST_US = 7_000_000, 7_300_000
+PAUSE_US = 600_000_000
+"""A camera may rest; anything beyond is a wild time."""
+
+
+def try_to_open(path) -> int | None:
+    """How many events are there, all checked; None if the file was refused."""
+    try:
+        recording = open_recording(path, sensor=SensorSize(346, 260))
+    except RecordingError:
+        return None
+    with recording:
+        (camera,) = recording.cameras.values()
+        events = camera.slice(0, recording.duration_us)
+        assert recording.duration_us <= LAST_US - FIRST_US + PAUSE_US
+        assert (np.diff(events.t_us) >= 0).all()
+        return len(events)
+
+
+def same_start(path, expected) -> int:
+    """How many events at the start are as they were written."""
+    with open_recording(path, sensor=SensorSize(346, 260)) as recording:
+        (camera,) = recording.cameras.values()
+        events = camera.slice(0, recording.duration_us)
+        count = min(len(events), len(expected))
+        shift = camera.t_offset_us
+        same = (events.t_us[:count] + shift == expected.t_us[:count]) & (events.x_px[:count] == expected.x_px[:count])
+        return int(np.argmin(np.append(same, False)))
+
+
+def test_a_file_cut_anywhere_gives_its_good_part_or_one_clear_line(foreign):
+    name, path, events = foreign
+    data = path.read_bytes()
+    rng = np.random.default_rng(11)
+    kept = []
+    for cut in np.sort(rng.integers(1, len(data), CASES)).tolist():
+        path.write_bytes(data[:cut])
+        kept.append(try_to_open(path) or 0)
+    if name in ("evt2", "evt2.1", "evt3", "dat", "es", "csv", "text", "aedat4"):  # formats that can be read in part
+        assert kept == sorted(kept)
+        assert kept[-1] > 0.5 * len(events)
+        assert same_start(path, events) >= kept[-1] - 1
+
+
+@pytest.mark.parametrize("size", [1, 64, 4096])
+def test_garbage_anywhere_gives_the_good_part_or_one_clear_line(foreign, size):
+    _, path, _ = foreign
+    data = path.read_bytes()
+    rng = np.random.default_rng(size)
+    for at in rng.integers(0, len(data) - size, CASES // 2).tolist():
+        path.write_bytes(data[:at] + rng.bytes(size) + data[at + size :])
+        try_to_open(path)
+
+
+@pytest.mark.parametrize("name", ["evt2", "evt3", "dat", "es"])
+def test_what_stands_before_the_garbage_is_kept(tmp_path, make_events, write_foreign, name):
+    sensor = SensorSize(346, 260)
+    events = make_events(100_000, seed=2, duration_us=900_000, sensor=sensor, start_us=FIRST_US)
+    path = write_foreign(name, tmp_path / "a", events)
+    data = path.read_bytes()
+    rng = np.random.default_rng(4)
+    for share in (0.3, 0.6, 0.9):
+        at = int(share * len(data))
+        path.write_bytes(data[:at] + rng.bytes(4096) + data[at + 4096 :])
+        count = try_to_open(path)
+        whole_packet = 20_000 if name in ("dat", "es") else 20  # faery drops the packet that an error lies in
+        assert count is not None
+        assert (
+            (share - 0.02) * len(events) - whole_packet <= same_start(path, events) <= count <= share * len(events) + 60
+        )
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "the file is empty"),
+        (b"hello world, this is a text\nabout nothing\n", "the text is not events; expected four numbers a line"),
+        (b"#!AER-DAT2.0\r\n# This is a raw AE data file", "an older AEDAT version; expected AEDAT4, got #!AER-DAT2.0"),
+        (b"\x00\x01\x02\xff\xfe" * 100, "the format is not recognised"),
+        (b"\x89HDF\r\n\x1a\n" + b"\0" * 100, "the HDF5 file cannot be read"),
+        (b"PK\x03\x04" + b"\0" * 100, "the NumPy file cannot be read"),
+        (b"#!AER-DAT4.0\r\n" + b"\0" * 10, "the file cannot be decoded"),
+        (b"Event Stream\x02\x00\x00\x09", "the file cannot be decoded"),
+        (b"1 2 3\n4 5 6\n", "the text is not events"),
+        (b"# only\n# comments\n", "the text file holds no events"),
+        (
+            b"% evt 3.0\n% geometry 640x480\nThis is no event data but a letter to a friend.\n",
+            "no events could be read",
+        ),
+        (b"% a LaTeX comment\n\\begin{document}\n", "the text file holds no events|the text is not events"),
+    ],
+)
+def test_what_is_no_event_file_is_refused_in_one_clear_line(tmp_path, data, message):
+    path = tmp_path / "recording.raw"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=message) as caught:
+        open_recording(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_one_clear_line(tmp_path):
+    with pytest.raises(RecordingError, match="no such file"):
+        open_recording(tmp_path / "nothing.raw")
+
+
+def test_our_own_recording_damaged_anywhere_is_whole_or_refused_but_never_wrong(tmp_path, make_events):
+    from core.recordings import RecordingWriter
+
+    sensor = SensorSize(346, 260)
+    events = make_events(120_000, seed=2, duration_us=900_000, sensor=sensor)
+    path = tmp_path / "a.h5"
+    with RecordingWriter(path, {"left": sensor}) as writer:
+        writer.append("left", events)
+    data = path.read_bytes()
+    rng = np.random.default_rng(8)
+    refused = 0
+    for at in rng.integers(0, len(data) - 16, 40).tolist():
+        path.write_bytes(data[:at] + rng.bytes(16) + data[at + 16 :])
+        try:
+            with open_recording(path) as recording:
+                (camera,) = recording.cameras.values()
+                found = camera.slice(0, 900_000)
+                np.testing.assert_array_equal(found.t_us, events.t_us)
+                np.testing.assert_array_equal(found.x_px, events.x_px)
+        except RecordingError:
+            refused += 1
+    assert refused > 20

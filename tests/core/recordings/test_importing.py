@@ -1,0 +1,210 @@
+"""Imports: one source, two on one clock, cancelled, killed, with calibration and with pictures."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import cv2
+import h5py
+import numpy as np
+import pytest
+
+from core.cameras import Camera
+from core.errors import RecordingError
+from core.events import SensorSize
+from core.recordings import RecordingWriter, import_recording, open_recording
+from core.recordings.frame_import import FrameInput
+
+SENSOR = SensorSize(346, 260)
+
+
+@pytest.fixture
+def pair(tmp_path, make_events, write_foreign):
+    """Two event files on one clock: the second begins 500 us after the first."""
+    left = make_events(20_000, seed=1, duration_us=200_000, sensor=SENSOR, start_us=7_000_000)
+    right = make_events(10_000, seed=2, duration_us=200_000, sensor=SENSOR, start_us=7_000_500)
+    return (
+        write_foreign("evt3", tmp_path / "l", left), write_foreign("dat", tmp_path / "r", right), left, right,
+    )  # fmt: skip
+
+
+def test_two_sources_share_the_clock_of_the_first_event(tmp_path, pair):
+    path_left, path_right, left, right = pair
+    summary = import_recording([path_left, path_right], tmp_path / "a.h5")
+    assert summary is not None
+    assert summary.events == {"left": 20_000, "right": 10_000}
+    assert summary.duration_us == 200_500
+    assert summary.notes == ("Imported from l and r (Prophesee EVT3, Prophesee DAT).",)
+    with open_recording(tmp_path / "a.h5") as recording:
+        assert recording.notes == summary.notes
+        found_left, found_right = (camera.slice(0, 10**6) for camera in recording.cameras.values())
+        np.testing.assert_array_equal(found_left.t_us, left.t_us - 7_000_000)
+        np.testing.assert_array_equal(found_right.t_us, right.t_us - 7_000_000)
+        np.testing.assert_array_equal(found_right.x_px, right.x_px)
+        assert [camera.t_offset_us for camera in recording.cameras.values()] == [7_000_000, 7_000_000]
+
+
+@pytest.mark.parametrize("offset_us", [-900, 300])
+def test_the_offset_is_added_to_the_clock_of_the_second_source(tmp_path, pair, offset_us):
+    path_left, path_right, left, right = pair
+    import_recording([path_left, path_right], tmp_path / "a.h5", offset_us=offset_us, names=["a", "b"])
+    zero = min(7_000_000, 7_000_500 + offset_us)
+    with open_recording(tmp_path / "a.h5") as recording:
+        a, b = recording.cameras["a"], recording.cameras["b"]
+        np.testing.assert_array_equal(a.slice(0, 10**6).t_us, left.t_us - zero)
+        np.testing.assert_array_equal(b.slice(0, 10**6).t_us, right.t_us + offset_us - zero)
+        # a camera's own time is the recording's plus its t_offset
+        np.testing.assert_array_equal(b.slice(0, 10**6).t_us + b.t_offset_us, right.t_us)
+
+
+def test_real_triggers_are_kept(shared_events, tmp_path):
+    path = shared_events / "walker_evt3_640x480.raw"
+    summary = import_recording([path, shared_events / "walker_metavision_ecf.hdf5"], tmp_path / "a.h5")
+    assert summary is not None and summary.triggers == {"left": 4157, "right": 0}
+    with open_recording(tmp_path / "a.h5") as recording:
+        left, right = recording.cameras.values()
+        assert np.diff(left.triggers.t_us).tolist()[:3] == [500, 500, 500]
+        assert left.triggers.rising[:4].tolist() == [True, False, True, False]
+        a, b = left.slice(0, recording.duration_us), right.slice(0, recording.duration_us)
+        for name in ("t_us", "x_px", "y_px", "on"):
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+def test_importing_again_is_the_same_recording_and_importing_otherwise_is_not(tmp_path, pair):
+    path_left, path_right, *_ = pair
+    identities = []
+    for number, (paths, offset_us) in enumerate(
+        [([path_left], 0), ([path_left], 0), ([path_left, path_right], 0), ([path_left, path_right], 5)]
+    ):
+        import_recording(paths, tmp_path / f"{number}.h5", offset_us=offset_us)
+        with open_recording(tmp_path / f"{number}.h5") as recording:
+            identities.append(recording.uuid)
+    with open_recording(path_left) as recording:
+        identities.append(recording.uuid)
+    assert identities[0] == identities[1] == identities[4]
+    assert len(set(identities)) == 3
+
+
+def test_progress_rises_to_one_and_cancelling_leaves_no_file(tmp_path, pair):
+    path_left, *_ = pair
+    shares: list[float] = []
+    import_recording([path_left], tmp_path / "a.h5", progress=shares.append)
+    assert shares == sorted(shares) and shares[-1] == 1.0
+    assert import_recording([path_left], tmp_path / "b.h5", cancelled=lambda: True) is None
+    assert not (tmp_path / "b.h5").exists()
+
+
+def test_an_error_on_the_way_leaves_no_file(tmp_path):
+    path = tmp_path / "events"
+    lines = [f"{1000 * i},1,1,1\n" for i in range(150_000)]
+    path.write_text("t,x,y,p\n" + "".join(lines) + "5,1,1,1\n" * 2)
+    with pytest.raises(RecordingError, match="time runs"):
+        import_recording([path], tmp_path / "a.h5")
+    assert not (tmp_path / "a.h5").exists()
+
+
+def test_what_makes_no_sense_is_refused_in_one_line(tmp_path, pair, write_foreign, make_events):
+    path_left, path_right, *_ = pair
+    target = tmp_path / "a.h5"
+    late = make_events(100, seed=1, duration_us=1000, sensor=SENSOR, start_us=10**13)
+    far = write_foreign("npz", tmp_path / "far", late)
+    with pytest.raises(RecordingError, match="the clocks have nothing in common; got left begins at 7000000 us and"):
+        import_recording([path_left, far], target)
+    with pytest.raises(RecordingError, match="the names do not fit; expected 2 different ones, got a,a"):
+        import_recording([path_left, path_right], target, names=["a", "a"])
+    with pytest.raises(RecordingError, match="would replace its own source"):
+        import_recording([path_left], path_left, overwrite=True)
+    with RecordingWriter(target, {"left": SENSOR}):
+        pass
+    with pytest.raises(RecordingError, match="the file exists; choose another name, or --force"):
+        import_recording([path_left], target)
+    with pytest.raises(RecordingError, match="it is a recording already"):
+        import_recording([target], tmp_path / "b.h5")
+    assert import_recording([path_left], target, overwrite=True) is not None
+
+
+def test_a_pair_that_does_not_overlap_is_noted(tmp_path, pair):
+    path_left, path_right, *_ = pair
+    summary = import_recording([path_left, path_right], tmp_path / "a.h5", offset_us=900_000)
+    assert summary is not None
+    assert "The cameras do not overlap in time; an offset between their clocks may be missing." in summary.notes
+
+
+def test_the_calibration_goes_along(tmp_path, pair):
+    path_left, path_right, *_ = pair
+    camera = Camera(SENSOR, np.array([[300.0, 0, 170], [0, 300, 130], [0, 0, 1]]), np.zeros(5), np.eye(4))
+    import_recording([path_left], tmp_path / "a.h5", calibration={"any": camera})
+    with open_recording(tmp_path / "a.h5") as recording:
+        kept = recording.cameras["camera"].calibration
+        assert kept is not None and kept.K[0, 0] == 300
+    with pytest.raises(RecordingError, match="calibration of an unknown camera; expected left, right, got any"):
+        import_recording([path_left, path_right], tmp_path / "b.h5", calibration={"any": camera})
+    with pytest.raises(RecordingError, match="is for another sensor; expected 640x480, got 346x260"):
+        import_recording([path_right], tmp_path / "c.h5", sensor=SensorSize(640, 480), calibration={"any": camera})
+
+
+def test_pictures_go_along_on_the_clock_of_the_events(tmp_path, pair):
+    path_left, *_ = pair
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    rng = np.random.default_rng(0)
+    images = rng.integers(0, 255, (3, 40, 60, 3), dtype=np.uint8)
+    for number, image in enumerate(images):
+        cv2.imwrite(str(folder / f"{number}.png"), cv2.cvtColor(image, cv2.COLOR_RGB2BGR))
+    times = tmp_path / "times.csv"
+    times.write_text("t_us\n7010000\n7020000\n7030000\n")
+    import_recording([path_left], tmp_path / "a.h5", frames=FrameInput(folder, times, 4000))
+    with open_recording(tmp_path / "a.h5") as recording:
+        assert list(recording.cameras) == ["camera"]
+        frames = recording.frames["rgb"]
+        assert frames.t_us.tolist() == [10_000, 20_000, 30_000]
+        assert frames.exposure_us.tolist() == [4000] * 3
+        np.testing.assert_array_equal(frames.image(1), images[1])
+    times.write_text("7010000\n7020000\n")
+    with pytest.raises(RecordingError, match="frames and frame times differ in number; expected 2, got 3"):
+        import_recording([path_left], tmp_path / "b.h5", frames=FrameInput(folder, times, 4000))
+    times.write_text("7010000\nsoon\n")
+    with pytest.raises(RecordingError, match="line 2: not a frame time; expected whole microseconds, got 'soon'"):
+        import_recording([path_left], tmp_path / "b.h5", frames=FrameInput(folder, times, 4000))
+    assert not (tmp_path / "b.h5").exists()
+
+
+SLOW_IMPORT = """
+import sys, time
+from pathlib import Path
+from core.recordings import import_recording
+import core.recordings.importing as importing
+importing._FLUSH_S = 0.0
+def tick(share):
+    print(share, flush=True)
+    time.sleep(0.002)
+import_recording([Path(sys.argv[1])], Path(sys.argv[2]), progress=tick)
+"""
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_an_import_that_is_killed_loses_nothing_that_was_flushed(tmp_path, make_events, write_foreign, number):
+    events = make_events(300_000, seed=3, duration_us=900_000, sensor=SENSOR)
+    source = write_foreign("dat", tmp_path / "events", events)
+    target = tmp_path / "a.h5"
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLOW_IMPORT, str(source), str(target)], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    said = [process.stdout.readline() for _ in range(3)]
+    time.sleep(random.Random(number).uniform(0, 0.1))
+    os.kill(process.pid, signal.SIGKILL)
+    said += process.stdout.readlines()
+    process.wait()
+    with open_recording(target) as recording:
+        camera = recording.cameras["camera"]
+        assert camera.event_count >= 8192 * (len(said) - 1)  # faery's packets, each flushed before its progress
+        found = camera.slice(0, 10**6)
+        np.testing.assert_array_equal(found.t_us, events.t_us[: len(found)])
+    with h5py.File(target) as file:
+        assert "cameras/camera/events/t" in file
