@@ -60,8 +60,10 @@ def assemble(
             with h5py.File(part, "w") as file:
                 _write(file, log, contents, indices)
             os.replace(part, target)
-        except OSError as error:
+        except BaseException as error:
             part.unlink(missing_ok=True)
+            if not isinstance(error, OSError):
+                raise
             raise RecordingError(
                 "the recording could not be finished",
                 got=error,

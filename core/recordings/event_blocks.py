@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 
 import h5py
 import numpy as np
@@ -17,6 +17,8 @@ from core.recordings.hdf5 import dataset_at, read_only
 
 _KEPT_BLOCKS = 64
 """About 27 MB a camera."""
+_BATCH = 16
+"""Blocks decoded at a time for a long slice, which would otherwise be in memory twice."""
 _COLUMNS = (
     ("t", np.dtype(np.int64)),
     ("x", np.dtype(np.uint16)),
@@ -40,13 +42,24 @@ class EventBlocks:
         self._kept: OrderedDict[int, Events] = OrderedDict()
         self._lock = threading.Lock()
 
-    def rows(self, first: int, last: int) -> list[Events]:
-        """Events number first to last - 1 in consecutive parts; `first` must be below `last`."""
+    def rows(self, first: int, last: int) -> Events:
+        """Events number first to last - 1; `first` must be below `last`."""
         numbers = range(first // CHUNK_EVENTS, (last - 1) // CHUNK_EVENTS + 1)
-        blocks = self._load(numbers)
-        blocks[-1] = blocks[-1].rows(slice(0, last - numbers[-1] * CHUNK_EVENTS))
-        blocks[0] = blocks[0].rows(slice(first - numbers[0] * CHUNK_EVENTS, None))
-        return blocks
+        if len(numbers) == 1:
+            start = numbers[0] * CHUNK_EVENTS
+            return self._load(numbers)[0].rows(slice(first - start, last - start))
+        columns = tuple(np.empty(last - first, dtype) for dtype in (np.int64, np.uint16, np.uint16, np.bool_))
+        for batch in (numbers[i : i + _BATCH] for i in range(0, len(numbers), _BATCH)):
+            for number, block in zip(batch, self._load(batch), strict=True):
+                start = number * CHUNK_EVENTS
+                source = slice(max(0, first - start), min(len(block), last - start))
+                target = slice(source.start + start - first, source.stop + start - first)
+                for column, values in zip(columns, (block.t_us, block.x_px, block.y_px, block.on), strict=True):
+                    column[target] = values[source]
+                if target.start and columns[0][target.start] < columns[0][target.start - 1]:
+                    raise RecordingError(f"time runs backwards at event {start:,}", where=self._where)
+        t_us, x_px, y_px, on = (read_only(column) for column in columns)
+        return Events(t_us, x_px, y_px, on, self._sensor)  # each block was checked when it was decoded
 
     def _load(self, numbers: range) -> list[Events]:
         with self._lock:
@@ -55,12 +68,15 @@ class EventBlocks:
                 self._kept.move_to_end(number)
         missing = [number for number in numbers if number not in found]
         if len(missing) > 2:
-            decoded = list(self._threads.map(self._decode, missing))
+            try:
+                decoded = list(self._threads.map(self._decode, missing))
+            except (RuntimeError, CancelledError) as error:  # the threads are gone
+                raise RecordingError("the recording is closed", where=self._where) from error
         else:
             decoded = [self._decode(number) for number in missing]
         found.update(zip(missing, decoded, strict=True))
         with self._lock:
-            for number, block in zip(missing[-_KEPT_BLOCKS:], decoded[-_KEPT_BLOCKS:], strict=True):
+            for number, block in zip(missing, decoded, strict=True):
                 self._kept[number] = block
             while len(self._kept) > _KEPT_BLOCKS:
                 self._kept.popitem(last=False)

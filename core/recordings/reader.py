@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.errors import RallyscopeError, RecordingError
-from core.events import Events, SensorSize, concatenate_events
+from core.events import Events, SensorSize
 from core.recordings import layout
 from core.recordings.event_blocks import EventBlocks
 from core.recordings.frames import FrameStream
@@ -198,11 +198,12 @@ class FileCamera:
         Raises:
             RecordingError: if the recording is closed or damaged there.
         """
+        self._recording.check_open()
         first = self._mark(int(start_us) // 1000)
         last = self._mark(-(-int(end_us) // 1000))
         if first >= last:
             return Events.empty(self._sensor)
-        return concatenate_events(self._blocks.rows(first, last), self._sensor).between(start_us, end_us)
+        return self._blocks.rows(first, last).between(start_us, end_us)
 
     def counts_per_ms(self) -> NDArray[np.int64]:
         counts = np.zeros(-(-self._recording.duration_us // 1000), np.int64)

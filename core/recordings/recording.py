@@ -15,7 +15,7 @@ from core.recordings.truth import BallTruth, PixelTruth
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Triggers:
-    """External trigger edges, t_us ascending."""
+    """External trigger edges, t_us ascending; an edge just before the first event has a negative time."""
 
     t_us: NDArray[np.int64]
     rising: NDArray[np.bool_]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import uuid as uuids
 from collections import deque
 from collections.abc import Mapping
@@ -21,8 +20,8 @@ from core.events import Events, SensorSize
 from core.recordings import layout
 from core.recordings.assemble import assemble
 from core.recordings.blocks import CHUNK_EVENTS, pack_column
+from core.recordings.camera_buffer import CameraBuffer, pack_block
 from core.recordings.growing import GrowingFile, Json
-from core.recordings.ms_index import MsIndex
 from core.recordings.recording import Triggers
 from core.recordings.truth import BallTruth, PixelTruth
 
@@ -63,7 +62,7 @@ class RecordingWriter:
         self.path = Path(path)
         self.uuid = uuid or str(uuids.uuid4())
         _check_names(cameras, calibration or {})
-        self._cameras = {name: _CameraBuffer(sensor) for name, sensor in cameras.items()}
+        self._cameras = {name: CameraBuffer(sensor) for name, sensor in cameras.items()}
         self._last_row_us: dict[str, int] = {}
         self._duration_us = 0
         self._file = GrowingFile(self.path, overwrite=overwrite)
@@ -186,16 +185,18 @@ class RecordingWriter:
                 self.flush()
                 indices = {name: buffer.index.marks() for name, buffer in self._cameras.items()}
                 assemble(self.path, indices=indices)
+        except RecordingError:
+            self.failed = True
+            raise
         finally:
             self._packers.shutdown(wait=True, cancel_futures=True)
             self._file.close()
 
     def discard(self) -> None:
         """Close and remove the file."""
-        if not self._file.closed:
-            self._packers.shutdown(wait=True, cancel_futures=True)
-            os.unlink(self.path)
-            self._file.close()
+        self._packers.shutdown(wait=True, cancel_futures=True)
+        self._file.close()
+        self.path.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self
@@ -205,14 +206,14 @@ class RecordingWriter:
     ) -> None:
         self.close()
 
-    def _buffer(self, camera: str) -> _CameraBuffer:
+    def _buffer(self, camera: str) -> CameraBuffer:
         try:
             return self._cameras[camera]
         except KeyError:
             names = ", ".join(self._cameras)
             raise RecordingError("no such camera", expected=names, got=camera, where=self.path) from None
 
-    def _submit(self, camera: str, buffer: _CameraBuffer) -> None:
+    def _submit(self, camera: str, buffer: CameraBuffer) -> None:
         columns, count = buffer.columns, buffer.filled
         meta: dict[str, Json] = {"kind": "events", "camera": camera, "start": buffer.start, "count": count}
         if count == CHUNK_EVENTS:
@@ -220,7 +221,7 @@ class RecordingWriter:
         else:  # an unfinished block is written as it is; the same block, longer, will replace it
             columns = tuple(column[:count].copy() for column in columns)
             buffer.flushed = count
-        self._pending.append((meta, self._packers.submit(_pack, columns)))
+        self._pending.append((meta, self._packers.submit(pack_block, columns)))
         self._drain(_PENDING_BLOCKS)
 
     def _drain(self, keep: int) -> None:
@@ -239,41 +240,6 @@ class RecordingWriter:
         except RecordingError:
             self.failed = True
             raise
-
-
-class _CameraBuffer:
-    """The block of one camera that is being filled."""
-
-    def __init__(self, sensor: SensorSize) -> None:
-        self.sensor = sensor
-        self.index = MsIndex()
-        self.last_us = 0
-        self.start = 0
-        self.filled = 0
-        self.flushed = 0
-        self.columns = _empty_block()
-
-    def take(self, events: Events, done: int) -> int:
-        """Copy events from row `done` on into the block; returns how many."""
-        count = min(len(events) - done, CHUNK_EVENTS - self.filled)
-        target = slice(self.filled, self.filled + count)
-        for column, values in zip(self.columns, (events.t_us, events.x_px, events.y_px, events.on), strict=True):
-            column[target] = values[done : done + count]
-        self.filled += count
-        return count
-
-    def next_block(self) -> None:
-        self.start += self.filled
-        self.filled = self.flushed = 0
-        self.columns = _empty_block()
-
-
-def _empty_block() -> tuple[NDArray, ...]:
-    return tuple(np.empty(CHUNK_EVENTS, dtype) for dtype in (np.int64, np.uint16, np.uint16, np.uint8))
-
-
-def _pack(columns: tuple[NDArray, ...]) -> list[bytes]:
-    return [pack_column(column, CHUNK_EVENTS) for column in columns]
 
 
 def _check_names(cameras: Mapping[str, SensorSize], calibration: Mapping[str, Camera]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from core.errors import RecordingError
-from core.events import Events, concatenate_events
+from core.events import Events, SensorSize, concatenate_events
 from core.recordings import RecordingWriter, open_recording
 
 COLUMNS = ("t_us", "x_px", "y_px", "on")
@@ -96,8 +96,6 @@ def test_a_file_keeps_its_identity_and_leaves_nothing_behind(foreign, tmp_path, 
 
 
 def test_many_threads_slice_at_once(tmp_path, make_events):
-    from core.events import SensorSize
-
     sensor = SensorSize(1280, 720)
     events = make_events(400_000, seed=3, duration_us=1_000_000, sensor=sensor)
     with RecordingWriter(tmp_path / "a.h5", {"left": sensor}) as writer:
@@ -113,3 +111,14 @@ def test_many_threads_slice_at_once(tmp_path, make_events):
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(check, range(16)))
     recording.close()
+
+
+def test_a_slice_longer_than_the_cache_is_whole(tmp_path, make_events):
+    sensor = SensorSize(64, 48)
+    events = make_events(2_500_000, seed=3, duration_us=1_000_000, sensor=sensor)
+    with RecordingWriter(tmp_path / "a.h5", {"left": sensor}) as writer:
+        writer.append("left", events)
+    with open_recording(tmp_path / "a.h5") as recording:
+        camera = recording.cameras["left"]
+        assert_same(camera.slice(0, 1_000_000), events)
+        assert_same(camera.slice(1234, 987_654), events.between(1234, 987_654))

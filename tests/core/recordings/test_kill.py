@@ -155,3 +155,24 @@ except RecordingError as error:
     recording = open_recording(path)
     assert recording.cameras["left"].event_count >= flushed > 0
     recording.close()
+
+
+def test_what_a_kill_during_the_last_step_leaves_is_cleared_away(tmp_path, log):
+    path = tmp_path / "a.h5"
+    path.write_bytes(log)
+    (tmp_path / ".a.h5.assembling").write_bytes(b"half an HDF5 file")
+    with open_recording(path) as recording:
+        assert recording.cameras["left"].event_count == 2 * CHUNK_EVENTS + 1000
+    assert [item.name for item in tmp_path.iterdir()] == ["a.h5"]
+
+
+def test_a_disk_too_full_for_the_last_step_loses_nothing(tmp_path, make_events, monkeypatch):
+    path = tmp_path / "a.h5"
+    writer = RecordingWriter(path, {"left": SENSOR})
+    writer.append("left", make_events(1000, seed=1, duration_us=1000, sensor=SENSOR))
+    with monkeypatch.context() as patch:
+        patch.setattr("shutil.disk_usage", lambda _: (100, 100, 0))
+        with pytest.raises(RecordingError, match=r"the disk is too full .* got 0 MB free; free some space and open it"):
+            writer.close()
+    with open_recording(path) as recording:
+        assert recording.cameras["left"].event_count == 1000
