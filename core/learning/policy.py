@@ -83,9 +83,12 @@ def save_policy(policy: Policy, path: Path) -> None:
         "format": FORMAT,
         "hidden": policy.hidden,
         "output": policy.output,
-        "sees_racket_speed": json.dumps(policy.sees_racket_speed),
+        "sees_racket_speed": policy.sees_racket_speed,
     }
-    data = save({name: np.ascontiguousarray(t, np.float32) for name, t in tensors.items()}, about)
+    # One key: the order of several in the file is left to chance, and equal policies are to be equal files.
+    data = save(
+        {name: np.ascontiguousarray(t, np.float32) for name, t in tensors.items()}, {"about": json.dumps(about)}
+    )
     replace_file(path, data, durable=False)
 
 
@@ -97,19 +100,19 @@ def read_policy(path: Path) -> Policy:
     """
     try:
         with safe_open(path, "np") as file:
-            about = file.metadata() or {}
-            if about.get("format") != FORMAT:
-                raise ConfigError("not a policy of ours", expected=FORMAT, got=about.get("format"), where=path)
+            text = (file.metadata() or {}).get("about", "{}")
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
     except (OSError, SafetensorError) as error:
         raise ConfigError("cannot read the policy", got=str(error), where=path) from error
     try:
+        about = json.loads(text)
+        if about.get("format") != FORMAT:
+            raise ConfigError("not a policy of ours", expected=FORMAT, got=about.get("format"), where=path)
         count = sum(name.startswith("weight_") for name in tensors)
         layers = tuple((tensors[f"weight_{i}"], tensors[f"bias_{i}"]) for i in range(count))
-        hidden, output = about["hidden"], about["output"]
-        sees = json.loads(about["sees_racket_speed"])
+        hidden, output, sees = about["hidden"], about["output"], about["sees_racket_speed"]
         incoming, racket = tensors["incoming_mps"], tensors["racket_mps"]
-    except (KeyError, ValueError) as error:
+    except (AttributeError, KeyError, ValueError) as error:
         raise ConfigError("an incomplete policy", got=str(error), where=path) from error
     return _checked(layers, hidden, output, sees, incoming, racket, path)
 

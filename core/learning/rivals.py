@@ -82,6 +82,7 @@ class Rival:
         from stable_baselines3.common.callbacks import BaseCallback
 
         rival = self
+        torch.set_num_threads(1)
 
         class Watch(BaseCallback):
             def _on_step(self) -> bool:

@@ -9,8 +9,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import torch
-
 from core.learning.atomic import load_checkpoint, save_checkpoint
 from core.learning.config import RunConfig
 from core.learning.control import (
@@ -46,8 +44,6 @@ def run_training(run: Path, *, progress: Progress, stopped: Callable[[], bool]) 
     with hold_run(run):
         if read_control(run).wish != "run":
             write_control(run, replace(read_control(run), wish="run"))
-        # Small matrices: a second thread costs more than it gives, and one thread always adds in the same order.
-        torch.set_num_threads(1)
         process = RunProcess(run, config, progress, stopped)
         try:
             return process.train()

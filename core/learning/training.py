@@ -6,6 +6,7 @@ Read it with `ddpg.py` (the networks) and `reward.py`: together they are the pap
 from __future__ import annotations
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from core.errors import ConfigError
@@ -28,6 +29,8 @@ class Training:
     """A seed of a run, always between two episodes."""
 
     def __init__(self, config: RunConfig, seed: int) -> None:
+        # Small matrices: a second thread costs more than it gives, and one thread always adds in the same order.
+        torch.set_num_threads(1)
         self.config = config
         self.seed = seed
         self._rng = np.random.default_rng([seed, CHOICES])

@@ -1,0 +1,60 @@
+"""`rallyscope train` and `evaluate` as a user types them."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from app.cli import main
+
+SHORT = ["--agent", "landing-model", "--state-source", "truth"]
+
+
+def test_a_run_is_trained_refused_twice_and_evaluated(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = str(tmp_path / "run")
+    options = ["--speeds", "5,6", "--episodes", "40,20", "--seeds", "2", "--out", run]
+    assert main(["train", *SHORT, *options, "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["state"] == "finished" and [seed["seed"] for seed in report["seeds"]] == [0, 1]
+    assert main(["train", *SHORT, *options]) == 2
+    assert "there is a run already" in capsys.readouterr().err
+    assert main(["train", "--resume", "--out", run]) == 0
+    assert "finished" in capsys.readouterr().out
+    assert main(["evaluate", run, "--balls", "50", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [(row["speed_mps"], row["balls"], row["seeds"]) for row in rows] == [(5.0, 50, 2), (6.0, 50, 2)]
+    for row in rows:
+        assert 0 <= row["returned"] <= 1
+        assert set(row["error_mm"]) == set(row["error_returned_mm"]) == {"mean", "std", "median", "p95"}
+        assert set(row["baselines"]) == {"zero", "random", "constant_centre", "oracle"}
+        assert row["baselines"]["oracle"]["error_mm"] < row["error_mm"]["mean"]
+    assert main(["evaluate", run, "--balls", "20"]) == 0
+    assert "constant centre" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--speeds", "3,x"], "numbers with commas"),
+        (["--speeds", "2"], "3 to 9 m/s"),
+        (["--speeds", "3,5,7", "--episodes", "10,20"], "one number of episodes per speed"),
+        (["--episodes", "0"], "whole numbers above 0"),
+        (["--agent", "dqn"], "invalid choice"),
+        (["--source", "http://x"], "source"),
+        (["--resume", "--seeds", "3"], "keeps its settings"),
+        (["--resume"], "not a training run"),
+        (["--config", "nowhere.toml"], "cannot read the config"),
+    ],
+)
+def test_a_bad_argument_gets_one_clear_line(
+    options: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["train", *options, "--out", str(tmp_path / "run")]) == 2
+    error = capsys.readouterr().err
+    assert told in error and len(error.strip().splitlines()) == 1
+    assert not (tmp_path / "run" / "config.toml").exists()
+
+
+def test_evaluate_needs_a_trained_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["evaluate", str(tmp_path)]) == 2
+    assert "not a training run" in capsys.readouterr().err
