@@ -1,0 +1,46 @@
+"""Boxes round balls, for formats that know no points. Edges count from the corner: a pixel's centre is at +0.5."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from core.events import SensorSize
+from labels.model import Label
+
+HALF_PIXEL = 0.5
+"""From our pixel-centre convention to formats in which 0 is the outer edge of the first pixel."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Edge-based, inside the picture."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+    clipped: bool
+    """The ball is cut off by the edge of the picture: the box's centre is not the ball's."""
+
+
+def box_of(label: Label, sensor: SensorSize, default_radius_px: float) -> Box | None:
+    """The part inside the picture of the box round a ball; None without a position or if nothing is inside."""
+    if label.x_px is None or label.y_px is None:
+        return None
+    x, y, r = label.x_px + HALF_PIXEL, label.y_px + HALF_PIXEL, label.r_px or default_radius_px
+    edges = (x - r, y - r, x + r, y + r)
+    width, height = sensor.width_px, sensor.height_px
+    inside = (max(edges[0], 0.0), max(edges[1], 0.0), min(edges[2], width), min(edges[3], height))
+    if inside[2] <= inside[0] or inside[3] <= inside[1]:
+        return None
+    return Box(*inside, clipped=inside != edges)
+
+
+def losses_of_box(label: Label, box: Box | None) -> list[str]:
+    """What a box does not say of a label."""
+    if label.x_px is None:
+        return []
+    if box is None:
+        return ["position outside the picture: written without a box"]
+    losses = ["no radius: the box has the default size"] if label.r_px is None else []
+    return [*losses, "cut off by the edge: the box's centre is not the ball's"] if box.clipped else losses

@@ -1,0 +1,65 @@
+"""Plain CSV: one row a label with everything it says, pixel centres at whole numbers, times in microseconds."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+from core.errors import LabelError
+from labels.formats.exchange import (
+    Collector,
+    Exported,
+    ExportOptions,
+    Format,
+    ImportContext,
+    Imported,
+    LabelSet,
+    files_at,
+    picture_name,
+    read_text,
+    write_text,
+)
+from labels.formats.flat import COLUMNS, REQUIRED, flat_row, label_of_row
+
+
+def write_csv(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
+    """`<camera>.csv` in the folder."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(COLUMNS), lineterminator="\n")
+    writer.writeheader()
+    for label in labels.labels:
+        writer.writerow({name: "" if value is None else value for name, value in flat_row(label).items()})
+    name = picture_name(labels.camera, 0).rsplit("_t", 1)[0]
+    return Exported((write_text(folder / f"{name}.csv", text.getvalue()),), ())
+
+
+def read_csv(path: Path, context: ImportContext) -> Imported:
+    """Every CSV file of a folder, or one. Columns are found by their names; unknown ones are refused."""
+    collector = Collector()
+    for file in files_at(path, ".csv", collector):
+        text = read_text(file, collector)
+        if text is not None:
+            _read_file(text, file, context, collector)
+    return collector.done()
+
+
+def _read_file(text: str, file: Path, context: ImportContext, collector: Collector) -> None:
+    reader = csv.reader(io.StringIO(text.replace("\0", "\ufffd")))
+    header = [name.strip() for name in next(reader, [])]
+    unknown, missing = [name for name in header if name not in COLUMNS], set(REQUIRED) - set(header)
+    if unknown or missing or len(set(header)) != len(header):
+        found = ", ".join(header)[:200]
+        collector.reject(file, 1, f"not a label table; expected columns {', '.join(REQUIRED)}, ..., got {found}")
+        return
+    for fields in reader:
+        with collector.entry(file, reader.line_num):
+            if not fields:
+                continue
+            if len(fields) != len(header):
+                raise LabelError("wrong number of fields", expected=len(header), got=len(fields))
+            row = dict(zip(header, (field.strip() for field in fields), strict=True))
+            collector.add(label_of_row(row, context.origin), file, reader.line_num)
+
+
+PLAIN_CSV = Format("csv", "plain CSV with every field", write_csv, read_csv)

@@ -1,0 +1,130 @@
+"""Labels in HDF5: the group `/labels/<camera>` of a recording, or of a file of its own.
+
+A recording is never changed in place: a kill in the middle would damage hours of data. It is copied, the copy gets the
+group, and takes the recording's place in one step.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from contextlib import suppress
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from core.errors import LabelError
+from labels.formats.exchange import Collector, Exported, ExportOptions, Format, ImportContext, Imported, LabelSet
+from labels.formats.flat import COLUMNS, REQUIRED, Value, flat_row, label_of_row
+
+VERSION = 1
+NO_NUMBER = -1
+"""For whole numbers that a label does not say; all real ones are 0 or more."""
+
+
+def write_hdf5(labels: LabelSet, path: Path, options: ExportOptions) -> Exported:
+    """Into the recording at `path`, or into a new file if there is none; an earlier group of the camera is replaced.
+
+    Raises:
+        LabelError: if the file is another recording, or cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if path.exists():
+            shutil.copyfile(path, partial)
+        with h5py.File(partial, "a") as file:
+            _write_group(file, labels, path)
+        with open(partial, "rb") as written:
+            os.fsync(written.fileno())
+        os.replace(partial, path)
+    except OSError as error:
+        raise LabelError("cannot write labels into it", got=error.strerror or error, where=path) from error
+    finally:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
+    return Exported((path,), ())
+
+
+def _write_group(file: h5py.File, labels: LabelSet, path: Path) -> None:
+    uuid = file.attrs.get("uuid", labels.recording_uuid)
+    if uuid != labels.recording_uuid:
+        raise LabelError("labels of another recording", expected=labels.recording_uuid, got=uuid, where=path)
+    file.attrs["uuid"] = uuid
+    name = f"/labels/{_group_name(labels.camera)}"
+    if name in file:
+        del file[name]
+    group = file.create_group(name)
+    group.attrs["version"] = VERSION
+    group.attrs["annotator"] = labels.annotator
+    group.attrs["coordinates"] = "pixel centres at whole numbers, distorted picture"
+    group.attrs["width"], group.attrs["height"] = labels.sensor.width_px, labels.sensor.height_px
+    rows = [flat_row(label) for label in labels.labels]
+    for column, kind in COLUMNS.items():
+        values = [row[column] for row in rows]
+        group.create_dataset(column, data=_column(values, kind), compression="gzip" if rows else None)
+
+
+def _column(values: list[Value], kind: type) -> np.ndarray:
+    if kind is str:
+        encoded = [str(value).encode() for value in values]
+        return np.array(encoded, f"S{max(map(len, encoded), default=1) or 1}")
+    if kind is int:
+        return np.array([NO_NUMBER if value is None else value for value in values], np.int64)
+    return np.array([np.nan if value is None else value for value in values], np.float64)
+
+
+def read_hdf5(path: Path, context: ImportContext) -> Imported:
+    """The labels of the context's camera, or of the only one in the file; rejections count rows from 1."""
+    collector = Collector()
+    if not path.is_file():
+        collector.reject(path, 1, "no such file")
+        return collector.done()
+    try:
+        with h5py.File(path, "r") as file:
+            _read_file(file, path, context, collector)
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # what h5py raises for damaged files
+        collector.reject(path, 1, f"not a readable HDF5 file: {error}")
+    return collector.done()
+
+
+def _read_file(file: h5py.File, path: Path, context: ImportContext, collector: Collector) -> None:
+    groups = file.get("labels")
+    names = sorted(groups) if isinstance(groups, h5py.Group) else []
+    chosen = _group_name(context.camera) if context.camera else (names[0] if len(names) == 1 else "")
+    if not isinstance(groups, h5py.Group) or chosen not in names:
+        collector.reject(path, 1, f"no labels of camera {context.camera!r}; under /labels are {names}")
+        return
+    read_group(groups[chosen], path, context, collector)
+
+
+def _group_name(camera: str) -> str:
+    return camera.replace("/", "%2F")
+
+
+def read_group(group: object, path: Path, context: ImportContext, collector: Collector) -> None:
+    """The labels of one `/labels/<camera>`."""
+    if not isinstance(group, h5py.Group):
+        collector.reject(path, 1, "not a group of columns")
+        return
+    columns = {name: item[()] for name, item in group.items() if isinstance(item, h5py.Dataset) and name in COLUMNS}
+    missing = set(REQUIRED) - set(columns)
+    if missing or len({np.shape(column) for column in columns.values()}) != 1:
+        collector.reject(path, 1, f"columns of /labels are missing or differ in length: {sorted(missing)}")
+        return
+    for row in range(len(columns["t_us"])):
+        with collector.entry(path, row + 1):
+            texts = {name: _text(column[row], COLUMNS[name]) for name, column in columns.items()}
+            collector.add(label_of_row(texts, context.origin), path, row + 1)
+
+
+def _text(value: object, kind: type) -> str:
+    if kind is str:
+        return value.decode() if isinstance(value, bytes) else str(value)
+    if kind is int:
+        return "" if value == NO_NUMBER else str(value)
+    return "" if np.isnan(value) else repr(float(value))  # pyright: ignore[reportCallIssue, reportArgumentType]
+
+
+HDF5 = Format("hdf5", "the group /labels/<camera> of a recording", write_hdf5, read_hdf5)

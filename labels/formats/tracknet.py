@@ -1,0 +1,151 @@
+"""TrackNet CSV: a row for every picture of a clip, numbered from 0, whole pixels of the original size.
+
+Three dialects are read by their headers: TrackNetV2 and V3 (`Frame,Visibility,X,Y`), the labelling tool imgLabel
+(`Frame,Ball,x,y`, shares of the picture) and the tennis set of TrackNet v1 (`file name,visibility,...`). The first is
+written. The format has no way to say that nobody looked at a picture, so such clips are refused unless told to drop
+these pictures. `frames.csv` beside it holds the time of each number.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+
+from core.errors import LabelError
+from labels.formats.exchange import (
+    Collector,
+    Exported,
+    ExportOptions,
+    Format,
+    ImportContext,
+    Imported,
+    LabelSet,
+    count_losses,
+    files_at,
+    finite,
+    picture_name,
+    read_text,
+    write_text,
+)
+from labels.model import Label, State
+
+HEADER = ["Frame", "Visibility", "X", "Y"]
+IMGLABEL_HEADER = ["Frame", "Ball", "x", "y"]
+TENNIS_START = ["file name", "visibility", "x-coordinate", "y-coordinate"]
+FRAMES = "frames.csv"
+FRAMES_HEADER = ["frame", "t_us"]
+
+
+def write_tracknet(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
+    """`<camera>_ball.csv` and `frames.csv`.
+
+    Raises:
+        LabelError: if pictures are unchecked and `drop_unchecked` is off.
+    """
+    if labels.unchecked_us and not options.drop_unchecked:
+        raise LabelError(
+            f"{len(labels.unchecked_us)} pictures of this clip are unchecked, and TrackNet would call them empty",
+            got=f"the first one at {labels.unchecked_us[0]} us",
+            remedy="label them, or leave them out with --unchecked drop",
+        )
+    losses = ["provenance, covariance and radius"] * bool(labels.labels)
+    rows = []
+    for number, label in enumerate(labels.labels):
+        found = label.state.seen and label.x_px is not None and label.y_px is not None
+        losses += [f"state {label.state}"] if label.state not in (State.VISIBLE, State.NO_BALL) else []
+        x, y = (label.x_px, label.y_px) if found else (0.0, 0.0)
+        assert x is not None and y is not None
+        if found and options.whole_pixels:
+            losses.append("position rounded to whole pixels")
+            x, y = float(np.floor(x + 0.5)), float(np.floor(y + 0.5))
+        if found and (x, y) == (0.0, 0.0):
+            losses.append("a ball at (0, 0), which TrackNet's evaluation takes for none")
+        text = [f"{value:.0f}" if options.whole_pixels or not found else f"{value:.3f}" for value in (x, y)]
+        rows.append(f"{number},{int(found)},{text[0]},{text[1]}")
+    name = picture_name(labels.camera, 0).rsplit("_t", 1)[0]
+    main = write_text(folder / f"{name}_ball.csv", "\n".join([",".join(HEADER), *rows, ""]))
+    times = [f"{number},{label.t_us}" for number, label in enumerate(labels.labels)]
+    frames = write_text(folder / FRAMES, "\n".join([",".join(FRAMES_HEADER), *times, ""]))
+    return Exported((main, frames), count_losses(losses))
+
+
+def read_tracknet(path: Path, context: ImportContext) -> Imported:
+    """Every CSV file of a folder, or one; times come from `frames.csv` beside it, else from the context."""
+    collector = Collector()
+    folder = path if path.is_dir() else path.parent
+    times = _read_times(folder / FRAMES, collector) if (folder / FRAMES).is_file() else None
+    for file in files_at(path, ".csv", collector):
+        text = None if file.name == FRAMES else read_text(file, collector)
+        if text is not None:
+            _read_file(text, file, times, context, collector)
+    return collector.done()
+
+
+def _read_file(
+    text: str, file: Path, times: dict[int, int] | None, context: ImportContext, collector: Collector
+) -> None:
+    rows = _rows(text)
+    header = [name.strip() for name in rows[0][1]] if rows else []
+    if header != HEADER and header != IMGLABEL_HEADER and header[:4] != TENNIS_START:
+        expected = f"{','.join(HEADER)} or {','.join(IMGLABEL_HEADER)} or {','.join(TENNIS_START)},..."
+        collector.reject(file, 1, f"not a TrackNet file; expected {expected}")
+        return
+    for line, fields in rows[1:]:
+        with collector.entry(file, line):
+            if len(fields) != len(header):
+                raise LabelError("wrong number of fields", expected=len(header), got=len(fields))
+            t_us = _time_of(fields[0].strip(), header, times, context)
+            collector.add(_label_of(fields, header, t_us, context), file, line)
+
+
+def _time_of(text: str, header: list[str], times: dict[int, int] | None, context: ImportContext) -> int:
+    if header[:1] == TENNIS_START[:1]:
+        return context.time_of(text)
+    number = int(text)
+    if times is None:
+        return context.time_of_frame(number)
+    if number not in times:
+        raise LabelError(f"frame {number} is not in {FRAMES}")
+    return times[number]
+
+
+def _label_of(fields: list[str], header: list[str], t_us: int, context: ImportContext) -> Label:
+    visibility = int(fields[1])
+    if visibility == 0:
+        return context.make(t_us, State.NO_BALL)
+    if visibility not in (1, 2, 3):
+        raise LabelError("unknown visibility", expected="0 to 3", got=visibility)
+    x, y = finite(fields[2], "x"), finite(fields[3], "y")
+    if header == IMGLABEL_HEADER:
+        # Qt counts from the corner of the picture.
+        x, y = x * context.sensor.width_px - 0.5, y * context.sensor.height_px - 0.5
+    hidden = {1: State.VISIBLE, 2: State.PARTLY_OCCLUDED, 3: State.OCCLUDED}
+    return context.make(t_us, hidden[visibility], x, y)
+
+
+def _read_times(file: Path, collector: Collector) -> dict[int, int]:
+    text = read_text(file, collector)
+    rows = _rows(text or "")
+    if not rows or rows[0][1] != FRAMES_HEADER:
+        collector.reject(file, 1, f"expected {','.join(FRAMES_HEADER)}")
+        return {}
+    times: dict[int, int] = {}
+    for line, fields in rows[1:]:
+        with collector.entry(file, line):
+            number, t_us = (int(field) for field in fields)
+            if number in times:
+                raise LabelError(f"frame {number} twice")
+            times[number] = t_us
+    return times
+
+
+def _rows(text: str) -> list[tuple[int, list[str]]]:
+    """Rows that are not empty, with their line numbers."""
+    reader = csv.reader(io.StringIO(text.replace("\0", "\ufffd")), strict=False)
+    return [(reader.line_num, fields) for fields in reader if fields]
+
+
+TRACKNET = Format("tracknet", "TrackNetV2/V3 CSV", write_tracknet, read_tracknet, pictures=True)

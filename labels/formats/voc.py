@@ -1,0 +1,161 @@
+"""Pascal VOC as LabelImg 1.8 writes it: one XML a picture, boxes of whole pixels.
+
+LabelImg's boxes are edges counted from 0, truncated to whole pixels, and at least 1. Ours are rounded, which halves the
+error (0.24 px instead of 0.74 on average) and has no bias. What LabelImg made is read without the half pixel between
+its edges and our pixel centres: on average the truncation has taken it off already.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.sax.saxutils import escape, quoteattr
+
+from core.errors import LabelError
+from labels.formats.boxes import HALF_PIXEL, Box, box_of, losses_of_box
+from labels.formats.exchange import (
+    CLASS_NAME,
+    Collector,
+    Exported,
+    ExportOptions,
+    Format,
+    ImportContext,
+    Imported,
+    LabelSet,
+    count_losses,
+    files_at,
+    finite,
+    picture_name,
+    read_text,
+    write_text,
+)
+from labels.formats.safe_xml import Node, XmlError, parse_xml
+from labels.model import Label, State
+
+EXTRA = "ballcentre"
+
+
+def write_voc(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
+    """One XML file for each label."""
+    files, losses = [], []
+    for label in labels.labels:
+        name = picture_name(labels.camera, label.t_us)
+        box = box_of(label, labels.sensor, options.default_radius_px)
+        if not options.own_extras:
+            losses += losses_of_box(label, box)
+            losses += [f"state {label.state}"] if label.state not in (State.VISIBLE, State.NO_BALL) else []
+            losses += ["position rounded to whole pixels"] if box and options.whole_pixels else []
+        files.append(write_text(folder / f"{name}.xml", _document(labels, label, box, folder.name, name, options)))
+    return Exported(tuple(files), (*count_losses(losses), *(("provenance and covariance",) if labels.labels else ())))
+
+
+def _document(labels: LabelSet, label: Label, box: Box | None, folder: str, name: str, options: ExportOptions) -> str:
+    lines = [
+        "<annotation>",
+        f"\t<folder>{escape(folder)}</folder>",
+        f"\t<filename>{escape(name)}.png</filename>",
+        f"\t<path>{escape(name)}.png</path>",
+        "\t<source>",
+        "\t\t<database>Unknown</database>",
+        "\t</source>",
+        "\t<size>",
+        f"\t\t<width>{labels.sensor.width_px}</width>",
+        f"\t\t<height>{labels.sensor.height_px}</height>",
+        "\t\t<depth>1</depth>",
+        "\t</size>",
+        "\t<segmented>0</segmented>",
+    ]
+    if box is not None:
+        lines += _object(label, box, labels, options)
+    elif options.own_extras:
+        lines.append(f"\t{_extra(label)}")
+    return "\n".join([*lines, "</annotation>", ""])
+
+
+def _object(label: Label, box: Box, labels: LabelSet, options: ExportOptions) -> list[str]:
+    edges = (max(box.x0, 1.0), max(box.y0, 1.0), box.x1, box.y1)
+    if options.whole_pixels:
+        texts = [str(int(edge + 0.5)) for edge in edges]
+        edges = tuple(float(text) for text in texts)
+    else:
+        texts = [f"{edge:.4f}" for edge in edges]
+    at_edge = edges[0] <= 1 or edges[1] <= 1 or edges[2] >= labels.sensor.width_px
+    truncated = box.clipped or at_edge or edges[3] >= labels.sensor.height_px
+    return [
+        "\t<object>",
+        f"\t\t<name>{CLASS_NAME}</name>",
+        "\t\t<pose>Unspecified</pose>",
+        f"\t\t<truncated>{int(truncated)}</truncated>",
+        f"\t\t<difficult>{int(label.state is not State.VISIBLE)}</difficult>",
+        "\t\t<bndbox>",
+        *(f"\t\t\t<{tag}>{text}</{tag}>" for tag, text in zip(("xmin", "ymin", "xmax", "ymax"), texts, strict=True)),
+        "\t\t</bndbox>",
+        *([f"\t\t{_extra(label)}"] if options.own_extras else []),
+        "\t</object>",
+    ]
+
+
+def _extra(label: Label) -> str:
+    values = {"t_us": label.t_us, "state": label.state, "x": label.x_px, "y": label.y_px, "r": label.r_px}
+    known = " ".join(f"{name}={quoteattr(str(value))}" for name, value in values.items() if value is not None)
+    return f"<{EXTRA} {known}/>"
+
+
+def read_voc(path: Path, context: ImportContext) -> Imported:
+    """Every XML file of a folder, or one."""
+    collector = Collector()
+    for file in files_at(path, ".xml", collector):
+        text = read_text(file, collector)
+        if text is None:
+            continue
+        try:
+            root = parse_xml(text)
+        except XmlError as error:
+            collector.reject(file, error.line, error)
+            continue
+        _read_annotation(root, file, context, collector)
+    return collector.done()
+
+
+def _read_annotation(root: Node, file: Path, context: ImportContext, collector: Collector) -> None:
+    with collector.entry(file, root.line):
+        if root.tag != "annotation":
+            raise LabelError("not a Pascal VOC file", expected="<annotation>", got=f"<{root.tag}>")
+        picture = root.child("filename")
+        name = picture.text.strip() if picture is not None and picture.text.strip() else file.name
+        objects = list(root.all("object"))
+        extra = root.child(EXTRA)
+        if extra is not None and not objects:
+            collector.add(_label_of_extra(extra, context), file, extra.line)
+        elif not objects:
+            collector.add(context.make(context.time_of(name), State.NO_BALL), file, root.line)
+        for item in objects:
+            with collector.entry(file, item.line):
+                if item.value("name") != CLASS_NAME:
+                    raise LabelError(f"class {item.value('name')!r} is not {CLASS_NAME!r}")
+                extra = item.child(EXTRA)
+                label = _label_of_box(item, name, context) if extra is None else _label_of_extra(extra, context)
+                collector.add(label, file, item.line)
+
+
+def _label_of_extra(extra: Node, context: ImportContext) -> Label:
+    x, y, r = (finite(extra.attributes[name], name) if name in extra.attributes else None for name in ("x", "y", "r"))
+    return context.make(int(extra.attribute("t_us")), State(extra.attribute("state")), x, y, r)
+
+
+def _label_of_box(item: Node, name: str, context: ImportContext) -> Label:
+    bounds = item.child("bndbox")
+    if bounds is None:
+        raise LabelError("<object> has no <bndbox>")
+    texts = [bounds.value(tag) for tag in ("xmin", "ymin", "xmax", "ymax")]
+    x0, y0, x1, y1 = (finite(text, "an edge of the box") for text in texts)
+    if x1 <= x0 or y1 <= y0:
+        raise LabelError("the box is empty", got=(x0, y0, x1, y1))
+    shift = 0.0 if all(edge.is_integer() for edge in (x0, y0, x1, y1)) else HALF_PIXEL
+    difficult = item.child("difficult")
+    partly = difficult is not None and difficult.text.strip() not in ("", "0")
+    state = State.PARTLY_OCCLUDED if partly else State.VISIBLE
+    radius = (x1 - x0 + y1 - y0) / 4
+    return context.make(context.time_of(name), state, (x0 + x1) / 2 - shift, (y0 + y1) / 2 - shift, radius)
+
+
+VOC = Format("voc", "Pascal VOC XML as LabelImg writes it", write_voc, read_voc, pictures=True)

@@ -1,0 +1,156 @@
+"""YOLO text files, for detection (a box) and for pose (a box and the centre as its one keypoint).
+
+One file a picture: empty where a person saw no ball, absent where nobody looked. Numbers are shares of the picture,
+counted from its corner. `classes.txt` is LabelImg's list of names, `data.yaml` that of Ultralytics.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import yaml
+
+from core.errors import LabelError
+from labels.formats.boxes import HALF_PIXEL, Box, box_of, losses_of_box
+from labels.formats.exchange import (
+    CLASS_NAME,
+    Collector,
+    Exported,
+    ExportOptions,
+    Format,
+    ImportContext,
+    Imported,
+    LabelSet,
+    count_losses,
+    files_at,
+    finite,
+    picture_name,
+    read_text,
+    write_text,
+)
+from labels.model import Label, State
+
+CLASSES = "classes.txt"
+PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
+"""Visibility of a keypoint: occluded, visible."""
+
+
+def write_yolo(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
+    """Boxes."""
+    return _write(labels, folder, options, pose=False)
+
+
+def write_yolo_pose(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
+    """Boxes with the ball's centre as a keypoint."""
+    return _write(labels, folder, options, pose=True)
+
+
+def _write(labels: LabelSet, folder: Path, options: ExportOptions, *, pose: bool) -> Exported:
+    files = [write_text(folder / CLASSES, f"{CLASS_NAME}\n"), write_text(folder / "data.yaml", _yaml_text(pose))]
+    losses: list[str] = ["provenance and covariance"] * bool(labels.labels)
+    for label in labels.labels:
+        box = box_of(label, labels.sensor, options.default_radius_px) if label.state is not State.OUT_OF_FRAME else None
+        losses += losses_of_box(label, box)
+        kept = (State.VISIBLE, State.PARTLY_OCCLUDED, State.NO_BALL) if pose else (State.VISIBLE, State.NO_BALL)
+        losses += [f"state {label.state}"] if label.state not in kept else []
+        text = "" if box is None else _line(label, box, labels, pose)
+        files.append(write_text(folder / f"{picture_name(labels.camera, label.t_us)}.txt", text))
+    return Exported(tuple(files), count_losses(losses))
+
+
+def _line(label: Label, box: Box, labels: LabelSet, pose: bool) -> str:
+    width, height = labels.sensor.width_px, labels.sensor.height_px
+    xc, yc, w, h = (box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2, box.x1 - box.x0, box.y1 - box.y0
+    text = f"0 {xc / width:.6f} {yc / height:.6f} {w / width:.6f} {h / height:.6f}"
+    if pose:
+        assert label.x_px is not None and label.y_px is not None, "a box has a position"
+        x = min(max((label.x_px + HALF_PIXEL) / width, 0.0), 1.0)
+        y = min(max((label.y_px + HALF_PIXEL) / height, 0.0), 1.0)
+        text += f" {x:.6f} {y:.6f} {WHOLLY_VISIBLE if label.state is State.VISIBLE else PARTLY_VISIBLE}"
+    return f"{text}\n"
+
+
+def _yaml_text(pose: bool) -> str:
+    text = f"path: .\ntrain: .\nval: .\nnc: 1\nnames:\n  0: {CLASS_NAME}\n"
+    return f"{text}kpt_shape: [1, 3]\nflip_idx: [0]\n" if pose else text
+
+
+def read_yolo(path: Path, context: ImportContext) -> Imported:
+    """Every text file of a folder, of boxes or of poses."""
+    collector = Collector()
+    folder = path if path.is_dir() else path.parent
+    ball = _ball_class(folder, collector)
+    for file in files_at(path, ".txt", collector):
+        if file.name == CLASSES:
+            continue
+        text = read_text(file, collector)
+        if text is not None:
+            _read_file(text, file, ball, context, collector)
+    return collector.done()
+
+
+def _read_file(text: str, file: Path, ball: int | None, context: ImportContext, collector: Collector) -> None:
+    lines = [(number, line.split()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    if not lines:
+        with collector.entry(file, 1):
+            collector.add(context.make(context.time_of(file.name), State.NO_BALL), file, 1)
+    for number, fields in lines:
+        with collector.entry(file, number):
+            if len(fields) not in (5, 6, 8):
+                expected = "5 fields (6 with a confidence, 8 with a keypoint)"
+                raise LabelError("not a line of YOLO", expected=expected, got=len(fields))
+            if int(fields[0]) != ball:
+                raise LabelError(f"class {fields[0]} is not {CLASS_NAME!r}")
+            collector.add(_label_of(fields, context.time_of(file.name), context), file, number)
+
+
+def _label_of(fields: list[str], t_us: int, context: ImportContext) -> Label:
+    numbers = [finite(field, f"field {number}") for number, field in enumerate(fields[1:], start=2)]
+    if not all(0.0 <= number <= 1.0 for number in numbers[:4]):
+        raise LabelError("outside the picture", expected="shares of it, 0 to 1", got=numbers[:4])
+    width, height = context.sensor.width_px, context.sensor.height_px
+    x, y, w, h = numbers[:4]
+    radius = (w * width + h * height) / 4
+    if not radius > 0:
+        raise LabelError("the box is empty", got=numbers[:4])
+    state = State.VISIBLE
+    if len(numbers) == 7 and numbers[6] > 0:
+        x, y = numbers[4:6]
+        state = State.VISIBLE if numbers[6] >= WHOLLY_VISIBLE else State.PARTLY_OCCLUDED
+        # The box may be cut off by an edge; its larger side still shows the radius.
+        radius = max(w * width, h * height) / 2
+    return context.make(t_us, state, x * width - HALF_PIXEL, y * height - HALF_PIXEL, radius)
+
+
+def _ball_class(folder: Path, collector: Collector) -> int | None:
+    """The number that means a ball here, from the names: numbers change meaning when a list is edited."""
+    names: list[str] = []
+    if (folder / CLASSES).is_file():
+        names = (read_text(folder / CLASSES, collector) or "").split("\n")
+        names = [name.strip() for name in names]
+    elif (folder / "data.yaml").is_file():
+        names = _yaml_names(folder / "data.yaml", collector)
+    else:
+        return 0
+    if CLASS_NAME not in names:
+        known = [name for name in names if name][:20]
+        collector.reject(folder / CLASSES, 1, f"no class {CLASS_NAME!r} among {known}")
+        return None
+    return names.index(CLASS_NAME)
+
+
+def _yaml_names(file: Path, collector: Collector) -> list[str]:
+    try:
+        content = yaml.safe_load(read_text(file, collector) or "")
+    except yaml.YAMLError as error:
+        collector.reject(file, 1, f"not YAML: {error}")
+        return []
+    names = content.get("names") if isinstance(content, dict) else None
+    if isinstance(names, dict):
+        whole = {key: value for key, value in names.items() if isinstance(key, int) and 0 <= key < 10_000}
+        return [str(whole.get(index, "")) for index in range(max(whole, default=-1) + 1)]
+    return [str(name) for name in names] if isinstance(names, list) else []
+
+
+YOLO = Format("yolo", "YOLO text files with boxes", write_yolo, read_yolo, pictures=True)
+YOLO_POSE = Format("yolo-pose", "YOLO text files with the centre as a keypoint", write_yolo_pose, read_yolo, True)

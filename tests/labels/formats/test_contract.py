@@ -1,0 +1,163 @@
+"""What every exchange format has to do."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from labels.formats import FORMATS, ExportOptions, Format, ImportContext, LabelSet
+from labels.model import Label, Provenance, State
+from labels.trials.damage import damage_and_read
+
+WORST_ERROR_PX = {
+    "voc": 0.0,
+    "yolo": 0.01,
+    "yolo-pose": 0.01,
+    "coco": 0.01,
+    "tracknet": 0.71,
+    "cvat": 0.01,
+    "csv": 0.0,
+    "hdf5": 0.0,
+}
+EXACT = ("csv", "hdf5")
+KEEPS_STATES = ("voc", "coco", "cvat", "csv", "hdf5")
+
+
+@pytest.fixture(params=sorted(FORMATS))
+def kind(request: pytest.FixtureRequest) -> Format:
+    return FORMATS[request.param]
+
+
+def target(kind: Format, folder: Path) -> Path:
+    return folder / "labels.h5" if kind.name == "hdf5" else folder / "größe 1"
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()}
+
+
+def without_provenance(label: Label) -> Label:
+    return dataclasses.replace(label, provenance=Provenance(), covariance_px2=None)
+
+
+def test_whole_balls_come_back_where_they_were(
+    kind: Format, balls: LabelSet, context: ImportContext, tmp_path: Path
+) -> None:
+    written = kind.write(balls, target(kind, tmp_path), ExportOptions())
+    assert written.files and all(file.is_file() for file in written.files)
+    imported = kind.read(target(kind, tmp_path), context)
+    assert imported.rejections == ()
+    assert [label.t_us for label in imported.labels] == [label.t_us for label in balls.labels]
+    assert [label.state for label in imported.labels] == [label.state for label in balls.labels]
+    errors = [
+        np.hypot(back.x_px - label.x_px, back.y_px - label.y_px)  # type: ignore[operator]
+        for back, label in zip(imported.labels, balls.labels, strict=True)
+        if label.x_px is not None
+    ]
+    assert len(errors) == 200
+    assert max(errors) <= WORST_ERROR_PX[kind.name]
+    if kind.name != "tracknet":
+        radii = [(back.r_px, label.r_px) for back, label in zip(imported.labels, balls.labels, strict=True)]
+        assert all(label == pytest.approx(back, abs=0.01) for back, label in radii if label is not None)
+
+
+def test_odd_labels_are_kept_or_their_loss_is_told(
+    kind: Format, odd: LabelSet, context: ImportContext, tmp_path: Path
+) -> None:
+    written = kind.write(odd, target(kind, tmp_path), ExportOptions())
+    imported = kind.read(target(kind, tmp_path), context)
+    assert imported.rejections == ()
+    assert [label.t_us for label in imported.labels] == [label.t_us for label in odd.labels]
+    if kind.name in EXACT:
+        assert imported.labels == odd.labels
+        assert written.losses == ()
+        return
+    changed = [
+        label.t_us for back, label in zip(imported.labels, odd.labels, strict=True) if back.state is not label.state
+    ]
+    lost = [loss for loss in written.losses if "state" in loss]
+    assert bool(changed) == bool(lost), (changed, written.losses)
+    assert (not changed) or kind.name not in KEEPS_STATES
+    if kind.name == "voc":
+        assert [without_provenance(back) for back in imported.labels] == [
+            without_provenance(label) for label in odd.labels
+        ]
+
+
+def test_the_same_labels_give_the_same_bytes(kind: Format, odd: LabelSet, tmp_path: Path) -> None:
+    if kind.name == "hdf5":  # HDF5 stores no times here, so even its bytes agree
+        first, second = (tmp_path / name / "labels.h5" for name in "ab")
+    else:
+        first, second = tmp_path / "a" / "x", tmp_path / "b" / "x"
+    kind.write(odd, first, ExportOptions())
+    kind.write(odd, second, ExportOptions())
+    assert contents(tmp_path / "a") == contents(tmp_path / "b")
+    assert not any(name.endswith(".part") for name in contents(tmp_path / "a"))
+
+
+def test_no_labels_at_all_are_a_legal_export(
+    kind: Format, balls: LabelSet, context: ImportContext, tmp_path: Path
+) -> None:
+    empty = dataclasses.replace(balls, labels=())
+    kind.write(empty, target(kind, tmp_path), ExportOptions())
+    assert kind.read(target(kind, tmp_path), context).labels == ()
+
+
+def test_nothing_to_read_is_a_rejection_that_names_the_place(
+    kind: Format, context: ImportContext, tmp_path: Path
+) -> None:
+    imported = kind.read(tmp_path / "nowhere", context)
+    assert imported.labels == ()
+    assert len(imported.rejections) == 1
+    assert str(imported.rejections[0]).startswith(f"{tmp_path / 'nowhere'}:1: ")
+
+
+def test_a_read_only_place_is_a_clear_error(kind: Format, odd: LabelSet) -> None:
+    from core.errors import LabelError
+
+    with pytest.raises(LabelError, match="cannot write"):
+        kind.write(odd, target(kind, Path("/proc/nowhere")), ExportOptions())
+
+
+def test_damaged_files_never_crash_an_import_nor_lose_a_label_silently(kind: Format, tmp_path: Path) -> None:
+    result = damage_and_read(kind, 50, np.random.default_rng(7), tmp_path / "damaged")
+    assert (result.crashes, result.silent_drops, result.nameless) == (0, 0, 0), result.first_problem
+    assert result.rejected > 5
+
+
+def test_the_damage_trial_notices_crashes_and_silent_drops(tmp_path: Path) -> None:
+    voc = FORMATS["voc"]
+
+    def crash(path: Path, context: ImportContext):
+        raise UnicodeDecodeError("utf-8", b"", 0, 1, "boom")
+
+    def drop(path: Path, context: ImportContext):
+        return dataclasses.replace(voc.read(path, context), labels=(), rejections=())
+
+    crashing = damage_and_read(dataclasses.replace(voc, read=crash), 3, np.random.default_rng(0), tmp_path / "d")
+    assert crashing.crashes == 3
+    dropping = damage_and_read(dataclasses.replace(voc, read=drop), 3, np.random.default_rng(0), tmp_path / "d")
+    assert dropping.silent_drops == 3
+
+
+def test_two_labels_of_one_time_are_one_label_and_one_rejection(context: ImportContext, tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text("t_us,state,x_px,y_px\n5,visible,1,2\n5,visible,3,4\n")
+    imported = FORMATS["csv"].read(file, context)
+    assert [label.x_px for label in imported.labels] == [1.0]
+    assert [str(rejection) for rejection in imported.rejections] == [
+        f"{file}:3: a second label at 5 us; the first one is kept"
+    ]
+
+
+def test_unvisited_pictures_have_no_file_and_no_row(balls: LabelSet, tmp_path: Path) -> None:
+    with_gaps = dataclasses.replace(balls, frames_us=tuple(range(0, 2_000_000, 2500)))
+    for name, format_ in FORMATS.items():
+        written = format_.write(with_gaps, target(format_, tmp_path / name), ExportOptions(drop_unchecked=True))
+        imported = format_.read(target(format_, tmp_path / name), ImportContext(balls.sensor))
+        assert len(imported.labels) == len(balls.labels), name
+        assert written.files
+    assert State.NO_BALL in {label.state for label in balls.labels}
