@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -171,8 +172,8 @@ def test_a_disk_too_full_for_the_last_step_loses_nothing(tmp_path, make_events, 
     writer = RecordingWriter(path, {"left": SENSOR})
     writer.append("left", make_events(1000, seed=1, duration_us=1000, sensor=SENSOR))
     with monkeypatch.context() as patch:
-        patch.setattr("shutil.disk_usage", lambda _: (100, 100, 0))
-        with pytest.raises(RecordingError, match=r"the disk is too full .* got 0 MB free; free some space and open it"):
+        patch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=0))
+        with pytest.raises(RecordingError, match=r"the disk is too full .* got 0 MB; free some space and open it"):
             writer.close()
     with open_recording(path) as recording:
         assert recording.cameras["left"].event_count == 1000
