@@ -58,9 +58,20 @@ class Lab:
         return self._server.get_port()
 
     @property
+    def workspace(self) -> Workspace:
+        """Its folder."""
+        return self._workspace
+
+    @property
     def viser_server(self) -> viser.ViserServer:
         """The server underneath."""
         return self._server
+
+    @property
+    def sessions(self) -> tuple[Session, ...]:
+        """The browsers that are connected now."""
+        with self._lock:
+            return tuple(self._sessions.values())
 
     def stop(self) -> None:
         """End everything."""
@@ -92,8 +103,7 @@ class Lab:
         rescanned_s = 0.0
         while not self._stopping:
             started_s = time.monotonic()
-            with self._lock:
-                sessions = list(self._sessions.values())
+            sessions = self.sessions
             if started_s - rescanned_s > RESCAN_EVERY_S:
                 rescanned_s = started_s
                 self._rescan(sessions)
@@ -110,7 +120,7 @@ class Lab:
                 self._awake.wait(IDLE_S)
             self._awake.clear()
 
-    def _rescan(self, sessions: list[Session]) -> None:
+    def _rescan(self, sessions: tuple[Session, ...]) -> None:
         try:
             recordings, configs = self._library.names(), self._workspace.config_names()
         except (OSError, CommandError):

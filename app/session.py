@@ -18,6 +18,7 @@ from app.library import Library
 from app.panels.recording_info import RecordingInfo, gather_info
 from app.plane import PicturePlane
 from app.playback import Playhead
+from app.sheet import Sheet
 from app.state import ClientState, Configs
 from app.views import Answer, TuneRequest, WatchRequest, answer_request
 from app.worker import LatestWins
@@ -127,6 +128,16 @@ class Session:
             self._interface.show_time(self._state, now_us)
             self._show_score_progress()
         self._request_picture(self._state, self._recording, now_us)
+
+    @property
+    def state(self) -> ClientState | None:
+        """What the browser has chosen; None until its first recording is open."""
+        return self._state
+
+    @property
+    def sheet(self) -> Sheet:
+        """What it shows now."""
+        return self._plane.sheet
 
     @property
     def restless(self) -> bool:

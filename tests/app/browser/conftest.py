@@ -1,0 +1,166 @@
+"""A running app and a headless Chromium that looks at it."""
+
+import io
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Browser, Locator, Page, sync_playwright
+
+from app.library import Library
+from app.server import Lab
+from app.session import Session
+from app.workspace import Workspace
+
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
+ARTIFACTS = Path(__file__).parents[3] / "test-artifacts"
+CANVAS = (slice(0, 495), slice(0, 870))
+"""Rows and columns of a 1280x720 window that the pictures fill."""
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Browser]:
+    binary = os.environ.get("RALLYSCOPE_CHROMIUM") or shutil.which("chromium")
+    if binary is None:
+        pytest.skip("no Chromium here; see tests/ensure_chromium.py")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=binary, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+class Window:
+    """One browser window, with the session that the app keeps for it."""
+
+    def __init__(self, page: Page, lab: Lab) -> None:
+        self.page = page
+        before = set(lab.sessions)
+        page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr=1")
+        # The software renderer makes viser show a note over the upper left corner: let clicks through.
+        page.add_style_tag(content="[class*=mantine-Notification] { pointer-events: none !important; }")
+        wait_for(lambda: set(lab.sessions) - before, "the browser to connect")
+        (self.session,) = set(lab.sessions) - before
+        wait_for(lambda: self.session.sheet.pictures, "the first picture")
+
+    @property
+    def state(self):
+        state = self.session.state
+        assert state is not None
+        return state
+
+    def press(self, name: str) -> None:
+        """Click the button of that name."""
+        self.page.get_by_role("button", name=name, exact=True).first.click()
+
+    def click_picture(self, x: int, y: int) -> None:
+        """Click into the canvas, arriving there as a hand does: the mouse moves before it presses."""
+        self.page.mouse.move(x - 20, y - 10)
+        self.page.mouse.move(x, y, steps=4)
+        self.page.wait_for_timeout(200)
+        self.page.mouse.click(x, y, delay=120)
+
+    def key(self, key: str) -> None:
+        """Press a key with the canvas in focus."""
+        self.click_picture(300, 440)
+        self.page.keyboard.press(key)
+
+    def field(self, label: str) -> Locator:
+        """The input that stands beside a label."""
+        return self.page.get_by_text(label, exact=True).locator("xpath=ancestor::*[.//input][1]").locator("input").last
+
+    def seek(self, t_us: int) -> None:
+        """Go to a time by its field."""
+        exact = self.page.get_by_text("Exact time, step and speed")
+        exact.click()
+        self.page.wait_for_timeout(400)
+        self.page.get_by_label("Time [µs]").fill(str(t_us))
+        exact.click()
+        wait_for(lambda: self.state.playhead.anchor_us == t_us, f"the cursor to reach {t_us} us")
+
+    def screenshot(self, name: str) -> np.ndarray:
+        """(720, 1280, 3) RGB of the window, also kept as a file to look at."""
+        self.page.evaluate("document.querySelectorAll('.mantine-Notification-root').forEach(note => note.remove())")
+        data = self.page.screenshot(timeout=60_000)
+        ARTIFACTS.mkdir(exist_ok=True)
+        (ARTIFACTS / f"{name}.png").write_bytes(data)
+        with Image.open(io.BytesIO(data)) as image:
+            return np.asarray(image.convert("RGB"))
+
+    def wait_for_pixels(self, name: str, there: Callable[[np.ndarray], bool]) -> np.ndarray:
+        """The first screenshot for which `there(canvas)` holds; textures arrive some frames after their message."""
+        for _ in range(20):
+            canvas = self.screenshot(name)[CANVAS]
+            if there(canvas):
+                return canvas
+            self.page.wait_for_timeout(300)
+        raise AssertionError(f"the picture never became what was expected; see {ARTIFACTS / name}.png")
+
+
+def wait_for(condition: Callable[[], object], what: str, timeout_s: float = 30.0) -> None:
+    """Return once the condition holds."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline, f"waited in vain for {what}"
+        time.sleep(0.05)
+
+
+def count_like(canvas: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 60) -> int:
+    """Pixels of about this colour."""
+    return int(np.count_nonzero(np.abs(canvas.astype(int) - rgb).max(axis=-1) < tolerance))
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory, serve_recording: Path) -> Iterator[Lab]:
+    workspace = Workspace(tmp_path_factory.mktemp("workspace"))
+    shutil.copy(serve_recording, workspace.recording_path("serve"))
+    workspace.recording_path("broken").write_bytes(b"this is no recording")
+    lab = Lab(workspace, Library(workspace), "serve", host="127.0.0.1", port=0)
+    yield lab
+    lab.stop()
+
+
+@pytest.fixture
+def workspace(lab: Lab) -> Workspace:
+    return lab.workspace
+
+
+@pytest.fixture
+def window(chromium: Browser, lab: Lab) -> Iterator[Window]:
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    window = Window(page, lab)
+    yield window
+    session: Session = window.session
+    page.close()
+    wait_for(lambda: session not in lab.sessions, "the browser to be gone")
+
+
+@pytest.fixture
+def other_window(chromium: Browser, lab: Lab) -> Iterator[Window]:
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    yield Window(page, lab)
+    page.close()
+
+
+@pytest.fixture(name="wait_for")
+def _wait_for() -> Callable:
+    return wait_for
+
+
+@pytest.fixture(name="count_like")
+def _count_like() -> Callable:
+    return count_like

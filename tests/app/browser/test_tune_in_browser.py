@@ -1,0 +1,86 @@
+"""Tune, in a real browser. The screenshots are kept under test-artifacts/."""
+
+import pytest
+
+from core.config import get_setting, load_config
+from core.detection import DetectorConfig
+
+pytestmark = pytest.mark.browser
+YELLOW, GREEN = (255, 225, 60), (110, 235, 130)
+BALL_US = 300_000
+RADIUS_MAX = ("localise", "radius_max_px")
+
+
+@pytest.fixture
+def tune(window, wait_for):
+    """A window in Tune at a moment with a ball."""
+    window.seek(BALL_US)
+    window.press("Tune")
+    wait_for(lambda: window.state.mode == "Tune", "Tune")
+    window.page.get_by_text("ball at").first.wait_for()
+    return window
+
+
+def test_the_stages_show_the_ball_its_hull_and_its_circle(tune, count_like) -> None:
+    canvas = tune.wait_for_pixels("tune", lambda canvas: count_like(canvas, YELLOW) > 40)
+    assert canvas.std() > 1
+    for stage in ("denoise", "cluster", "geometry"):
+        assert tune.page.get_by_text(stage.capitalize(), exact=True).count() >= 1
+
+
+def test_a_slider_changes_the_overlay_and_undo_brings_it_back(tune, wait_for, count_like) -> None:
+    tune.wait_for_pixels("before", lambda canvas: count_like(canvas, YELLOW) > 40)
+    tune.field("radius max [px]").fill("5")
+    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 5, "the setting")
+    tune.page.get_by_text("no ball").first.wait_for()
+    tune.wait_for_pixels("rejected", lambda canvas: count_like(canvas, YELLOW) < 10)
+    assert tune.page.get_by_text("> 5").count() >= 1, "the table says why"
+    tune.key("z")
+    wait_for(lambda: tune.state.config == DetectorConfig(), "undo")
+    tune.wait_for_pixels("undone", lambda canvas: count_like(canvas, YELLOW) > 40)
+
+
+def test_two_configs_are_compared_on_one_window(tune, wait_for) -> None:
+    tune.press("B")
+    wait_for(lambda: tune.state.tune.slot == "B", "slot B")
+    tune.field("radius max [px]").fill("5")
+    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 5, "the setting of B")
+    tune.field("Compare A and B").click()
+    wait_for(lambda: len(tune.session.sheet.pictures) == 2, "two pictures")
+    tune.page.get_by_text("Config B:").first.wait_for()
+    assert tune.page.get_by_text("ball at").count() >= 1 and tune.page.get_by_text("no ball").count() >= 1
+    tune.screenshot("compare")
+
+
+def test_zoom_follows_the_ball_and_a_click_centres_it_elsewhere(tune, wait_for) -> None:
+    tune.field("Zoom").fill("8")
+    wait_for(lambda: tune.session.sheet.pictures[0].region.width == 160, "the zoomed view")
+    region = tune.session.sheet.pictures[0].region
+    truth = tune.page.get_by_text("ball at").first.inner_text()
+    u = float(truth.split("(")[1].split(",")[0])
+    assert abs(region.x + 80 - u) < 2
+    tune.click_picture(100, 100)
+    wait_for(lambda: tune.state.tune.centre_px is not None, "the click")
+    assert tune.state.tune.centre_px[0] < region.x + 80
+    tune.screenshot("zoom")
+
+
+def test_a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, wait_for) -> None:
+    tune.field("radius max [px]").fill("17")
+    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 17, "the setting")
+    tune.field("Name").fill("../My config")
+    tune.press("Save")
+    path = workspace.root / "configs" / "my-config.toml"
+    wait_for(path.exists, "the file")
+    assert load_config(DetectorConfig, path) == tune.state.config
+    tune.press("Reset")
+    wait_for(lambda: tune.state.config == DetectorConfig(), "reset")
+    tune.press("Load")
+    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 17, "the loaded config")
+
+
+def test_a_config_is_scored_over_the_recording(tune) -> None:
+    tune.page.get_by_role("tab", name="Score").click()
+    tune.press("Score this config on the whole recording")
+    tune.page.get_by_text("serve, left, config A").first.wait_for(timeout=60_000)
+    tune.screenshot("score")

@@ -1,0 +1,70 @@
+"""Watch, in a real browser. The screenshots are kept under test-artifacts/."""
+
+import pytest
+
+from app.state import ClientState
+
+pytestmark = pytest.mark.browser
+YELLOW, ORANGE, BLUE = (255, 225, 60), (255, 150, 50), (80, 150, 255)
+BALL_US = 300_000
+"""A moment at which both cameras see the ball."""
+
+
+def test_it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like) -> None:
+    window.seek(BALL_US)
+    canvas = window.wait_for_pixels("watch", lambda canvas: count_like(canvas, YELLOW) > 30)
+    left, right = canvas[:, :435], canvas[:, 435:]
+    assert count_like(left, YELLOW) > 15 and count_like(right, YELLOW) > 15
+    assert count_like(canvas, ORANGE) > 50 and count_like(canvas, BLUE) > 50
+
+
+def test_the_space_bar_plays_and_pauses(window, wait_for) -> None:
+    window.key(" ")
+    wait_for(lambda: window.state.playhead.playing, "play")
+    first = window.session.sheet
+    wait_for(lambda: window.session.sheet is not first, "the picture to move")
+    window.key(" ")
+    wait_for(lambda: not window.state.playhead.playing, "pause")
+    assert window.state.playhead.anchor_us > 0
+
+
+def test_steps_go_forth_and_back_by_button_and_key(window, wait_for) -> None:
+    window.seek(BALL_US)
+    window.press("+10")
+    wait_for(lambda: window.state.playhead.anchor_us == BALL_US + 10_000, "ten steps on")
+    window.key("p")
+    wait_for(lambda: window.state.playhead.anchor_us == BALL_US + 9_000, "one step back")
+
+
+def test_the_event_rate_and_the_health_are_shown(window) -> None:
+    window.page.get_by_role("tab", name="Health").click()
+    window.page.get_by_text("busiest hot pixels").first.wait_for()  # the simulated sensor has some
+    assert window.page.get_by_text("Mev/s").count() >= 2
+    window.screenshot("health")
+
+
+def test_a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window) -> None:
+    before: ClientState = window.state
+    window.session.open_recording("broken")
+    window.page.get_by_text("That does not work").first.wait_for()
+    window.session.open_recording("../../../etc/passwd")
+    window.page.get_by_text("no such recording").first.wait_for()
+    assert window.state.recording == before.recording and window.session.sheet.pictures
+
+
+def test_the_look_of_the_pictures_can_be_changed(window, wait_for, count_like) -> None:
+    window.seek(BALL_US)
+    window.page.get_by_label("ON / OFF").first.click()
+    window.page.get_by_role("option", name="red / green").click()
+    wait_for(lambda: window.state.look.colours == "red / green", "other colours")
+    window.wait_for_pixels(
+        "red-green", lambda canvas: count_like(canvas, BLUE) < 20 < count_like(canvas, (255, 80, 80))
+    )
+
+
+def test_a_second_browser_has_its_own_time_and_mode(window, other_window, wait_for) -> None:
+    window.seek(BALL_US)
+    other_window.press("Tune")
+    wait_for(lambda: other_window.state.mode == "Tune", "the other browser's mode")
+    assert window.state.mode == "Watch"
+    assert other_window.state.playhead.anchor_us == 0

@@ -1,0 +1,46 @@
+"""Fixtures that several parts use: the shared real data, and a short simulated recording with truth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.cameras import stereo_preset
+from core.recordings import RecordingWriter
+from core.simulation import (
+    ServeConfig,
+    StereoConfig,
+    ball_truth,
+    draw_serves,
+    pixel_truth,
+    simulate_stereo,
+    truth_times,
+)
+
+SHARED = Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of real recordings and flights."""
+    if not SHARED.is_dir():
+        pytest.skip(f"the real recordings are not here: {SHARED} does not exist")
+    return SHARED
+
+
+@pytest.fixture(scope="session")
+def serve_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """0.6 s of one serve at 5 m/s, two calibrated 1280x720 cameras, with truth. Do not write to it."""
+    path = draw_serves([ServeConfig(speed_mps=5.0)], np.random.default_rng(7))
+    cameras = stereo_preset()
+    file = tmp_path_factory.mktemp("recordings") / "serve.h5"
+    sensors = {name: camera.sensor for name, camera in cameras.items()}
+    with RecordingWriter(file, sensors, calibration=cameras, seed=7) as writer:
+        for chunk in simulate_stereo(StereoConfig(), cameras, path, seed=7, duration_us=600_000):
+            for name, events in chunk.events.items():
+                writer.append(name, events)
+        times_us = truth_times(path, 0, 600_000)
+        writer.write_ball(ball_truth(path, times_us))
+        for name, camera in cameras.items():
+            writer.write_truth(name, pixel_truth(camera, path, times_us))
+    return file
