@@ -9,6 +9,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from importlib.metadata import version
+from pathlib import Path
 
 from app.cli.arguments import Parser
 from core.errors import NotBuiltError, RallyscopeError
@@ -31,7 +32,15 @@ VERBS = {
     "labels": "import, export and score labels",
     "export": "write a recording for other tools",
 }
-BUILT = ("import", "info", "train", "evaluate")
+MODULES = {"import": "import_", "fit-physics": "fit_physics", "sim-server": "sim_server"}
+"""Verbs whose module has another name than the verb."""
+
+
+def _module_name(verb: str) -> str:
+    return MODULES.get(verb, verb)
+
+
+BUILT = tuple(verb for verb in VERBS if Path(__file__).with_name(f"{_module_name(verb)}.py").exists())
 """Verbs that work; each is the module `app.cli.<verb>` with `add_arguments(parser)` and `run(arguments) -> None`."""
 
 
@@ -75,7 +84,3 @@ def _run(argv: list[str]) -> int:
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
     arguments.run(arguments)
     return 0
-
-
-def _module_name(verb: str) -> str:
-    return {"import": "import_", "fit-physics": "fit_physics", "sim-server": "sim_server"}.get(verb, verb)
