@@ -8,13 +8,17 @@ flooding pixels in the order of their first events, counting each with its numbe
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 from numba import njit
+from numba.cpython.unsafe.numbers import trailing_zeros
 from numpy.typing import NDArray
 
 from core.detection.cluster import ClusterConfig, scaled_time
 from core.events import Events, SensorSize
+
+ONE: Final = np.uint64(1)
 
 
 def neighbour_rows(eps_px: float) -> NDArray[np.int64]:
@@ -31,14 +35,15 @@ def grid_labels(events: Events, config: ClusterConfig) -> NDArray[np.int32]:
     rows = neighbour_rows(config.eps_px)
     frame = grid_frame(0, events.sensor.width_px - 1, 0, rows)
     grid = np.zeros(grid_size(events.sensor, rows), np.int32)
-    pixel_of, cells, sizes, labels, stack, following = np.empty((6, max(1, count)), np.int32)
+    pixel_of, cells, sizes, labels, stack, following = np.empty((6, count + 1), np.int32)
     pixels = _collect(events.x_px, events.y_px, grid, frame, pixel_of, cells, sizes)
     if config.time_scale_px_per_ms > 0 and count:
         times = scaled_time(events.t_us, config.time_scale_px_per_ms)
         chains = pixel_of, cells, pixels, sizes, following
         label_in_time(times, grid, frame[0], *chains, rows, config.eps_px, config.min_samples, labels, stack)
         return labels[:count]
-    label_pixels(grid, frame[0], cells, sizes, pixels, rows, config.min_samples, labels, stack)
+    free = np.zeros(len(grid) // 64 + 2, np.uint64)
+    label_pixels(grid, frame[0], free, cells, sizes, pixels, rows, config.min_samples, labels, stack)
     return labels[pixel_of[:count]]
 
 
@@ -61,20 +66,24 @@ def grid_frame(x_min, x_max, y_min, rows):
 
 @njit(cache=True, nogil=True)
 def add_event(grid, cell, cells, sizes, pixels):
-    """Count an event at a cell. Returns the number of its pixel and how many pixels there are now."""
+    """Count an event at a cell. Returns the number of its pixel and how many pixels there are now.
+
+    A cell holds the number of its pixel + 1, and `sizes` its events at that place, so that empty cells count sizes[0].
+    """
     known = grid[cell]
     if known:
-        sizes[known - 1] += 1
+        sizes[known] += 1
         return known - 1, pixels
     grid[cell] = pixels + 1
     cells[pixels] = cell
-    sizes[pixels] = 1
+    sizes[pixels + 1] = 1
     return pixels, pixels + 1
 
 
 @njit(cache=True, nogil=True)
 def _collect(x_px, y_px, grid, frame, pixel_of, cells, sizes):
     pixels = 0
+    sizes[0] = 0
     stride, origin = frame
     for i in range(len(x_px)):
         pixel_of[i], pixels = add_event(grid, origin + y_px[i] * stride + x_px[i], cells, sizes, pixels)
@@ -82,40 +91,80 @@ def _collect(x_px, y_px, grid, frame, pixel_of, cells, sizes):
 
 
 @njit(cache=True, nogil=True)
-def label_pixels(grid, stride, cells, sizes, pixels, rows, min_samples, labels, stack):
-    """DBSCAN over pixels in the order of their first events; fills labels[:pixels], returns the number of clusters."""
-    clusters = 0
+def label_pixels(grid, stride, free, cells, sizes, pixels, rows, min_samples, labels, queue):
+    """DBSCAN over pixels in the order of their first events; fills labels[:pixels], returns the number of clusters.
+
+    `free`, empty before and after, has a bit for each cell whose pixel has no label yet. The flood works on up to 64
+    cells of a row at once: an entry of the queue is a first cell and a mask of the core pixels from there on.
+    """
+    masks = np.empty(pixels, np.uint64)
+    limit = 65 - rows.shape[1]  # a mask of more bits would lose some when it is widened
+    for pixel in range(pixels):
+        free[cells[pixel] >> 6] |= ONE << np.uint64(cells[pixel] & 63)
     labels[:pixels] = -1
+    clusters = 0
     for seed in range(pixels):
         if labels[seed] != -1 or not _is_core(grid, stride, cells[seed], sizes, rows, min_samples):
             continue
         labels[seed] = clusters
-        stack[0] = seed
-        depth = 1
-        while depth:  # only core pixels are on the stack
-            depth -= 1
-            middle = cells[stack[depth]]
-            for k in range(rows.shape[1]):
-                line, width = middle + rows[0, k] * stride, rows[1, k]
-                for cell in range(line - width, line + width + 1):
-                    other = grid[cell] - 1
-                    if other >= 0 and labels[other] == -1:
-                        labels[other] = clusters
+        free[cells[seed] >> 6] &= ~(ONE << np.uint64(cells[seed] & 63))
+        queue[0], masks[0] = cells[seed], ONE
+        done, count = 0, 1
+        while done < count:
+            first, mask = np.int64(queue[done]), masks[done]
+            done += 1
+            while mask:
+                part = mask & ((ONE << np.uint64(limit)) - ONE)
+                for k in range(rows.shape[1]):
+                    start = first + rows[0, k] * stride - rows[1, k]
+                    found = _take(free, start, part, 2 * rows[1, k])
+                    core = np.uint64(0)
+                    while found:
+                        place = trailing_zeros(found)  # pyright: ignore[reportCallIssue] - a numba intrinsic
+                        found &= found - ONE
+                        cell = start + np.int64(place)
+                        labels[grid[cell] - 1] = clusters
                         if _is_core(grid, stride, cell, sizes, rows, min_samples):
-                            stack[depth] = other
-                            depth += 1
+                            core |= ONE << place
+                    if core:
+                        queue[count], masks[count] = start, core
+                        count += 1
+                mask >>= np.uint64(limit)
+                first += limit
         clusters += 1
+    for pixel in range(pixels):
+        free[cells[pixel] >> 6] = 0
     return clusters
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, forceinline=True)
+def _take(free, start, mask, widen_by):
+    """The free cells from `start` on where the mask has a bit at most `widen_by` below; they are free no more."""
+    word, shift = start >> 6, np.uint64(start & 63)
+    rest = np.uint64(63) - shift
+    found = (free[word] >> shift) | (free[word + 1] << ONE << rest)
+    if found:
+        smeared, wanted = ONE, np.uint64(widen_by + 1)
+        while smeared < wanted:
+            step = min(smeared, wanted - smeared)
+            mask |= mask << step
+            smeared += step
+        found &= mask
+        free[word] &= ~(found << shift)
+        free[word + 1] &= ~(found >> ONE >> rest)
+    return found
+
+
+@njit(cache=True, nogil=True, forceinline=True)
 def _is_core(grid, stride, middle, sizes, rows, min_samples):
     near = 0
     for k in range(rows.shape[1]):
-        line, width = middle + rows[0, k] * stride, rows[1, k]
-        for cell in range(line - width, line + width + 1):
-            if grid[cell]:
-                near += sizes[grid[cell] - 1]
+        # Unsigned, and no `for`: numba need not provide for negative places, nor the compiler for long rows.
+        cell = np.uint64(middle + rows[0, k] * stride - rows[1, k])
+        end = cell + np.uint64(2 * rows[1, k] + 1)
+        while cell < end:
+            near += sizes[np.uint64(grid[cell])]
+            cell += ONE
         if near >= min_samples:
             return True
     return False

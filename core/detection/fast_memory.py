@@ -35,12 +35,13 @@ class Limits(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """Working arrays inside the compiled code. `bits`, `opened` and `grid` are empty before and after every window."""
+    """Working arrays inside the compiled code. `bits`, `opened`, `grid` and `free` are empty between windows."""
 
     bits: NDArray[np.uint64]
     opened: NDArray[np.uint64]
     spans: NDArray[np.int64]
     grid: NDArray[np.int32]
+    free: NDArray[np.uint64]
     disc: NDArray[np.int64]
     first: NDArray[np.int64]
     last: NDArray[np.int64]
@@ -53,7 +54,7 @@ class Memory(NamedTuple):
     cells: NDArray[np.int32]
     """Grid cell of each pixel."""
     sizes: NDArray[np.int32]
-    """Events of each pixel."""
+    """Events of pixel k at k + 1; 0 at 0."""
     labels: NDArray[np.int32]
     """Cluster of each pixel, or of each event if time counts."""
     stack: NDArray[np.int32]
@@ -65,8 +66,8 @@ class Memory(NamedTuple):
     """Last cluster that counted each pixel."""
 
 
-Arrays = tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]
-"""limits, answer, words, spans, grid, disc, per_row, per_event: few arrays, since each costs a compiled call 80 ns."""
+Arrays = tuple[NDArray, NDArray, NDArray, NDArray, NDArray, NDArray, NDArray, NDArray, NDArray]
+"""limits, answer, words, spans, grid, free, disc, per_row, per_event: few, since each costs a compiled call 80 ns."""
 
 
 def allocate(config: DetectorConfig, sensor: SensorSize, room: int) -> Arrays:
@@ -92,9 +93,10 @@ def allocate(config: DetectorConfig, sensor: SensorSize, room: int) -> Arrays:
         np.zeros((2, *blank_bits(sensor).shape), np.uint64),
         kernel_spans(config.denoise.kernel_px),
         np.zeros(grid_size(sensor, disc), np.int32),
+        np.zeros(grid_size(sensor, disc) // 64 + 2, np.uint64),
         disc,
         np.zeros((6 * sensor.height_px + 4), np.int64),
-        np.empty((9, room + 1), np.int32),
+        np.empty((9, room + 2), np.int32),
     )
 
 
@@ -105,10 +107,10 @@ def unpack_limits(a):
 
 
 @njit(cache=True, nogil=True)
-def unpack_memory(words, spans, grid, disc, per_row, per_event):
+def unpack_memory(words, spans, grid, free, disc, per_row, per_event):
     """The named views of the working arrays."""
     e, height = per_event, (len(per_row) - 4) // 6
     hull = per_row[2 * height :].reshape(-1, 2)
     first, last = per_row[:height], per_row[height : 2 * height]
     lists = e[0], e[1], e[2], e[3], e[4], e[5], e[6], e[7], e[8]
-    return Memory(words[0], words[1], spans, grid, disc, first, last, hull, *lists)
+    return Memory(words[0], words[1], spans, grid, free, disc, first, last, hull, *lists)

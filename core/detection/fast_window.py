@@ -15,14 +15,14 @@ from core.detection.pipeline import SAME_CIRCULARITY
 @njit(cache=True, nogil=True)
 def find_ball(
     t_us, x_px, y_px, on, whole, x_min, x_max, y_min, y_max, centre_u, centre_v, remembered,
-    limit_values, answer, words, spans, grid, disc, per_row, per_event,
+    limit_values, answer, words, spans, grid, free, disc, per_row, per_event,
 ):  # fmt: skip
     """Look for the ball in the events inside the bounds, which lie on the sensor (`whole`: all events do).
 
     Returns the number of circles that passed every test; with at least one, `answer` holds the chosen one.
     """
     limits = unpack_limits(limit_values)
-    memory = unpack_memory(words, spans, grid, disc, per_row, per_event)
+    memory = unpack_memory(words, spans, grid, free, disc, per_row, per_event)
     count = _survivors(x_px, y_px, whole, x_min, x_max, y_min, y_max, memory)
     if not count:
         return 0
@@ -93,6 +93,7 @@ def _collect_pixels(x_px, y_px, count, memory):
         x_min, x_max, y_min = min(x_min, x), max(x_max, x), min(y_min, y)
     stride, origin = grid_frame(x_min, x_max, y_min, memory.disc)
     pixels = 0
+    memory.sizes[0] = 0
     for k in range(count):
         i = memory.events[k]
         cell = origin + y_px[i] * stride + x_px[i]
@@ -104,6 +105,7 @@ def _collect_pixels(x_px, y_px, count, memory):
 def _label(t_us, count, pixels, stride, limits, memory):
     """Cluster, then sort the events by cluster into memory.order; returns the number of clusters."""
     labels, order, starts, pixel_of = memory.labels, memory.order, memory.starts, memory.pixel_of
+    min_samples = int(limits.min_samples)  # compared in an inner loop: as a float it costs 10 us a window
     timed = limits.time_scale_px_per_ms > 0.0
     if timed:
         times = np.empty(count)
@@ -111,11 +113,11 @@ def _label(t_us, count, pixels, stride, limits, memory):
             times[k] = (t_us[memory.events[k]] - t_us[memory.events[0]]) * (limits.time_scale_px_per_ms / 1000.0)
         clusters = label_in_time(
             times, memory.grid, stride, pixel_of, memory.cells, pixels, memory.sizes, order, memory.disc,
-            limits.eps_px, limits.min_samples, labels, memory.stack,
+            limits.eps_px, min_samples, labels, memory.stack,
         )  # fmt: skip
     else:
         clusters = label_pixels(
-            memory.grid, stride, memory.cells, memory.sizes, pixels, memory.disc, limits.min_samples, labels,
+            memory.grid, stride, memory.free, memory.cells, memory.sizes, pixels, memory.disc, min_samples, labels,
             memory.stack,
         )  # fmt: skip
     starts[: clusters + 1] = 0
