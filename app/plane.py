@@ -54,7 +54,7 @@ class PicturePlane:
                 image.render_width, image.render_height = picture.width * UNIT, picture.height * UNIT
                 centre = (picture.x + picture.width / 2, picture.y + picture.height / 2)
                 image.position = (centre[0] * UNIT, centre[1] * UNIT, 0.0)
-                _set_png(image, picture.png)
+                set_png(image, picture.png)
                 image.visible = True
             for image in self._images[len(sheet.pictures) :]:
                 image.visible = False
@@ -100,7 +100,13 @@ def sheet_point(ray_origin: np.ndarray, ray_direction: np.ndarray) -> tuple[floa
     return float(hit[0]) / UNIT, float(hit[1]) / UNIT
 
 
-def _set_png(image: viser.ImageHandle, png: bytes) -> None:
+def set_png(image: viser.ImageHandle | viser.GuiImageHandle, png: bytes) -> None:
     """Hand over encoded bytes: viser would encode an RGB array again, ten times slower than an indexed PNG."""
     image._format = "png"
     image._data = png
+
+
+def set_frustum_png(frustum: viser.CameraFrustumHandle, png: bytes) -> None:
+    """The same for the picture in a camera frustum."""
+    frustum._format = "png"
+    frustum._image_data = png

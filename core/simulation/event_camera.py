@@ -19,7 +19,7 @@ from core.simulation.sensor import SensorConfig, make_pixels
 from core.simulation.sweep import look_at_once, settle_block, sweep_block
 from core.simulation.view import BallSteps, ball_steps, view_matrix
 
-BLOCK_US: Final = 5_000
+BLOCK_US: Final = 10_000
 """Blocks start at whole multiples of this, whatever stretches are asked for, so that chunking changes nothing."""
 FIRST_CAPACITY: Final = 1 << 19
 
@@ -94,6 +94,7 @@ class EventCamera:
                 steps.t_us,
                 steps.rows,
                 steps.boxes,
+                steps.strides,
                 self._sensor(count),
                 self._events,
                 done,

@@ -31,7 +31,7 @@ SETTLED = 1e-6
 """A receptor this close to its target has arrived; 2e5 times less than a threshold."""
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def rest_pixel(rows, pixel, end_us, tau_us, refractory_us, events, count):
     """Bring a pixel under constant intensity to `end_us`; returns the new event count."""
     start_us = rows[pixel, TIME_US]
@@ -79,7 +79,7 @@ def rest_pixel(rows, pixel, end_us, tau_us, refractory_us, events, count):
     return count
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def ramp_pixel(rows, pixel, goal, end_us, decay, tau_us, refractory_us, events, count):
     """Take a pixel to `end_us` while its log intensity moves linearly to `goal`; returns the new event count.
 
@@ -126,7 +126,7 @@ def ramp_pixel(rows, pixel, goal, end_us, decay, tau_us, refractory_us, events, 
     return count
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def rest_awake(rows, awake, awake_list, awake_count, end_us, tau_us, refractory_us, events, count):
     """Bring every awake pixel to `end_us` and let those that have settled sleep; returns (event count, awake count)."""
     kept = 0

@@ -19,15 +19,16 @@ UNTOUCHED = -1.0
 
 BALL_COLUMNS = 16
 """A row that describes the ball at one instant to one camera:
-0-2 centre in the camera's frame, 3 squared length of a tangent to it, 4 pixels per metre at it,
+0-2 centre in the camera's frame, 3 squared length of a tangent to it, 4 width of an edge at it in metres,
 5-7 normal and 8 offset of the portal in the camera's frame, 9-11 centre in the world,
-12 darkness of its shadow, 13 light of the fully lit ball, 14 ambient share, 15 width of an edge in pixels."""
+12 darkness of its shadow, 13 light of the fully lit ball, 14 ambient share,
+15 squared length of a tangent to the sphere that an edge of that width reaches."""
 VIEW_ROWS = 5
 """Of the (5, 3) matrix that describes the camera: 0-2 rotation to the world, 3 position, 4 direction to the light in
 the camera's frame."""
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def smooth_step(share):
     """0 below 0, 1 above 1, smooth between; symmetric round 1/2."""
     if share <= 0.0:
@@ -37,13 +38,13 @@ def smooth_step(share):
     return share * share * (3.0 - 2.0 * share)
 
 
-@nb.njit(cache=True, nogil=True)
-def pixel_light(maps, view, to_light_world, ball, pixel):
-    """Intensity at a pixel, or UNTOUCHED."""
-    x, y, depth_m = maps[pixel, RAY_X], maps[pixel, RAY_Y], maps[pixel, DEPTH_M]
-    behind = maps[pixel, LIGHT]
-    darkness = shadow_darkness(view, to_light_world, ball, x, y, depth_m) if ball[12] > 0.0 else 0.0
-    cover, shade, hit = ball_cover(view, ball, x, y, depth_m)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def pixel_light(maps, view, to_light_world, ball, pixel, see_ball, see_shadow):
+    """Intensity at a pixel, or UNTOUCHED. The flags leave out what is known not to be here."""
+    x, y = float(maps[pixel, RAY_X]), float(maps[pixel, RAY_Y])
+    depth_m, behind = float(maps[pixel, DEPTH_M]), float(maps[pixel, LIGHT])
+    cover, shade, hit = ball_cover(view, ball, x, y, depth_m) if see_ball else (0.0, 0.0, 0.0)
+    darkness = shadow_darkness(view, to_light_world, ball, x, y, depth_m) if see_shadow and cover < 1.0 else 0.0
     if darkness == 0.0 and cover == 0.0:
         return UNTOUCHED
     behind *= 1.0 - darkness
@@ -58,33 +59,31 @@ def pixel_light(maps, view, to_light_world, ball, pixel):
     return maps[pixel, NET_LIGHT] + (1.0 - net) * (behind + cover * (shade - behind))
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def ball_cover(view, ball, x, y, depth_m):
     """(share of the pixel that the ball covers, light of the ball there, camera z of the point)."""
     length2 = x * x + y * y + 1.0
     along = x * ball[0] + y * ball[1] + ball[2]
     if along <= 0.0:
         return 0.0, 0.0, 0.0
-    # Squared distance of the ball's centre from the ray, as |c|^2 - R^2 - along^2 / |d|^2 + R^2.
-    inside = along * along / length2 - ball[3]
-    gap2 = BALL_RADIUS_M * BALL_RADIUS_M - inside
-    reach = BALL_RADIUS_M + 0.5 * ball[15] / ball[4]
-    if gap2 >= reach * reach:
+    if along * along <= ball[15] * length2:
         return 0.0, 0.0, 0.0
-    gap = math.sqrt(max(gap2, 0.0))
-    cover = smooth_step((BALL_RADIUS_M - gap) * ball[4] / ball[15] + 0.5)
+    inside = along * along / length2 - ball[3]  # squared radius minus squared distance of the centre from the ray
+    gap = math.sqrt(max(BALL_RADIUS_M * BALL_RADIUS_M - inside, 0.0))
+    cover = smooth_step((BALL_RADIUS_M - gap) / ball[4] + 0.5)
     near = (along - math.sqrt(max(inside * length2, 0.0))) / length2
     if near >= depth_m:
         return 0.0, 0.0, 0.0
     px, py, pz = near * x, near * y, near
-    beyond = (ball[5] * px + ball[6] * py + ball[7] * pz - ball[8]) * ball[4]
-    cover *= smooth_step(beyond / ball[15])
+    beyond_m = ball[5] * px + ball[6] * py + ball[7] * pz - ball[8]
+    if beyond_m < ball[4]:
+        cover *= smooth_step(beyond_m / ball[4])
     facing = ((px - ball[0]) * view[4, 0] + (py - ball[1]) * view[4, 1] + (pz - ball[2]) * view[4, 2]) / BALL_RADIUS_M
     lit = ball[14] + (1.0 - ball[14]) * 0.5 * (1.0 + facing)
     return cover, ball[13] * lit, near
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def shadow_darkness(view, to_light_world, ball, x, y, depth_m):
     """How much of the light the ball takes from the surface behind a pixel, 0..1."""
     sx = depth_m * (view[0, 0] * x + view[0, 1] * y + view[0, 2]) + view[3, 0] - ball[9]
@@ -93,7 +92,7 @@ def shadow_darkness(view, to_light_world, ball, x, y, depth_m):
     toward = -(sx * to_light_world[0] + sy * to_light_world[1] + sz * to_light_world[2])
     if toward <= 0.0:
         return 0.0
-    width = LIGHT_SIZE * toward + ball[15] / ball[4]
+    width = LIGHT_SIZE * toward + ball[4]
     reach = BALL_RADIUS_M + 0.5 * width
     gap2 = sx * sx + sy * sy + sz * sz - toward * toward
     if gap2 >= reach * reach:
@@ -104,9 +103,9 @@ def shadow_darkness(view, to_light_world, ball, x, y, depth_m):
     return ball[12] * cover * hidden * hidden
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def render_light(maps, view, to_light_world, ball, out):
     """Log intensity of every pixel, written to `out`: the dense picture at one instant."""
     for pixel in range(len(out)):
-        seen = pixel_light(maps, view, to_light_world, ball, pixel)
+        seen = pixel_light(maps, view, to_light_world, ball, pixel, True, True)
         out[pixel] = maps[pixel, LOG_LIGHT] if seen == UNTOUCHED else math.log(seen)

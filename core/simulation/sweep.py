@@ -16,7 +16,7 @@ EVENTS_PER_PIXEL = 128
 only of the few pixels of an edge."""
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def sweep_block(
     pixels,
     awake,
@@ -29,34 +29,43 @@ def sweep_block(
     t_us,
     rows,
     boxes,
+    strides,
     sensor,
     events,
     done,
 ):
     """Run substeps `done + 1` to the last; returns (event count, awake count, substeps done).
 
-    `sensor` is (photoreceptor time constant, refractory time, events already in the buffers). Stops early when the
-    buffers might overflow in the next substep; call again with larger ones.
+    Part 0 of the boxes is the ball, part 1 its shadow; part p is looked at in every `strides[p]`-th substep and in the
+    last. `sensor` is (photoreceptor time constant, refractory time, events already in the buffer). Stops early when
+    the buffer might overflow in the next substep; call again with a larger one.
     """
     tau_us, refractory_us, count = sensor[0], sensor[1], int(sensor[2])
-    capacity = len(events)
-    for step in range(done + 1, len(t_us)):
-        needed = 0
+    last = len(t_us) - 1
+    for step in range(done + 1, last + 1):
+        awake_most = 0
         for part in range(boxes.shape[1]):
             x0, y0, x1, y1 = union_box(boxes[step - 1, part], boxes[step, part])
-            needed += (x1 - x0) * (y1 - y0)
-        if count + needed * EVENTS_PER_PIXEL > capacity:
+            awake_most += (x1 - x0) * (y1 - y0)
+        if count + awake_most * EVENTS_PER_PIXEL > len(events):
             return count, awake_count, step - 1
-        before_us, now_us = t_us[step - 1], t_us[step]
-        decay = math.exp(-(now_us - before_us) / tau_us) if tau_us > 0.0 else 0.0
+        ball, now_us = rows[step], t_us[step]
         for part in range(boxes.shape[1]):
-            x0, y0, x1, y1 = union_box(boxes[step - 1, part], boxes[step, part])
+            if step % strides[part] != 0 and step != last:
+                continue
+            before = (step - 1) // strides[part] * strides[part]
+            x0, y0, x1, y1 = union_box(boxes[before, part], boxes[step, part])
+            before_us = t_us[before]
+            overlap = boxes_meet(boxes[step, 0], boxes[step, 1])
+            see_ball, see_shadow = part == 0 or overlap, part == 1 or overlap
+            decay = math.exp((before_us - now_us) / tau_us) if tau_us > 0.0 else 0.0
             for y in range(y0, y1):
                 for x in range(x0, x1):
                     pixel = y * width + x
-                    if pixels[pixel, TIME_US] >= now_us:
+                    start_us = pixels[pixel, TIME_US]
+                    if start_us >= now_us:
                         continue  # ball and shadow overlap here
-                    seen = pixel_light(maps, view, to_light, rows[step], pixel)
+                    seen = pixel_light(maps, view, to_light, ball, pixel, see_ball, see_shadow)
                     goal = maps[pixel, LOG_LIGHT] if seen == UNTOUCHED else math.log(seen)
                     if goal == pixels[pixel, TARGET]:
                         continue  # at rest, which is caught up with in closed form when it ends
@@ -64,12 +73,16 @@ def sweep_block(
                         awake[pixel] = True
                         awake_list[awake_count] = pixel
                         awake_count += 1
-                    count = rest_pixel(pixels, pixel, before_us, tau_us, refractory_us, events, count)
-                    count = ramp_pixel(pixels, pixel, goal, now_us, decay, tau_us, refractory_us, events, count)
-    return count, awake_count, len(t_us) - 1
+                    fall = decay
+                    if start_us < before_us:
+                        count = rest_pixel(pixels, pixel, before_us, tau_us, refractory_us, events, count)
+                    elif start_us > before_us and tau_us > 0.0:
+                        fall = math.exp((start_us - now_us) / tau_us)
+                    count = ramp_pixel(pixels, pixel, goal, now_us, fall, tau_us, refractory_us, events, count)
+    return count, awake_count, last
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def settle_block(pixels, awake, awake_list, awake_count, end_us, sensor, events):
     """Bring all awake pixels to the end of the block; returns (event count, awake count, finished).
 
@@ -82,19 +95,19 @@ def settle_block(pixels, awake, awake_list, awake_count, end_us, sensor, events)
     return count, awake_count, True
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def look_at_once(pixels, width, maps, view, to_light, row, boxes):
     """Let pixels have looked at the ball for long: how a recording begins that starts in the middle of a flight."""
     for part in range(boxes.shape[0]):
         for y in range(boxes[part, 1], boxes[part, 3]):
             for x in range(boxes[part, 0], boxes[part, 2]):
                 pixel = y * width + x
-                seen = pixel_light(maps, view, to_light, row, pixel)
+                seen = pixel_light(maps, view, to_light, row, pixel, True, True)
                 goal = maps[pixel, LOG_LIGHT] if seen == UNTOUCHED else math.log(seen)
                 pixels[pixel, TARGET] = pixels[pixel, RECEPTOR] = pixels[pixel, REFERENCE] = goal
 
 
-@nb.njit(cache=True, nogil=True)
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def union_box(a, b):
     """The box round two boxes (first column, first row, last + 1 ...); an empty one does not count."""
     if a[2] <= a[0]:
@@ -102,3 +115,9 @@ def union_box(a, b):
     if b[2] <= b[0]:
         return a[0], a[1], a[2], a[3]
     return min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3])
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def boxes_meet(a, b):
+    """Whether two boxes have a pixel in common."""
+    return max(a[0], b[0]) < min(a[2], b[2]) and max(a[1], b[1]) < min(a[3], b[3])

@@ -20,6 +20,7 @@ STEP_PX = 0.35
 """Most motion in the picture per substep: a fifth of an edge."""
 LONGEST_STEP_US = 500.0
 """A slow ball is looked at this often."""
+LONGEST_SHADOW_STRIDE = 8
 PROBES = 11
 """Instants in a block at which the speed in the picture is looked at."""
 BOX_MARGIN_PX = 1.5
@@ -35,6 +36,8 @@ class BallSteps:
     """(S + 1, BALL_COLUMNS), see `core.simulation.shading`."""
     boxes: NDArray[np.int64]
     """(S + 1, 2, 4): first column, first row, one past the last column and row of ball and shadow; empty where 0."""
+    strides: NDArray[np.int64]
+    """(2,): substeps from one look at ball and shadow to the next; a soft shadow changes slowly."""
 
 
 def view_matrix(camera: Camera) -> Array:
@@ -62,7 +65,7 @@ def ball_steps(camera: Camera, scene: SceneConfig, path: BallPath, start_us: int
     boxes = np.stack([_ball_boxes(camera, scene, states), _shadow_boxes(camera, scene, states)], axis=1)
     if not boxes.any():
         return None
-    return BallSteps(t_us, rows, boxes)
+    return BallSteps(t_us, rows, boxes, np.array([1, _shadow_stride(states, rows)]))
 
 
 def ball_rows(camera: Camera, scene: SceneConfig, states: BallStates, portals: Portals) -> Array:
@@ -76,14 +79,15 @@ def ball_rows(camera: Camera, scene: SceneConfig, states: BallStates, portals: P
     rows = np.empty((len(ps), BALL_COLUMNS))
     rows[:, 0:3] = ps
     rows[:, 3] = distance2 - BALL_RADIUS_M**2
-    rows[:, 4] = np.sqrt(camera.K[0, 0] * camera.K[1, 1]) * obliquity**0.75 / np.sqrt(distance2)
+    px_per_m = np.sqrt(camera.K[0, 0] * camera.K[1, 1]) * obliquity**0.75 / np.sqrt(distance2)
+    rows[:, 4] = scene.edge_px / px_per_m
     rows[:, 5:8] = portals.normal_world @ R_camera_world.T
     rows[:, 8] = portals.offset_m - portals.normal_world @ camera.position_world_m
     rows[:, 9:12] = ps_world
     rows[:, 12] = np.where(states.present, scene.shadow, 0.0)
     rows[:, 13] = scene.ball
     rows[:, 14] = scene.ambient
-    rows[:, 15] = scene.edge_px
+    rows[:, 15] = distance2 - (BALL_RADIUS_M + 0.5 * rows[:, 4]) ** 2
     return rows
 
 
@@ -116,6 +120,13 @@ def _shadow_boxes(camera: Camera, scene: SceneConfig, states: BallStates) -> NDA
     points = middle[:, None] + reach[:, None, None] * around
     outline = camera.project(points.reshape(-1, 3)).reshape(len(p), 8, 2)
     return _boxes(camera, outline, 0.5 * scene.edge_px)
+
+
+def _shadow_stride(states: BallStates, rows: Array) -> int:
+    """Substeps in which the shadow moves by as large a part of its own soft edge as the ball does of its sharp one."""
+    with np.errstate(invalid="ignore"):
+        softness = LIGHT_SIZE * states.p_world_m[:, 2] / rows[:, 4]
+    return int(np.clip(softness[states.present].min(), 1, LONGEST_SHADOW_STRIDE))
 
 
 def _boxes(camera: Camera, outline: Array, margin_px: float) -> NDArray[np.int64]:

@@ -130,7 +130,7 @@ class MujocoRally:
         self._racket = upright_racket(self.racket_config)
 
     def step(self, dt_s: float | None = None) -> tuple[RallyEvent, ...]:
-        """Advance by `dt_s` (the rally's own step if None; longer ones are divided) and tell what happened, in order."""
+        """Advance by `dt_s`, by default the rally's own step, and tell what happened, in order."""
         remaining = self.dt_s if dt_s is None else dt_s
         events: list[RallyEvent] = []
         impacts = 0

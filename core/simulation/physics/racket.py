@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from core.config import check_settings, setting
 from core.errors import ConfigError
-from core.simulation.physics.rotation import axis_quaternion, multiply_quaternions
+from core.simulation.physics.rotation import axis_quaternion, multiply_quaternions, normals_from_orientations
+from core.table import BALL_RADIUS_M
 
 Array = NDArray[np.float64]
 
@@ -150,3 +151,8 @@ def _turn(q: Array, goal: Array, h: float, max_rate: float) -> tuple[Array, Arra
 def upright_racket(config: RacketConfig) -> RacketState:
     """The racket at rest with its face along +x."""
     return RacketState(config.home_m, np.zeros(3), axis_quaternion(0, 0.0), np.zeros(3))
+
+
+def target_for_ball(ball_p_m: Array, q_wxyz: Array, v_mps: Array, t_s: float) -> RacketTarget:
+    """The target whose face touches, in its middle, a ball with its centre at `ball_p_m` at `t_s`."""
+    return RacketTarget(ball_p_m - BALL_RADIUS_M * normals_from_orientations(q_wxyz), q_wxyz, v_mps, t_s)

@@ -1,0 +1,48 @@
+"""The cameras as frusta with their live pictures."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import viser
+
+from app.plane import set_frustum_png
+from core.cameras import Camera
+from core.geometry import quaternion_from_matrix
+
+FRUSTUM_RGB: Final = (255, 190, 90)
+FRUSTUM_SCALE: Final = 0.22
+
+
+class RigActors:
+    """One frustum a camera."""
+
+    def __init__(self, scene: viser.SceneApi, root: str, cameras: dict[str, Camera]) -> None:
+        blank = np.zeros((2, 2, 3), np.uint8)
+        self._frusta = {
+            name: scene.add_camera_frustum(
+                f"{root}/cameras/{name}",
+                fov=vertical_fov_rad(camera),
+                aspect=camera.sensor.width_px / camera.sensor.height_px,
+                scale=FRUSTUM_SCALE,
+                color=FRUSTUM_RGB,
+                thickness=0.004,
+                image=blank,
+                format="png",
+                wxyz=quaternion_from_matrix(camera.T_world_camera[:3, :3]),
+                position=camera.T_world_camera[:3, 3],
+            )
+            for name, camera in cameras.items()
+        }
+
+    def show(self, pngs: dict[str, bytes]) -> None:
+        """New pictures in the frusta."""
+        for name, png in pngs.items():
+            set_frustum_png(self._frusta[name], png)
+
+
+def vertical_fov_rad(camera: Camera) -> float:
+    """Angle from the top edge of the picture to its bottom edge."""
+    return 2 * math.atan(camera.sensor.height_px / 2 / float(camera.K[1, 1]))
