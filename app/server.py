@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import logging
 import socket
 import threading
 import time
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import viser
@@ -14,7 +17,9 @@ from app.library import Library
 from app.session import Session
 from app.theme import apply_theme
 from app.workspace import Workspace
+from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
 from core.errors import CommandError
+from core.events import Events, SensorSize, Window
 
 logger = logging.getLogger(__name__)
 TICK_S = 1 / 60
@@ -44,6 +49,8 @@ class Lab:
         self._lock = threading.Lock()
         self._awake = threading.Event()
         self._stopping = False
+        # A browser may close while a picture is on its way to it; that is no news.
+        warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
         self._pool = ThreadPoolExecutor(POOL_THREADS, thread_name_prefix="rallyscope")
         self._server = _start_server(host, port)
         apply_theme(self._server)
@@ -51,6 +58,7 @@ class Lab:
         self._server.on_client_disconnect(self._disconnect)
         self._loop = threading.Thread(target=self._run, name="rallyscope-loop", daemon=True)
         self._loop.start()
+        self._pool.submit(_warm_up)
 
     @property
     def port(self) -> int:
@@ -80,7 +88,8 @@ class Lab:
         self._loop.join(timeout=5)
         for session in list(self._sessions.values()):
             session.close()
-        self._server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
         self._pool.shutdown(wait=True, cancel_futures=True)
         self._library.close()
 
@@ -144,4 +153,12 @@ def _start_server(host: str, port: int) -> viser.ViserServer:
         raise CommandError(
             f"cannot listen on {host}:{port}", got=str(error), remedy="choose another with --port or --host"
         ) from error
-    return viser.ViserServer(host=host, port=port, verbose=False)
+    with contextlib.redirect_stdout(io.StringIO()):  # its banner would repeat what `rallyscope serve` says
+        return viser.ViserServer(host=host, port=port, verbose=False)
+
+
+def _warm_up() -> None:
+    """Load what the first look at a stage needs: scikit-learn alone takes two seconds."""
+    window = Window(Events.empty(SensorSize(64, 64)), 0, 1000)
+    trace_window(window, TrackState(), DetectorConfig())
+    FastDetector(DetectorConfig()).step(window)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.cluster import DBSCAN
 
 from core.config import check_settings, setting
 from core.errors import ConfigError
@@ -40,6 +39,8 @@ class ClusterConfig:
 
 def cluster_labels(events: Events, config: ClusterConfig) -> NDArray[np.int32]:
     """(N,) number of each event's cluster, from 0; -1 for noise (paper, clustering; scikit-learn's numbering)."""
+    from sklearn.cluster import DBSCAN  # here, because loading it takes two seconds and the fast path does without
+
     if not len(events):
         return np.zeros(0, np.int32)
     axes = [events.x_px.astype(np.float64), events.y_px.astype(np.float64)]
