@@ -1,13 +1,18 @@
-"""DAT, AEDAT4 and Event Stream (ES) files, decoded by faery."""
+"""DAT, AEDAT4 and Event Stream (ES) files, decoded by faery in a process of its own (`faery_worker` says why)."""
 
 from __future__ import annotations
 
+import json
+import select
+import struct
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 import numpy as np
-from faery import aedat, dat, es
 from numpy.typing import NDArray
 
 from core.errors import RecordingError
@@ -17,130 +22,145 @@ from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import read_prophesee_header
 from core.recordings.sources.source import Columns, EventSource, Report
 
-_AEDAT_MAGIC: Final = len(b"#!AER-DAT4.0\r\n")
-_LARGEST: Final = SensorSize(8192, 8192)
+_WORKER: Final = Path(__file__).with_name("faery_worker.py")
+_SILENCE_S: Final = 60
+"""A decoder that says nothing for so long hangs."""
+_HEAD: Final = struct.Struct("<cQ")
+_BYTES_PER_EVENT: Final = 8
+"""Of a file, for the progress only: faery does not tell how far it is."""
 
 
 def open_dat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     """The one camera of a Prophesee DAT file."""
-    header = read_prophesee_header(path)
-    known = sensor or header.sensor
-
-    def open_decoder() -> dat.Decoder:
-        # the sizes in the header are checked later, event by event, so that the good ones before are kept
-        return dat.Decoder(path, (_LARGEST.width_px, _LARGEST.height_px), "dat2")
-
-    with _refuse_broken(path, open_decoder) as decoder:
-        if decoder.event_type != "cd":
-            raise RecordingError("a DAT file without events", expected="cd", got=decoder.event_type, where=path)
-
-    def decode(report: Report) -> Iterator[Columns]:
-        yield from _decode(path, open_decoder, _dat_columns, report)
-
-    return [make_source(path, "camera", "Prophesee DAT", known, decode, check_stream)]
+    info = _ask(path, "dat")
+    if info.type != "cd":
+        raise RecordingError("a DAT file without events", expected="cd", got=info.type, where=path)
+    known = sensor or read_prophesee_header(path).sensor
+    return [make_source(path, "camera", "Prophesee DAT", known, _decoder(path, "dat", 0, info.rest), check_stream)]
 
 
 def open_es(path: Path, sensor: SensorSize | None) -> list[EventSource]:
-    """The one camera of an Event Stream file (DVS or ATIS); its rows count from the bottom, ours from the top."""
-
-    def open_decoder() -> es.Decoder:
-        return es.Decoder(path, 0)
-
-    with _refuse_broken(path, open_decoder) as decoder:
-        kind, dimensions = decoder.event_type, decoder.dimensions
-        if kind not in ("dvs", "atis") or dimensions is None:
-            raise RecordingError("an Event Stream of this type", expected="dvs or atis", got=kind, where=path)
-    height = dimensions[1]
-
-    def columns(packet: NDArray) -> Columns | None:
-        if kind == "atis":
-            packet = packet[~packet["exposure"]]
-        on = packet["polarity"] if kind == "atis" else packet["on"]
-        return Columns(packet["t"].astype(np.int64), packet["x"], height - 1 - packet["y"].astype(np.int32), on)
-
-    def decode(report: Report) -> Iterator[Columns]:
-        yield from _decode(path, open_decoder, columns, report)
-
-    return [make_source(path, "camera", "Event Stream", sensor or SensorSize(*dimensions), decode, check_stream)]
+    """The one camera of an Event Stream file (DVS or ATIS)."""
+    info = _ask(path, "es")
+    if info.type not in ("dvs", "atis"):
+        raise RecordingError("an Event Stream of this type", expected="dvs or atis", got=info.type, where=path)
+    known = sensor or info.tracks[0].sensor
+    return [make_source(path, "camera", "Event Stream", known, _decoder(path, "es", 0, info.rest), check_stream)]
 
 
 def open_aedat4(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     """Every camera of an iniVation AEDAT4 file, with external trigger edges."""
-    with path.open("rb") as file:  # faery panics, noisily, without a header
-        file.seek(_AEDAT_MAGIC)
-        header_bytes = int.from_bytes(file.read(4), "little")
-    if not 8 <= header_bytes <= path.stat().st_size - _AEDAT_MAGIC - 4:
-        raise RecordingError("the file cannot be decoded", got="an AEDAT4 file without a header", where=path)
-
-    def open_decoder() -> aedat.Decoder:
-        return aedat.Decoder(path)
-
-    with _refuse_broken(path, open_decoder) as decoder:
-        tracks = [track for track in decoder.tracks() if track.data_type == "events"]
-    if not tracks:
+    info = _ask(path, "aedat4")
+    if not info.tracks:
         raise RecordingError("the AEDAT4 file holds no events", where=path)
     sources: list[EventSource] = []
-    for track in tracks:
-        name = "camera" if len(tracks) == 1 else f"camera{track.id}"
-        size = sensor or SensorSize(*(track.dimensions or (0, 0)))
-        decode = _aedat_decoder(path, open_decoder, track.id)
-        sources.append(make_source(path, name, "AEDAT4", size, decode, check_stream))
+    for position, track in enumerate(info.tracks):
+        name = "camera" if len(info.tracks) == 1 else f"camera{track.number}"
+        decode = _decoder(path, "aedat4", track.number, None if position else info.rest)
+        sources.append(make_source(path, name, "AEDAT4", sensor or track.sensor, decode, check_stream))
     return sources
 
 
-def _aedat_decoder(
-    path: Path, open_decoder: Callable[[], aedat.Decoder], track_id: int
-) -> Callable[[Report], Iterator[Columns]]:
-    def decode(report: Report) -> Iterator[Columns]:
-        def columns(item: tuple[aedat.Track, NDArray]) -> Columns | None:
-            track, packet = item
-            if track.data_type == "triggers":
-                _add_aedat_triggers(packet, report)
-            if track.id != track_id:
-                return None
-            return Columns(packet["t"].astype(np.int64), packet["x"], packet["y"], packet["on"])
+@dataclass(frozen=True, slots=True)
+class _Track:
+    number: int
+    sensor: SensorSize | None
 
-        yield from _decode(path, open_decoder, columns, report)
+
+@dataclass(frozen=True, slots=True)
+class _Info:
+    type: str
+    tracks: list[_Track]
+    rest: Iterator[tuple[bytes, bytes]]
+    """What the worker goes on to say: the events of the first track."""
+
+
+def _ask(path: Path, kind: str) -> _Info:
+    """What the file holds."""
+    messages = _messages(path, kind, None)
+    message, content = next(messages, (b"X", b"nothing was found"))
+    if message != b"I":
+        raise RecordingError("the file cannot be decoded", got=content.decode("utf-8", "replace"), where=path)
+    told = json.loads(content)
+    tracks = [_Track(n, SensorSize(w, h) if w and h else None) for n, w, h in told["tracks"]]
+    return _Info(told["type"], tracks, messages)
+
+
+def _decoder(
+    path: Path, kind: str, track: int, started: Iterator[tuple[bytes, bytes]] | None
+) -> Callable[[Report], Iterator[Columns]]:
+    """Decodes the track; the first time with the worker that was `started` already."""
+    workers = [] if started is None else [started]
+
+    def decode(report: Report) -> Iterator[Columns]:
+        size, done = max(1, path.stat().st_size), 0
+        messages = workers.pop() if workers else _messages(path, kind, track)
+        for message, content in messages:
+            if message == b"E":
+                columns = _columns(content)
+                yield columns
+                done += len(columns.t_us)
+                report.share = min(0.99, _BYTES_PER_EVENT * done / size)
+            elif message == b"T":
+                _add_triggers(content, report)
+            elif message == b"X":
+                reason = content.decode("utf-8", "replace")
+                report.notes.append(f"{path.name}: stopped: the rest cannot be decoded ({reason}).")
 
     return decode
 
 
-def _add_aedat_triggers(packet: NDArray, report: Report) -> None:
-    """Sources 1 to 3 of the format are a rising edge, a falling edge and a pulse on the signal input."""
-    edges = packet[(packet["source"] >= 1) & (packet["source"] <= 3)]
-    report.add_triggers(edges["t"], edges["source"] != 2, np.zeros(len(edges)))
+def _messages(path: Path, kind: str, track: int | None) -> Iterator[tuple[bytes, bytes]]:
+    """What the worker says until it ends; a worker that breaks down or hangs counts as an error it reports."""
+    words = [sys.executable, "-P", str(_WORKER), kind, str(path), *([] if track is None else [str(track)])]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0) as worker:
+        assert worker.stdout is not None
+        try:
+            while True:
+                head = _read(worker.stdout, _HEAD.size)
+                if head is None:
+                    yield b"X", b"the decoder broke down"
+                    return
+                message, length = _HEAD.unpack(head)
+                content = _read(worker.stdout, length)
+                if message == b"Z" or content is None:
+                    return
+                yield message, content
+                if message == b"X":
+                    return
+        finally:
+            worker.kill()
 
 
-def _dat_columns(packet: NDArray) -> Columns | None:
-    return Columns(packet["t"].astype(np.int64), packet["x"], packet["y"], packet["payload"] > 0)
+def _read(pipe: IO[bytes], length: int) -> bytes | None:
+    """So many bytes, or None if they do not come."""
+    parts: list[bytes] = []
+    while length > 0:
+        if not select.select([pipe], [], [], _SILENCE_S)[0]:
+            return None
+        part = pipe.read(length)
+        if not part:
+            return None
+        parts.append(part)
+        length -= len(part)
+    return b"".join(parts)
 
 
-def _decode(path: Path, open_decoder: Callable, columns: Callable, report: Report) -> Iterator[Columns]:
-    """Packets until the end or the first error; faery's position is not known, so progress is by events decoded."""
-    size = max(1, path.stat().st_size)
-    done = 0
-    try:
-        with open_decoder() as decoder:
-            for packet in decoder:
-                part = columns(packet)
-                if part is not None and len(part.t_us):
-                    yield part
-                    done += len(part.t_us)
-                    report.share = min(0.99, 8.0 * done / size)
-    except BaseException as error:
-        _raise_unless_of_faery(error)
-        report.notes.append(f"{path.name}: stopped: the rest cannot be decoded ({error}).")
+def _columns(content: bytes) -> Columns:
+    count = len(content) // 13
+    t = np.frombuffer(content, "<u8", count)
+    x, y = np.frombuffer(content, "<u2", count, 8 * count), np.frombuffer(content, "<u2", count, 10 * count)
+    return Columns(_signed(t), x, y, np.frombuffer(content, np.bool_, count, 12 * count))
 
 
-def _refuse_broken(path: Path, open_decoder: Callable):
-    try:
-        return open_decoder()
-    except BaseException as error:
-        _raise_unless_of_faery(error)
-        raise RecordingError("the file cannot be decoded", got=error, where=path) from error
+def _signed(t: NDArray[np.uint64]) -> NDArray[np.int64]:
+    """Times beyond 63 bits are no times; they become negative and are refused as running backwards."""
+    return t.view(np.int64)
 
 
-def _raise_unless_of_faery(error: BaseException) -> None:
-    """Rust code reports bad input as a RuntimeError, and its own failed checks as a panic, which is no Exception."""
-    if not (isinstance(error, (RuntimeError, OSError, ValueError)) or type(error).__name__ == "PanicException"):
-        raise error
+def _add_triggers(content: bytes, report: Report) -> None:
+    """Sources 1 to 3 of AEDAT4 are a rising edge, a falling edge and a pulse on the signal input."""
+    count = len(content) // 9
+    t, source = np.frombuffer(content, "<u8", count), np.frombuffer(content, np.uint8, count, 8 * count)
+    edges = (source >= 1) & (source <= 3)
+    report.add_triggers(t[edges], source[edges] != 2, np.zeros(np.count_nonzero(edges)))
