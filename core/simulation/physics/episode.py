@@ -52,7 +52,7 @@ class Arrivals:
     """Serves at the hitting plane; NaN where a serve does not get there."""
 
     legal: NDArray[np.bool_]
-    """(N,) over the net, exactly one bounce, on the robot's half, then the hitting plane."""
+    """(N,) from the far side over the net, exactly one bounce, on the robot's half, then the hitting plane."""
     bounce_t_s: Array
     """(N,) last bounce before the plane."""
     bounce_states: Array

@@ -136,7 +136,7 @@ def _fly_serves(
             if not math.isnan(dt_plane) and dt_plane <= dt:
                 arrival_t[i] = t + dt_plane
                 arrival_states[i] = at_plane
-                legal[i] = bounces == 1 and on_own_half
+                legal[i] = serves[i, 0] > 0 and bounces == 1 and on_own_half
                 break
             if what not in (contact.OWN_TOP, contact.FAR_TOP):
                 break
