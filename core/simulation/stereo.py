@@ -51,7 +51,7 @@ def simulate_stereo(
     first whole block after the duration. Times are int64 microseconds.
 
     Raises:
-        ConfigError: if `chunk_us` is not a whole number of blocks of 5 ms.
+        ConfigError: if `chunk_us` is not a whole number of blocks (`BLOCK_US`).
     """
     if chunk_us <= 0 or chunk_us % BLOCK_US:
         raise ConfigError("chunks must be whole blocks", expected=f"a multiple of {BLOCK_US} us", got=chunk_us)

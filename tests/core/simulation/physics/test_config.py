@@ -1,0 +1,40 @@
+"""The profiles and that every constant reaches the physics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from core.config import config_from_mapping, config_to_mapping, field_specs, load_config, save_config
+from core.errors import ConfigError
+from core.simulation.physics import PhysicsConfig, TaskConfig, physics_profile
+from core.simulation.physics.config import AirConfig
+from core.simulation.physics.task import task_profile
+
+
+def test_the_default_is_the_paper_s_profile_without_air() -> None:
+    assert PhysicsConfig() == physics_profile("paper")
+    assert task_profile("paper") == TaskConfig()
+    assert not physics_profile("paper").has_air
+    assert physics_profile("real").has_air
+
+
+def test_profiles_survive_a_file(tmp_path: Path) -> None:
+    task = task_profile("real")
+    save_config(task, tmp_path / "task.toml")
+    assert load_config(TaskConfig, tmp_path / "task.toml") == task
+    assert config_from_mapping(TaskConfig, config_to_mapping(task), where="test") == task
+
+
+def test_every_constant_of_the_physics_has_bounds_and_a_reason() -> None:
+    for spec in field_specs(PhysicsConfig):
+        assert spec.bounds is not None
+        assert spec.doc, spec.path
+
+
+def test_unknown_profiles_and_values_out_of_range_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"paper \| real"):
+        physics_profile("moon")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ConfigError, match="drag_coefficient"):
+        AirConfig(drag_coefficient=2.0)

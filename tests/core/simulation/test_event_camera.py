@@ -1,0 +1,133 @@
+"""The camera as a whole: against a dense simulation of every pixel, and its laws."""
+
+import numpy as np
+import pytest
+from scipy.stats import ks_2samp
+
+from core.errors import ConfigError
+from core.events import Events, concatenate_events
+from core.simulation import SceneConfig, SensorConfig, scene_named
+from core.simulation.background import LOG_LIGHT, make_background
+from core.simulation.event_camera import BLOCK_US, EventCamera
+from core.simulation.scene import TO_LIGHT_WORLD
+from core.simulation.shading import render_light
+from core.simulation.view import ball_rows, view_matrix
+
+DENSE_STEP_US = 20
+
+
+def quiet(**settings) -> SensorConfig:
+    return SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0, **settings)
+
+
+def simulate(camera, scene, config, path, end_us, seed=1, chunk_us=BLOCK_US) -> Events:
+    rig = EventCamera(camera, scene, config, np.random.default_rng(seed))
+    parts = [rig.advance(path, end) for end in range(chunk_us, end_us + 1, chunk_us)]
+    return concatenate_events(parts, camera.sensor)
+
+
+def dense_events(camera, scene, config, path, end_us) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(t_us, pixel, on) of the same sensor model in plain numpy: every pixel, every 20 us, no mismatch."""
+    maps, view = make_background(camera, scene), view_matrix(camera)
+    times_us = np.arange(0, end_us + 1, DENSE_STEP_US, dtype=np.float64)
+    rows = ball_rows(camera, scene, path.at(times_us * 1e-6), path.portals(times_us * 1e-6))
+    light = np.empty(len(maps))
+    render_light(maps, view, TO_LIGHT_WORLD, rows[0], light)
+    receptor, reference, previous = light.copy(), light.copy(), light.copy()
+    release_us = np.full(len(maps), -1.0)
+    keep = np.exp(-DENSE_STEP_US / config.photoreceptor_us)
+    found: list[tuple[float, int, bool]] = []
+    for now_us, row in zip(times_us[1:], rows[1:], strict=True):
+        render_light(maps, view, TO_LIGHT_WORLD, row, light)
+        lag = (light - previous) / DENSE_STEP_US * config.photoreceptor_us
+        before, receptor = receptor, light - lag + (receptor - previous + lag) * keep
+        start_us = now_us - DENSE_STEP_US
+        released = (release_us > start_us) & (release_us <= now_us)
+        share = (release_us[released] - start_us) / DENSE_STEP_US
+        reference[released] = before[released] + share * (receptor[released] - before[released])
+        free = release_us <= now_us
+        for sign, threshold in ((1.0, config.on_threshold), (-1.0, config.off_threshold)):
+            for pixel in np.flatnonzero(free & (sign * (receptor - reference) >= threshold)):
+                level = reference[pixel] + sign * threshold
+                moved = receptor[pixel] - before[pixel]
+                part = np.clip((level - before[pixel]) / moved, 0, 1) if moved else 1.0
+                crossing = max(start_us + part * DENSE_STEP_US, release_us[pixel])
+                found.append((crossing, pixel, sign > 0))
+                reference[pixel], release_us[pixel] = level, crossing + config.refractory_us
+        previous = light.copy()
+    t, pixel, on = (np.array(column) for column in zip(*sorted(found), strict=True))
+    return t, pixel, on
+
+
+@pytest.mark.parametrize("scene_name", ["ball", "dark"])
+def test_culling_and_substeps_agree_with_a_dense_simulation(small_camera, crossing, scene_name) -> None:
+    scene, config, end_us = scene_named(scene_name), quiet(threshold_mismatch=0.0), 30_000
+    t, pixel, on = dense_events(small_camera, scene, config, crossing, end_us)
+    events = simulate(small_camera, scene, config, crossing, end_us)
+    assert len(t) > 2_000
+    for polarity in (True, False):
+        mine, theirs = events.t_us[events.on == polarity], t[on == polarity]
+        assert len(mine) == pytest.approx(len(theirs), rel=0.1)
+        assert ks_2samp(mine, theirs).statistic <= 0.05
+    width = small_camera.sensor.width_px
+    assert np.mean(events.x_px) == pytest.approx(np.mean(pixel % width), abs=0.3)
+    assert np.mean(events.y_px) == pytest.approx(np.mean(pixel // width), abs=0.3)
+
+
+def test_a_bright_ball_leads_with_on_and_a_dark_one_with_off(small_camera, crossing) -> None:
+    for name, leads_on in (("ball", True), ("dark", False)):
+        events = simulate(small_camera, scene_named(name), quiet(), crossing, 30_000)
+        window = events.between(18_000, 20_000)
+        centre_u = small_camera.project(crossing.at([0.019]).p_world_m)[0, 0]
+        later_u = small_camera.project(crossing.at([0.020]).p_world_m)[0, 0]
+        ahead = (window.x_px.astype(float) - centre_u) * np.sign(later_u - centre_u)
+        near = np.abs(ahead) < 14
+        assert (ahead[near & window.on].mean() > ahead[near & ~window.on].mean()) == leads_on
+
+
+def test_nothing_moves_and_no_noise_means_no_events(small_camera, crossing) -> None:
+    gone = type(crossing)(np.array([5.0]), crossing.p_world_m, crossing.v_world_mps, crossing.spin_radps, 6.0)
+    assert len(simulate(small_camera, SceneConfig(), quiet(), gone, 50_000)) == 0
+
+
+def test_the_noise_has_its_rate_and_its_share_of_on(small_camera, crossing) -> None:
+    config = SensorConfig(noise_hz=5.0, hot_pixels_per_million=0.0)
+    gone = type(crossing)(np.array([50.0]), crossing.p_world_m, crossing.v_world_mps, crossing.spin_radps, 60.0)
+    events = simulate(small_camera, SceneConfig(), config, gone, 1_000_000, chunk_us=100_000)
+    expected = 5.0 * 96 * 72
+    assert len(events) == pytest.approx(expected, abs=5 * np.sqrt(expected))
+    on_share = config.leak_share + (1 - config.leak_share) / 2
+    assert events.on.mean() == pytest.approx(on_share, abs=5 * np.sqrt(0.25 / expected))
+
+
+def test_no_pixel_fires_within_its_refractory_time(small_camera, crossing) -> None:
+    config = SensorConfig(noise_hz=5.0, refractory_us=300)
+    events = simulate(small_camera, SceneConfig(), config, crossing, 30_000)
+    address = events.y_px.astype(int) * 96 + events.x_px
+    order = np.lexsort((events.t_us, address))
+    same = np.diff(address[order]) == 0
+    assert same.any() and np.diff(events.t_us[order])[same].min() >= 299  # whole microseconds
+
+
+def test_the_same_seed_gives_the_same_events_however_they_are_cut(small_camera, crossing) -> None:
+    config = SensorConfig(noise_hz=2.0)
+    whole = simulate(small_camera, SceneConfig(), config, crossing, 60_000, chunk_us=60_000)
+    parts = simulate(small_camera, SceneConfig(), config, crossing, 60_000, chunk_us=10_000)
+    other = simulate(small_camera, SceneConfig(), config, crossing, 60_000, seed=2)
+    for column in ("t_us", "x_px", "y_px", "on"):
+        assert np.array_equal(getattr(whole, column), getattr(parts, column))
+    assert len(other) != len(whole) or not np.array_equal(other.t_us, whole.t_us)
+    assert not whole.t_us.flags.writeable and np.all(np.diff(whole.t_us) >= 0)
+
+
+def test_time_is_asked_for_in_order_and_in_whole_blocks(small_camera, crossing) -> None:
+    rig = EventCamera(small_camera, SceneConfig(), quiet(), np.random.default_rng(0))
+    rig.advance(crossing, 2 * BLOCK_US)
+    for end_us in (BLOCK_US, 2 * BLOCK_US, 2 * BLOCK_US + 1):
+        with pytest.raises(ConfigError, match="cannot simulate to this time"):
+            rig.advance(crossing, end_us)
+
+
+def test_the_background_is_seen_where_no_ball_is(small_camera) -> None:
+    light = make_background(small_camera, SceneConfig())[:, LOG_LIGHT]
+    assert np.isfinite(light).all() and light.std() > 0.05
