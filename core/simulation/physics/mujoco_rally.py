@@ -135,17 +135,27 @@ class MujocoRally:
         events: list[RallyEvent] = []
         impacts = 0
         while remaining > 1e-12:
-            h = min(remaining, self.dt_s)
+            h = self._until_racket_switches(min(remaining, self.dt_s))
             advanced = self._advance(h, events)
             remaining -= advanced
             impacts = impacts + 1 if advanced < h else 0
             if impacts > MAX_IMPACTS_PER_STEP:
                 logger.warning("ball stopped after %d impacts in one step", impacts)
                 self._playing = False
-        target = self._target
-        if target is not None and self._time_s > target.t_s + self.racket_config.follow_through_s:
-            self._target = None
         return tuple(events)
+
+    def _until_racket_switches(self, h: float) -> float:
+        """`h`, or less if the racket's law changes sooner: at the time of its target and after the follow-through.
+
+        So a step never spans two laws, and the racket's path within it is one cubic.
+        """
+        if self._target is None or self._coasting:
+            return h
+        for t in (self._target.t_s, self._target.t_s + self.racket_config.follow_through_s):
+            if self._time_s < t - 1e-12:
+                return min(h, t - self._time_s)
+        self._target = None
+        return h
 
     def _advance(self, h: float, events: list[RallyEvent]) -> float:
         """Advance by `h` or to the next impact; returns the time advanced."""
