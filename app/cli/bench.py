@@ -10,6 +10,8 @@ import json
 from app.cli.progress import progress_bar
 from core.errors import NotBuiltError
 
+HOMES = ("core.evaluation", "labels", "app")
+"""Packages in which the module `bench_NAME` may be: that of the layer it measures."""
 BENCHES = ("import", "detection", "simulation", "prediction", "learning", "labels", "export", "app")
 
 
@@ -20,10 +22,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Run `core.evaluation.bench_<name>` and print what it returns: "rows", "machine" and what else it has."""
-    module = f"core.evaluation.bench_{arguments.name}"
-    if importlib.util.find_spec(module) is None:
-        built = ", ".join(name for name in BENCHES if importlib.util.find_spec(f"core.evaluation.bench_{name}"))
+    """Run the module `bench_NAME` and print what it returns: "rows", "machine" and what else it has."""
+    module = find_bench(arguments.name)
+    if module is None:
+        built = ", ".join(name for name in BENCHES if find_bench(name))
         raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
     with progress_bar(f"Measuring {arguments.name}") as progress:
         report: dict[str, object] = importlib.import_module(module).run(progress)
@@ -35,6 +37,12 @@ def run(arguments: argparse.Namespace) -> None:
     print(format_table(rows))
     for name, value in report.items():
         print(f"{name}: {value if isinstance(value, str) else json.dumps(value)}")
+
+
+def find_bench(name: str) -> str | None:
+    """The module that measures this, or None while there is none."""
+    modules = (f"{home}.bench_{name}" for home in HOMES)
+    return next((module for module in modules if importlib.util.find_spec(module)), None)
 
 
 def format_table(rows: list[dict[str, object]]) -> str:

@@ -8,16 +8,12 @@ windows. Every timed window has the ball in the picture. In mode `roi` the regio
 from __future__ import annotations
 
 import dataclasses
-import platform
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
-import numba
 import numpy as np
-import sklearn
 from numpy.typing import NDArray
 
 from core.config import replace_setting
@@ -32,6 +28,7 @@ from core.evaluation.bench_exactness import (
     compare_random,
 )
 from core.evaluation.bench_scenes import MemoryStream, simulate_flights
+from core.evaluation.machine import describe_machine
 from core.evaluation.run import run_detector
 from core.evaluation.score import score_answers
 from core.events import Window
@@ -77,7 +74,18 @@ def run(progress: Progress) -> dict[str, object]:
         "live": dataclasses.asdict(live),
         "random": dataclasses.asdict(compare_random(RANDOM_STREAMS, 20, rng)),
     }
-    return {"rows": rows, "exactness": exactness, "machine": describe_machine()}
+    return {
+        "rows": rows,
+        "exactness": exactness,
+        "machine": describe_machine(
+            "numpy",
+            "numba",
+            "scikit-learn",
+            clock="thread CPU time",
+            caches=f"cold: {CACHE_BYTES >> 20} MiB are read before every call, reference and fast alternate",
+            sensor="1280x720, ball simulated at 4 to 7 m/s, in the picture in every timed window",
+        ),
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,27 +146,6 @@ def accuracy(streams: list[MemoryStream], config: DetectorConfig, window_us: int
     ]
     names = ("precision", "recall", "precision_all_circles", "mean_error_px", "median_error_px", "p95_error_px")
     return {name: float(np.mean([getattr(score, name) for score in scores])) for name in names}
-
-
-def describe_machine() -> dict[str, object]:
-    """What the figures were measured on, and how."""
-    cpu = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        names = [
-            line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")
-        ]
-        cpu = f"{len(names)} x {names[0]}" if names else cpu
-    return {
-        "cpu": cpu,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "numba": numba.__version__,
-        "scikit-learn": sklearn.__version__,
-        "clock": "thread CPU time",
-        "caches": f"cold: {CACHE_BYTES >> 20} MiB are read before every call, reference and fast alternate",
-        "sensor": "1280x720, ball simulated at 4 to 7 m/s, in the picture in every timed window",
-    }
 
 
 def _starts(stream: MemoryStream, window_us: int, count: int) -> NDArray[np.int64]:

@@ -8,8 +8,6 @@ without the start of Python. The figure of a slice is wall time too, most of its
 from __future__ import annotations
 
 import json
-import os
-import platform
 import subprocess
 import sys
 import tempfile
@@ -18,10 +16,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from core.evaluation.machine import describe_machine
 from core.events import SensorSize
 from core.recordings import open_recording
 
@@ -69,7 +67,7 @@ def run(progress: Callable[[float], None]) -> Report:
             progress(share)
         rows.append(_slice_row(recording))
         progress(1.0)
-    return {"rows": rows, "machine": _machine()}
+    return {"rows": rows, "machine": describe_machine("h5py", clock="wall time, files warm")}
 
 
 def write_evt3(path: Path, count: int) -> None:
@@ -146,15 +144,4 @@ def _row(measure: str, events: int, values: list[float], worst: float, unit: str
         "unit": unit,
         "runs": len(values),
         "target": target,
-    }
-
-
-def _machine() -> dict[str, object]:
-    return {
-        "cpu": platform.processor() or platform.machine(),
-        "cores": os.cpu_count(),
-        "load": os.getloadavg()[0],
-        "python": platform.python_version(),
-        "h5py": h5py.version.version,
-        "hdf5": h5py.version.hdf5_version,
     }

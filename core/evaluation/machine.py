@@ -1,0 +1,24 @@
+"""What figures were measured on."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import version
+from pathlib import Path
+
+
+def describe_machine(*packages: str, **remarks: str) -> dict[str, object]:
+    """Processor, load, and versions of Python and the named packages, with remarks such as the clock that was used."""
+    cpu = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        names = [line.partition(":")[2].strip() for line in info.read_text().splitlines() if line[:10] == "model name"]
+        cpu = f"{len(names)} x {names[0]}" if names else cpu
+    return {
+        "cpu": cpu,
+        "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
+        "python": platform.python_version(),
+        **{package: version(package) for package in packages},
+        **remarks,
+    }
