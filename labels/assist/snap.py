@@ -37,8 +37,12 @@ class SnapConfig:
     delay_us: float = setting(240.0, 0.0, 2000.0)
     """How late events are: the lag of the photoreceptor, mean of the first event of a leading edge and the last of a
     trailing one. Measured: 240 us for a simulated photoreceptor of 200 us. The centre moves by so much motion."""
-    delay_sigma_us: float = setting(30.0, 0.0, 1000.0)
+    delay_sigma_us: float = setting(40.0, 0.0, 1000.0)
     """How well that is known; it is in the covariance along the motion."""
+    sharpness_min: float = setting(0.5, 0.0, 1.0)
+    """Least mean weight of the edge points: noise, spread evenly over the band in which they are sought, has 0.3."""
+    points_per_radius: float = setting(5.0, 1.0, 20.0)
+    """Least number of edge points for each pixel of radius: simulated balls have 9 to 20, chance alignments fewer."""
     residual_max_px: float = setting(1.2, 0.1, 5.0)
     """Larger than this and it is no circle."""
 
@@ -66,11 +70,19 @@ class Snap:
 
 
 def snap(
-    events: Events, t_us: int, x_px: float, y_px: float, *, r_px: float | None = None, config: SnapConfig | None = None
+    events: Events,
+    t_us: int,
+    x_px: float,
+    y_px: float,
+    *,
+    r_px: float | None = None,
+    v_px_per_ms: tuple[float, float] | None = None,
+    config: SnapConfig | None = None,
 ) -> Snap | None:
     """The ball near (x_px, y_px) at `t_us`, or None where no circle fits.
 
-    `events` should reach from `reach_us` before to `reach_us` after the instant; more does no harm. `r_px` is a guess.
+    `events` should reach from `reach_us` before to `reach_us` after the instant; more does no harm. Radius and velocity
+    are guesses: a velocity, such as the one found a moment before, makes it several times faster.
     """
     config = config or SnapConfig()
     late_us = t_us + config.delay_us
@@ -80,19 +92,26 @@ def snap(
     close = np.maximum(np.abs(x), np.abs(y)) < 2 * reach_px
     t_ms = np.asarray((near.t_us[close] - late_us) * 1e-3, np.float64)
     cloud = _Cloud(t_ms, x[close], y[close], near.on[close])
-    best: tuple[float, _Fit] | None = None
-    for half_ms in START_HALF_MS:
+    starts = list(START_HALF_MS)
+    if v_px_per_ms is not None:
+        moving_ms = config.motion_px / max(float(np.hypot(*v_px_per_ms)), 1e-3)
+        starts.insert(0, min(max(moving_ms, START_HALF_MS[0]), START_HALF_MS[-1]))
+    best: _Fit | None = None
+    for half_ms in starts:
         fit = _fit_from(cloud, half_ms, reach_px, r_px, config)
         if fit is None or not _is_ball(fit, config):
             continue
-        score = fit.balance * np.sqrt(fit.points) / (0.2 + fit.residual_px)
-        if best is None or score > best[0]:
-            best = (score, fit)
-    return None if best is None else _snap_of(best[1], t_us, x_px, y_px, config)
+        if best is not None and np.abs(fit.values - best.values).max() < AGREE_PX:
+            break  # two starts that lead to the same circle: the others would too
+        best = fit if best is None or fit.score > best.score else best
+    return None if best is None else _snap_of(best, t_us, x_px, y_px, config)
 
 
 START_HALF_MS = (0.25, 0.7, 2.0, 6.0, 14.0)
 """Half windows to start from: one of them holds about a pixel or two of motion, from 0.1 to 15 px/ms."""
+AGREE_PX = 0.1
+FLOOR_PX = 0.02
+"""What the pixels themselves leave, however many events there are."""
 ROUNDS = 5
 ITERATIONS = 8
 SHARPNESS_PX = 0.45
@@ -117,9 +136,16 @@ class _Fit:
     """(5, 5)"""
     residual_px: float
     points: int
+    sharpness: float
+    """Mean weight of the points near the circle: 1 if all lie on it, 0.3 if they are spread evenly about it."""
     balance: float
     """0 if all points are on one arc, 1 if both have as many."""
     on_leads: bool
+
+    @property
+    def score(self) -> float:
+        """Many points on both arcs, close to the circle."""
+        return self.balance * float(np.sqrt(self.points)) / (0.2 + self.residual_px)
 
 
 def _fit_from(cloud: _Cloud, half_ms: float, reach_px: float, r_px: float | None, config: SnapConfig) -> _Fit | None:
@@ -216,7 +242,7 @@ def _fit_circle(
     spread = float(np.sqrt((weight * residual**2).sum() / max(weight.sum(), 1e-9)))
     sides = min(weight[leading].sum(), weight[~leading].sum()) / max(0.5 * weight.sum(), 1e-9)
     covariance = np.linalg.inv(normal) * max(spread, 0.1) ** 2
-    return _Fit(values, covariance, spread, len(rows), float(sides), on_leads)
+    return _Fit(values, covariance, spread, len(rows), float(weight.mean()), float(sides), on_leads)
 
 
 def _is_sane(values: Array, reach_px: float) -> bool:
@@ -226,7 +252,9 @@ def _is_sane(values: Array, reach_px: float) -> bool:
 def _is_ball(fit: _Fit, config: SnapConfig) -> bool:
     close = np.hypot(fit.values[0], fit.values[1]) <= config.search_px
     size = config.radius_min_px <= fit.values[4] <= config.radius_max_px
-    return bool(close and size and fit.residual_px <= config.residual_max_px and fit.balance > 0.2)
+    sharp = fit.residual_px <= config.residual_max_px and fit.sharpness >= config.sharpness_min
+    full = fit.points >= config.points_per_radius * fit.values[4]
+    return bool(close and size and sharp and full and fit.balance > 0.2)
 
 
 def _snap_of(fit: _Fit, t_us: int, x_px: float, y_px: float, config: SnapConfig) -> Snap:
@@ -241,9 +269,9 @@ def _snap_of(fit: _Fit, t_us: int, x_px: float, y_px: float, config: SnapConfig)
         vx_px_per_ms=vx,
         vy_px_per_ms=vy,
         covariance_px2=(
-            float(cov[0, 0]) + (vx * late_ms) ** 2,
+            float(cov[0, 0]) + (vx * late_ms) ** 2 + FLOOR_PX**2,
             float(cov[0, 1]) + vx * vy * late_ms**2,
-            float(cov[1, 1]) + (vy * late_ms) ** 2,
+            float(cov[1, 1]) + (vy * late_ms) ** 2 + FLOOR_PX**2,
         ),
         residual_px=fit.residual_px,
         points=fit.points,

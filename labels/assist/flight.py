@@ -1,0 +1,169 @@
+"""Interpolation in 3D: one free flight, fitted to the labels of both cameras at once and projected back.
+
+Gravity, air drag and a constant spin's side force (Magnus), integrated; ten unknowns: position, velocity, drag and the
+three of the spin. The last four have priors, so that a few keyframes are enough.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numba as nb
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+
+from core.cameras import Camera, ball_circles
+from core.table import GRAVITY_MPS2
+from labels.arrays import LabelArrays
+from labels.assist.stereo import check_stereo
+
+Array = NDArray[np.float64]
+STEP_S: Final = 4e-3
+DRAG_PER_M: Final = 0.112
+"""Half the density of air times drag coefficient 0.4 times cross section over mass of a 40 mm, 2.7 g ball."""
+DRAG_SIGMA_PER_M: Final = 0.06
+SPIN_SIGMA_PER_S: Final = 1.0
+"""Side acceleration per velocity: fast topspin (100 turns a second) pulls with about one g at 10 m/s."""
+MIN_PAIRS: Final = 4
+WORST_RESIDUAL_PX: Final = 3.0
+"""More than that is no free flight: a bounce or hit is in it, or the calibration is wrong."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flight:
+    """A fitted flight between two breaks."""
+
+    start_us: int
+    end_us: int
+    values: Array
+    """(10,) position m, velocity m/s, drag 1/m, spin 1/s at `start_us`."""
+    residual_px: float
+    """Root mean square distance of the labels' coordinates from it."""
+
+    def at(self, t_us: ArrayLike) -> Array:
+        """(N, 3) world positions at times that ascend."""
+        return _positions(self.values[None], _seconds(np.asarray(t_us, np.int64), self.start_us))[0]
+
+    def seen_by(self, camera: Camera, t_us: ArrayLike) -> Array:
+        """(N, 3) centre and radius in the picture."""
+        circles = ball_circles(camera, self.at(t_us))
+        return np.column_stack([circles.u_px, circles.v_px, circles.r_px])
+
+
+def fit_flight(cameras: tuple[Camera, Camera], labels: tuple[LabelArrays, LabelArrays]) -> Flight | None:
+    """The flight through the visible labels of both cameras, which must not contain a bounce or hit.
+
+    Labels of one camera count too where the other has none. None with fewer than
+    `MIN_PAIRS` common instants, or where no flight fits.
+    """
+    seen = [keys.rows(keys.seen) for keys in labels]
+    common, rows_0, rows_1 = np.intersect1d(seen[0].t_us, seen[1].t_us, return_indices=True)
+    if len(common) < MIN_PAIRS:
+        return None
+    uvs = [np.column_stack([keys.x_px, keys.y_px]) for keys in seen]
+    points = check_stereo(cameras[0], uvs[0][rows_0], cameras[1], uvs[1][rows_1]).p_world_m
+    start_us = int(min(keys.t_us[0] for keys in seen))
+    end_us = int(max(keys.t_us[-1] for keys in seen))
+    times = [_seconds(keys.t_us, start_us) for keys in seen]
+    fine = np.isfinite(points).all(axis=1)
+    if fine.sum() < MIN_PAIRS:
+        return None
+    # Labels mark the middle of an outline, which is not the projection of the ball's centre; the difference hardly
+    # depends on what is fitted, and outlines are dear.
+    guess = _first_guess(_seconds(common[fine], start_us), points[fine])
+
+    targets = [
+        uv - _outline_offset(camera, _positions(guess[None], t)[0])
+        for camera, t, uv in zip(cameras, times, uvs, strict=True)
+    ]
+
+    def residuals(many: Array) -> Array:
+        """(K, M) of K sets of values."""
+        parts = []
+        for camera, t, target in zip(cameras, times, targets, strict=True):
+            found = camera.project(_positions(many, t).reshape(-1, 3)).reshape(len(many), len(t), 2)
+            parts.append(np.nan_to_num(found - target, nan=1e3).reshape(len(many), -1))
+        prior = np.column_stack([(many[:, 6] - DRAG_PER_M) / DRAG_SIGMA_PER_M, many[:, 7:] / SPIN_SIGMA_PER_S])
+        return np.concatenate([*parts, prior], axis=1)
+
+    def slopes(values: Array) -> Array:
+        steps = np.diag([1e-5] * 3 + [1e-4] * 3 + [1e-4] * 4)
+        both = residuals(np.concatenate([values + steps, values - steps]))
+        return ((both[:10] - both[10:]) / (2 * np.diag(steps)[:, None])).T
+
+    low = np.concatenate([np.full(3, -20.0), np.full(3, -60.0), [0.0], np.full(3, -20.0)])
+    high = np.concatenate([np.full(3, 20.0), np.full(3, 60.0), [1.0], np.full(3, 20.0)])
+    if not ((low < guess) & (guess < high)).all():
+        return None  # faster or farther than any ball
+    fit = least_squares(
+        lambda values: residuals(values[None])[0],
+        guess,
+        jac=slopes,  # pyright: ignore[reportArgumentType]
+        bounds=(low, high),
+        loss="soft_l1",
+        max_nfev=20,
+    )
+    misses = residuals(fit.x[None])[0][:-4]
+    residual_px = float(np.sqrt(np.mean(misses**2)))
+    return Flight(start_us, end_us, fit.x, residual_px) if residual_px <= WORST_RESIDUAL_PX else None
+
+
+def _outline_offset(camera: Camera, ps: Array) -> Array:
+    circles = ball_circles(camera, ps)
+    offset = np.column_stack([circles.u_px, circles.v_px]) - camera.project(ps)
+    return np.where(np.isfinite(offset), offset, 0.0)
+
+
+def _seconds(t_us: NDArray[np.int64], start_us: int) -> Array:
+    return (t_us - start_us).astype(np.float64) * 1e-6
+
+
+def _first_guess(t: Array, points: Array) -> Array:
+    fallen = points + 0.5 * np.array([0, 0, GRAVITY_MPS2]) * t[:, None] ** 2
+    line = np.linalg.lstsq(np.column_stack([np.ones(len(t)), t]), fallen, rcond=None)[0]
+    return np.concatenate([line[0], line[1], [DRAG_PER_M, 0.0, 0.0, 0.0]])
+
+
+def _positions(values: Array, t: Array) -> Array:
+    """(K, N, 3) positions of K flights at N times: fourth-order Runge-Kutta, cubic interpolation between steps."""
+    steps = int(np.ceil(max(float(np.max(t, initial=0.0)), STEP_S) / STEP_S))
+    ps, vs = _integrate(np.ascontiguousarray(values), steps, STEP_S, GRAVITY_MPS2)
+    k = np.clip((t / STEP_S).astype(np.intp), 0, steps - 1)
+    s = (t / STEP_S - k)[None, :, None]
+    a, b, c, d = ps[:, k], vs[:, k] * STEP_S, ps[:, k + 1], vs[:, k + 1] * STEP_S
+    return a + s * b + s**2 * (3 * (c - a) - 2 * b - d) + s**3 * (2 * (a - c) + b + d)
+
+
+@nb.njit(cache=True, nogil=True)
+def _integrate(values, steps, step_s, gravity):
+    """Positions and velocities (K, steps + 1, 3) of K flights."""
+    count = len(values)
+    ps, vs = np.empty((count, steps + 1, 3)), np.empty((count, steps + 1, 3))
+    a1, a2, a3, a4, v = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for row in range(count):
+        ps[row, 0], vs[row, 0] = values[row, :3], values[row, 3:6]
+        for k in range(steps):
+            v0 = vs[row, k]
+            _accelerate(v0, values[row], gravity, a1)
+            v[:] = v0 + 0.5 * step_s * a1
+            _accelerate(v, values[row], gravity, a2)
+            v[:] = v0 + 0.5 * step_s * a2
+            _accelerate(v, values[row], gravity, a3)
+            v[:] = v0 + step_s * a3
+            _accelerate(v, values[row], gravity, a4)
+            # The position's own Runge-Kutta sum: its four velocities differ by the accelerations before them.
+            ps[row, k + 1] = ps[row, k] + step_s * v0 + step_s**2 / 6 * (a1 + a2 + a3)
+            vs[row, k + 1] = v0 + step_s / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    return ps, vs
+
+
+@nb.njit(cache=True, nogil=True)
+def _accelerate(v, values, gravity, out):
+    """Gravity, drag against the velocity, and the spin's force across it, into `out`."""
+    drag = values[6] * math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+    out[0] = -drag * v[0] + values[8] * v[2] - values[9] * v[1]
+    out[1] = -drag * v[1] + values[9] * v[0] - values[7] * v[2]
+    out[2] = -drag * v[2] + values[7] * v[1] - values[8] * v[0] - gravity

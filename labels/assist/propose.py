@@ -1,0 +1,151 @@
+"""Proposals: what the detector finds, moved to the circle that fits the events, for a person to accept or reject."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.config import config_to_mapping
+from core.detection import DetectorConfig, FastDetector
+from core.detection.window import windows_between
+from core.recordings import CameraStream
+from labels.assist.residual import residual_of_neighbours
+from labels.assist.snap import SnapConfig, snap
+from labels.model import Label, Provenance, Source, State
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposals:
+    """N positions, times ascending."""
+
+    t_us: NDArray[np.int64]
+    x_px: Array
+    y_px: Array
+    r_px: Array
+    covariance_px2: Array
+    """(N, 3) xx, xy, yy; nan where no circle fitted and the detector's own position stands."""
+    window_us: int
+    detector: str
+    """Method and hash of the settings, as it is noted in labels."""
+
+    def __len__(self) -> int:
+        return len(self.t_us)
+
+    def at(self, t_us: ArrayLike) -> Proposals:
+        """At other times: interpolated between two that are at most two windows apart, else nan."""
+        t = np.atleast_1d(np.asarray(t_us, np.int64))
+        if not len(self):
+            nothing = np.full(len(t), np.nan)
+            return Proposals(t, nothing, nothing, nothing, np.full((len(t), 3), np.nan), self.window_us, self.detector)
+        after = np.clip(np.searchsorted(self.t_us, t), 0, len(self) - 1)
+        before = np.where(self.t_us[after] == t, after, np.maximum(after - 1, 0))
+        span = self.t_us[after] - self.t_us[before]
+        inside = (self.t_us[before] <= t) & (t <= self.t_us[after]) & (span <= 2 * self.window_us)
+        share = np.where(span > 0, (t - self.t_us[before]) / np.maximum(span, 1), 0.0)
+        columns = np.column_stack([self.x_px, self.y_px, self.r_px, self.covariance_px2])
+        mixed = columns[before] * (1 - share)[:, None] + columns[after] * share[:, None]
+        mixed[~inside] = np.nan
+        return Proposals(t, mixed[:, 0], mixed[:, 1], mixed[:, 2], mixed[:, 3:], self.window_us, self.detector)
+
+
+def propose(
+    stream: CameraStream,
+    start_us: int,
+    end_us: int,
+    *,
+    config: DetectorConfig | None = None,
+    snap_config: SnapConfig | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Proposals:
+    """What the detector finds in [start_us, end_us), snapped."""
+    config, snap_config = config or DetectorConfig(), snap_config or SnapConfig()
+    window_us = config.window.window_us
+    detector = FastDetector(config, stream.sensor)
+    rows: list[tuple[float, ...]] = []
+    times: list[int] = []
+    previous: tuple[float, float] | None = None
+    for window in windows_between(stream, start_us, end_us, window_us):
+        found = detector.step(window)
+        if progress is not None:
+            progress((window.end_us - start_us) / max(end_us - start_us, 1))
+        if found is None:
+            previous = None
+            continue
+        reach = snap_config.reach_us + 1000
+        near = stream.slice(max(found.t_us - reach, 0), found.t_us + reach)
+        fitted = snap(near, found.t_us, found.u_px, found.v_px, v_px_per_ms=previous, config=snap_config)
+        times.append(found.t_us)
+        if fitted is None:
+            rows.append((found.u_px, found.v_px, found.r_px, np.nan, np.nan, np.nan))
+            previous = None
+        else:
+            rows.append((fitted.x_px, fitted.y_px, fitted.r_px, *fitted.covariance_px2))
+            previous = (fitted.vx_px_per_ms, fitted.vy_px_per_ms)
+    table = np.array(rows, np.float64).reshape(-1, 6)
+    x, y, r = (np.ascontiguousarray(table[:, column]) for column in range(3))
+    return Proposals(np.array(times, np.int64), x, y, r, table[:, 3:], window_us, detector_name(config))
+
+
+def detector_name(config: DetectorConfig, method: str = "auto") -> str:
+    """Method and the first digits of the hash of its settings: what a label says it was proposed by."""
+    text = json.dumps(config_to_mapping(config), sort_keys=True)
+    return f"{method}#{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
+def accept(proposals: Proposals, row: int, *, time_spent_ms: int = 0) -> Label:
+    """The label that says: this proposal is right."""
+    covariance = proposals.covariance_px2[row]
+    t_us = int(proposals.t_us[row])
+    xx, xy, yy = covariance.tolist()
+    return Label(
+        t_us=t_us,
+        state=State.VISIBLE,
+        x_px=float(proposals.x_px[row]),
+        y_px=float(proposals.y_px[row]),
+        r_px=float(proposals.r_px[row]) if np.isfinite(proposals.r_px[row]) else None,
+        covariance_px2=(xx, xy, yy) if np.isfinite(covariance).all() else None,
+        provenance=Provenance(
+            source=Source.ACCEPTED,
+            detector=proposals.detector,
+            window_us=(max(t_us - proposals.window_us, 0), max(t_us, 1)),
+            time_spent_ms=time_spent_ms,
+        ),
+    )
+
+
+def steady_segment(
+    proposals: Proposals,
+    t_us: int,
+    *,
+    tolerance_px: float = 1.0,
+    stereo_residual_px: Array | None = None,
+) -> NDArray[np.intp]:
+    """Rows around `t_us` that can be accepted at once: an unbroken run of windows in which every proposal was snapped,
+    agrees with its neighbours within `tolerance_px`, and with the other camera's where `stereo_residual_px` (N,) is
+    known. Empty if the proposal at `t_us` itself does not.
+    """
+    if not len(proposals):
+        return np.empty(0, np.intp)
+    residual = residual_of_neighbours(
+        proposals.t_us, proposals.x_px, proposals.y_px, max_gap_us=2 * proposals.window_us
+    )
+    fine = (residual <= tolerance_px) & np.isfinite(proposals.covariance_px2[:, 0])
+    if stereo_residual_px is not None:
+        fine &= ~(stereo_residual_px > tolerance_px)  # nan: nothing speaks against it
+    at = int(np.argmin(np.abs(proposals.t_us - t_us)))
+    if not fine[at] or abs(int(proposals.t_us[at]) - t_us) > proposals.window_us:
+        return np.empty(0, np.intp)
+    joined = np.diff(proposals.t_us) <= 2 * proposals.window_us
+    first = last = at
+    while first > 0 and fine[first - 1] and joined[first - 1]:
+        first -= 1
+    while last + 1 < len(proposals) and fine[last + 1] and joined[last]:
+        last += 1
+    return np.arange(first, last + 1)

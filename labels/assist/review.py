@@ -1,0 +1,126 @@
+"""What to look at next: every label and every hole that something speaks against, the worst first, with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.config import check_settings, setting
+from labels.arrays import STATES, LabelArrays
+from labels.assist.propose import Proposals
+from labels.assist.residual import residual_of_neighbours
+from labels.model import State
+
+Array = NDArray[np.float64]
+_Note = Callable[[NDArray[np.int64], Array, list[str]], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QueueConfig:
+    """What counts as how suspicious. Scores are in standard deviations of a careful label."""
+
+    sigma_px: float = setting(0.7, 0.05, 10.0)
+    """How exact a label is; the annotator's own noise, once it is measured."""
+    detector_sigma_px: float = setting(1.0, 0.05, 20.0)
+    """How exact the detector is."""
+    max_gap_us: int = setting(20_000, 100, 1_000_000)
+    """Labels farther apart say nothing about each other."""
+    contradiction: float = setting(20.0, 1.0, 100.0)
+    """Score of a ball where detector or neighbours see none, and the other way round."""
+    least_score: float = setting(3.0, 0.0, 100.0)
+    """What is less suspicious is not queued."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True)
+class QueueItem:
+    """One time to look at."""
+
+    t_us: int
+    score: float
+    reason: str
+
+
+def review_queue(
+    labels: LabelArrays,
+    *,
+    proposals: Proposals | None = None,
+    stereo_residual_px: Array | None = None,
+    frames_us: ArrayLike | None = None,
+    config: QueueConfig | None = None,
+) -> tuple[QueueItem, ...]:
+    """Times in order of suspicion.
+
+    `stereo_residual_px` (N,) is that of each label with the other camera's, nan where there is none; `frames_us` are
+    all times that are to be labelled: unchecked ones between checked ones are queued as gaps.
+    """
+    config = config or QueueConfig()
+    items: dict[int, QueueItem] = {}
+
+    def note(t_us: NDArray[np.int64], scores: Array, reasons: list[str]) -> None:
+        for t, score, reason in zip(t_us.tolist(), scores.tolist(), reasons, strict=True):
+            if score >= config.least_score and (t not in items or items[t].score < score):
+                items[t] = QueueItem(t, score, reason)
+
+    _from_neighbours(labels, config, note)
+    _from_states(labels, config, note)
+    if proposals is not None:
+        _from_detector(labels, proposals, config, note)
+    if stereo_residual_px is not None:
+        scores = np.nan_to_num(stereo_residual_px / config.sigma_px)
+        note(labels.t_us, scores, [f"the cameras disagree by {residual:.1f} px" for residual in stereo_residual_px])
+    if frames_us is not None:
+        _from_gaps(labels, np.asarray(frames_us, np.int64), config, note)
+    return tuple(sorted(items.values(), key=lambda item: (-item.score, item.t_us)))
+
+
+def _from_neighbours(labels: LabelArrays, config: QueueConfig, note: _Note) -> None:
+    part = labels.rows(labels.seen)
+    residual = residual_of_neighbours(part.t_us, part.x_px, part.y_px, max_gap_us=config.max_gap_us)
+    reasons = [f"{value:.1f} px off the path of its neighbours" for value in residual]
+    note(part.t_us, np.nan_to_num(residual / config.sigma_px), reasons)
+
+
+def _from_states(labels: LabelArrays, config: QueueConfig, note: _Note) -> None:
+    """A ball that is there for one label only, or away for one only, between neighbours that agree with each other."""
+    if len(labels) < 3:
+        return
+    seen, t = labels.seen, labels.t_us
+    close = (t[2:] - t[:-2]) <= 2 * config.max_gap_us
+    odd = close & (seen[:-2] == seen[2:]) & (seen[1:-1] != seen[2:])
+    alone = ["a ball at this time only" if here else "no ball at this time only" for here in seen[1:-1]]
+    note(t[1:-1], np.where(odd, config.contradiction, 0.0), alone)
+
+
+def _from_detector(labels: LabelArrays, proposals: Proposals, config: QueueConfig, note: _Note) -> None:
+    found = proposals.at(labels.t_us)
+    has, seen = np.isfinite(found.x_px), labels.seen
+    distance = np.hypot(found.x_px - labels.x_px, found.y_px - labels.y_px)
+    sigma = np.hypot(config.sigma_px, config.detector_sigma_px)
+    note(
+        labels.t_us,
+        np.where(has & seen, np.nan_to_num(distance / sigma), 0.0),
+        [f"{value:.1f} px from what the detector found" for value in distance],
+    )
+    absent = labels.state == STATES.index(State.NO_BALL)
+    empty = ["the detector sees a ball where the label says there is none"] * len(labels)
+    note(labels.t_us, np.where(has & absent, config.contradiction * 0.9, 0.0), empty)
+    # Detectors miss balls now and then, so silence weighs less than a contradiction.
+    silent = ["the detector finds no ball here"] * len(labels)
+    note(labels.t_us, np.where(seen & ~has, max(config.least_score, 0.2 * config.contradiction), 0.0), silent)
+
+
+def _from_gaps(labels: LabelArrays, frames_us: NDArray[np.int64], config: QueueConfig, note: _Note) -> None:
+    if not len(labels):
+        return
+    unchecked = frames_us[~np.isin(frames_us, labels.t_us)]
+    after = np.searchsorted(labels.t_us, unchecked)
+    between = (after > 0) & (after < len(labels))
+    unchecked, after = unchecked[between], after[between]
+    flanked = labels.seen[after - 1] & labels.seen[after]
+    note(unchecked, np.where(flanked, config.least_score, 0.0), ["nobody has looked here"] * len(unchecked))

@@ -1,0 +1,99 @@
+"""Two cameras on one ball: the epipolar curve of a click, and how well two labels of one instant agree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.cameras import Camera
+from core.table import BALL_RADIUS_M
+
+Array = NDArray[np.float64]
+NEAREST_M, FARTHEST_M = 0.3, 8.0
+"""Depths along a ray that a ball at a table can have."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StereoCheck:
+    """N pairs of labels of the same instants; nan where one is missing or no ray exists."""
+
+    p_world_m: Array
+    """(N, 3) the point that both pictures agree on best."""
+    residual_px: Array
+    """(N,) distance of the labels from that point's projections, both cameras together. Errors along the epipolar line
+    move the point and leave no residual: nothing can see them in two views."""
+    expected_r_px: Array
+    """(N, 2) radius of a ball at that point in either camera."""
+
+
+def epipolar_curve(here: Camera, uv_px: ArrayLike, there: Camera, *, points: int = 192) -> Array:
+    """(M, 2) pixels in camera `there` of the ray through `uv_px` in camera `here`, near to far.
+
+    Points in front of both cameras within the sensor and a little around it; bent as the lens distorts. Empty if the
+    ray cannot be seen.
+    """
+    ray = here.unproject(uv_px)
+    if not np.isfinite(ray).all():
+        return np.empty((0, 2))
+    # Even in inverse depth, which is even in the picture.
+    depths = 1.0 / np.linspace(1.0 / NEAREST_M, 1.0 / FARTHEST_M, points)
+    curve = there.project(here.position_world_m + depths[:, None] * ray)
+    width, height = there.sensor.width_px, there.sensor.height_px
+    near = np.isfinite(curve).all(axis=1)
+    near &= (np.abs(curve[:, 0] - width / 2) < width) & (np.abs(curve[:, 1] - height / 2) < height)
+    return curve[near]
+
+
+def nearest_on_curve(curve: Array, uv_px: ArrayLike) -> tuple[Array, float]:
+    """The point of a polyline (M, 2) that is nearest to a click, and its distance; nan and inf for an empty one."""
+    click = np.asarray(uv_px, np.float64)
+    if len(curve) < 2:
+        return np.full(2, np.nan), float("inf")
+    start, step = curve[:-1], np.diff(curve, axis=0)
+    share = np.einsum("ij,ij->i", click - start, step) / np.maximum(np.einsum("ij,ij->i", step, step), 1e-12)
+    feet = start + np.clip(share, 0, 1)[:, None] * step
+    distance = np.linalg.norm(feet - click, axis=1)
+    best = int(np.argmin(distance))
+    return feet[best], float(distance[best])
+
+
+def check_stereo(first: Camera, uvs_first: ArrayLike, second: Camera, uvs_second: ArrayLike) -> StereoCheck:
+    """Triangulate pairs of positions (N, 2) and compare them with the projections of the points found."""
+    uvs = [np.atleast_2d(np.asarray(uv, np.float64)) for uv in (uvs_first, uvs_second)]
+    cameras = (first, second)
+    p = _between_rays(cameras, uvs)
+    for _ in range(3):  # Gauss-Newton on the pixels: the middle between two rays is not the best point
+        predicted, J = _project_with_slopes(cameras, p)
+        residual = np.concatenate(uvs, axis=1) - predicted
+        fine = np.isfinite(residual).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
+        normal = np.einsum("nij,nik->njk", J[fine], J[fine]) + 1e-9 * np.eye(3)
+        right = np.einsum("nij,ni->nj", J[fine], residual[fine])
+        p[fine] += np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+    residual = np.concatenate(uvs, axis=1) - _project_with_slopes(cameras, p)[0]
+    distances = [np.linalg.norm(p - camera.position_world_m, axis=1) for camera in cameras]
+    radii = [camera.K[0, 0] * BALL_RADIUS_M / distance for camera, distance in zip(cameras, distances, strict=True)]
+    return StereoCheck(p, np.sqrt((residual**2).sum(axis=1)), np.column_stack(radii))
+
+
+def _between_rays(cameras: tuple[Camera, Camera], uvs: list[Array]) -> Array:
+    d1, d2 = (camera.unproject(uv) for camera, uv in zip(cameras, uvs, strict=True))
+    base = cameras[1].position_world_m - cameras[0].position_world_m
+    cosine = np.einsum("ij,ij->i", d1, d2)
+    sine_squared = np.maximum(1 - cosine**2, 1e-12)
+    along_1, along_2 = d1 @ base, d2 @ base
+    s1 = (along_1 - cosine * along_2) / sine_squared
+    s2 = (cosine * along_1 - along_2) / sine_squared
+    return 0.5 * (cameras[0].position_world_m + s1[:, None] * d1 + cameras[1].position_world_m + s2[:, None] * d2)
+
+
+def _project_with_slopes(cameras: tuple[Camera, Camera], p: Array) -> tuple[Array, Array]:
+    """Pixels (N, 4) in both cameras and their derivatives (N, 4, 3) by the point."""
+    step_m = 1e-4
+
+    def project(points: Array) -> Array:
+        return np.concatenate([camera.project(points) for camera in cameras], axis=1)
+
+    slopes = [(project(p + step) - project(p - step)) / (2 * step_m) for step in step_m * np.eye(3)]
+    return project(p), np.stack(slopes, axis=2)

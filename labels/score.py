@@ -1,0 +1,189 @@
+"""How good a detector is, measured on labels: at the instants a person has looked at, and by how the labels came about.
+
+Unchecked times and occluded balls count neither for nor against it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.detection import Detection, Detector
+from core.evaluation import WindowAnswers, score_answers
+from core.events import Window
+from core.recordings import CameraStream, PixelTruth
+from labels.arrays import SOURCES, STATES, LabelArrays
+from labels.model import Source, State
+
+Array = NDArray[np.float64]
+TOLERANCES_PX: Final = (1.0, 2.0, 4.0, 8.0)
+LEAD_IN_WINDOWS: Final = 10
+"""Windows that a detector sees before a label that stands alone, to find the ball and lock on."""
+MOTION_GAP_US: Final = 50_000
+"""Labels farther apart do not tell the direction of motion."""
+GROUPS: Final[dict[str, tuple[Source, ...]]] = {
+    "all": tuple(Source),
+    "by hand": (Source.BY_HAND, Source.SNAPPED, Source.EPIPOLAR),
+    "corrected": (Source.CORRECTED,),
+    "accepted": (Source.ACCEPTED,),
+    "interpolated": (Source.INTERPOLATED,),
+    "imported": (Source.IMPORTED,),
+}
+"""Accepted proposals favour the detector that made them: read the rows by hand first."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreAt:
+    """At one tolerance: an answer this close to a visible ball is right."""
+
+    tolerance_px: float
+    precision: float
+    recall: float
+    f1: float
+
+
+@dataclass(frozen=True, slots=True)
+class GroupScore:
+    """Of the labels of one kind of source. Errors are those of answers within the largest tolerance."""
+
+    group: str
+    labels: int
+    with_ball: int
+    at: tuple[ScoreAt, ...]
+    median_px: float
+    mean_px: float
+    p95_px: float
+    along_px: float
+    """Mean error along the ball's motion, positive ahead of it: the detector's delay times the speed."""
+    across_px: float
+    """Mean error to the right of the motion, as seen in the picture."""
+
+
+def answers_at(
+    stream: CameraStream,
+    detector: Detector,
+    t_us: NDArray[np.int64],
+    window_us: int,
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> WindowAnswers:
+    """What a detector says of the balls at ascending times: each time, the window whose estimate is for that instant.
+
+    Between the times it sees every window, or the last `LEAD_IN_WINDOWS` before a time that stands alone. A detector
+    whose estimates are for another instant than the end of its window is asked that much later.
+    """
+    detector.reset()
+    late_us = 0
+    rows: list[tuple[float, float, float, int]] = []
+    seen_until = -1
+    for number, time_us in enumerate(t_us.tolist()):
+        start = time_us + late_us - window_us
+        before = min(LEAD_IN_WINDOWS, max(start - seen_until, 0) // window_us if seen_until >= 0 else LEAD_IN_WINDOWS)
+        if start - before * window_us > seen_until + window_us:
+            detector.reset()
+        for lead in range(before, 0, -1):
+            _step(stream, detector, start - lead * window_us, window_us)
+        found = _step(stream, detector, start, window_us)
+        seen_until = start + window_us
+        if found is None:
+            rows.append((np.nan, np.nan, np.nan, detector.extra_circles))
+        else:
+            rows.append((found.u_px, found.v_px, found.r_px, detector.extra_circles))
+            late_us = seen_until - found.t_us
+        if progress is not None:
+            progress((number + 1) / len(t_us))
+    u, v, r, extra = np.array(rows, np.float64).reshape(-1, 4).T
+    return WindowAnswers(t_us + late_us, t_us, u, v, r, extra.astype(np.int32))
+
+
+def _step(stream: CameraStream, detector: Detector, start_us: int, window_us: int) -> Detection | None:
+    if start_us + window_us <= 0:
+        return None
+    start = max(start_us, 0)
+    return detector.step(Window(stream.slice(start, start_us + window_us), start, start_us + window_us))
+
+
+def score_labels(
+    stream: CameraStream,
+    detector: Detector,
+    labels: LabelArrays,
+    window_us: int,
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> tuple[GroupScore, ...]:
+    """Run a detector at every label and score it, all labels first and then each group that has any."""
+    asked = labels.rows(labels.state != STATES.index(State.OCCLUDED))
+    return score_groups(answers_at(stream, detector, asked.t_us, window_us, progress=progress), asked)
+
+
+def score_groups(answers: WindowAnswers, labels: LabelArrays) -> tuple[GroupScore, ...]:
+    """Score the answers to the labels, row by row."""
+    motion = motion_of(labels)
+    scores = []
+    for name, sources in GROUPS.items():
+        rows = np.flatnonzero(np.isin(labels.source, [SOURCES.index(source) for source in sources]))
+        if len(rows):
+            scores.append(_score_group(name, _answers_rows(answers, rows), labels.rows(rows), motion[rows]))
+    return tuple(scores)
+
+
+def _score_group(name: str, answers: WindowAnswers, labels: LabelArrays, motion: Array) -> GroupScore:
+    seen = labels.seen
+    truth = PixelTruth(labels.t_us, labels.x_px, labels.y_px, labels.r_px, seen)
+    at = []
+    for tolerance in TOLERANCES_PX:
+        score = score_answers(answers, truth, match_radius_px=tolerance)
+        at.append(ScoreAt(tolerance, score.precision, score.recall, score.f1))
+    error = np.column_stack([answers.u_px - labels.x_px, answers.v_px - labels.y_px])
+    distance = np.linalg.norm(error, axis=1)
+    found = seen & (np.nan_to_num(distance, nan=np.inf) <= TOLERANCES_PX[-1])
+    moving = found & np.isfinite(motion[:, 0])
+    along = np.einsum("ij,ij->i", error, motion)[moving]
+    across = (motion[:, 0] * error[:, 1] - motion[:, 1] * error[:, 0])[moving]
+    return GroupScore(
+        group=name,
+        labels=len(labels),
+        with_ball=int(seen.sum()),
+        at=tuple(at),
+        median_px=_of(np.median, distance[found]),
+        mean_px=_of(np.mean, distance[found]),
+        p95_px=_of(lambda values: np.percentile(values, 95), distance[found]),
+        along_px=_of(np.mean, along),
+        across_px=_of(np.mean, across),
+    )
+
+
+def motion_of(labels: LabelArrays) -> Array:
+    """(N, 2) unit direction of the ball's motion at each label, from the visible labels round it; nan where unknown."""
+    motion = np.full((len(labels), 2), np.nan)
+    rows = np.flatnonzero(labels.seen)
+    if len(rows) < 2:
+        return motion
+    t, places = labels.t_us[rows], np.column_stack([labels.x_px, labels.y_px])[rows]
+    before, after = np.maximum(np.arange(len(rows)) - 1, 0), np.minimum(np.arange(len(rows)) + 1, len(rows) - 1)
+    before = np.where(t - t[before] <= MOTION_GAP_US, before, np.arange(len(rows)))
+    after = np.where(t[after] - t <= MOTION_GAP_US, after, np.arange(len(rows)))
+    step = places[after] - places[before]
+    length = np.linalg.norm(step, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        motion[rows] = np.where(length[:, None] > 1.0, step / length[:, None], np.nan)
+    return motion
+
+
+def _answers_rows(answers: WindowAnswers, rows: NDArray[np.intp]) -> WindowAnswers:
+    return WindowAnswers(
+        answers.end_us[rows],
+        answers.t_us[rows],
+        answers.u_px[rows],
+        answers.v_px[rows],
+        answers.r_px[rows],
+        answers.extra_circles[rows],
+    )
+
+
+def _of(statistic: Callable[[Array], np.floating], values: Array) -> float:
+    return float(statistic(values)) if len(values) else float("nan")

@@ -1,0 +1,178 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.cameras import Camera
+from core.events import Events
+from labels.arrays import LabelArrays, label_arrays
+from labels.assist.blind import is_blind_sample, next_blind
+from labels.assist.propose import Proposals, accept, detector_name, propose, steady_segment
+from labels.assist.residual import residual_of_neighbours
+from labels.assist.review import QueueConfig, review_queue
+from labels.model import Label, Provenance, Source, State
+from labels.store import LabelStore, Layer
+from labels.trials.assistance import try_queue
+from labels.trials.clips import MIDDLE_US, SENSOR, draw_clip
+
+T = np.arange(0, 60_000, 2000)
+
+
+def straight(**changes: Label) -> LabelArrays:
+    labels = {int(t): Label(t_us=int(t), state=State.VISIBLE, x_px=100 + t * 2e-3, y_px=50.0) for t in T}
+    labels.update({label.t_us: label for label in changes.values()})
+    return label_arrays(labels.values())
+
+
+def detections(rows: np.ndarray = T) -> Proposals:
+    covariance = np.tile([0.01, 0.0, 0.01], (len(rows), 1))
+    return Proposals(rows, 100 + rows * 2e-3, np.full(len(rows), 50.0), np.full(len(rows), 6.0), covariance, 2000, "d")
+
+
+def test_good_labels_are_not_queued() -> None:
+    assert review_queue(straight(), proposals=detections(), frames_us=T) == ()
+    assert review_queue(label_arrays([])) == ()
+
+
+def test_a_label_off_the_path_comes_first_and_says_why() -> None:
+    off = Label(t_us=20_000, state=State.VISIBLE, x_px=140.0, y_px=62.0)
+    queue = review_queue(straight(off=off))
+    assert queue[0].t_us == 20_000
+    assert queue[0].reason == "12.0 px off the path of its neighbours"
+    assert queue[0].score == pytest.approx(12 / QueueConfig().sigma_px, rel=0.01)
+
+
+def test_a_ball_that_is_missing_once_or_there_once_is_queued() -> None:
+    missing = Label(t_us=20_000, state=State.NO_BALL)
+    assert "no ball at this time only" in review_queue(straight(missing=missing))[0].reason
+    absent = [Label(t_us=int(t), state=State.NO_BALL) for t in T if t != 20_000]
+    lonely = label_arrays([*absent, Label(t_us=20_000, state=State.VISIBLE, x_px=1.0, y_px=1.0)])
+    assert [(item.t_us, item.reason) for item in review_queue(lonely)] == [(20_000, "a ball at this time only")]
+
+
+def test_the_detector_speaks_against_labels() -> None:
+    nowhere = straight(**{f"l{t}": Label(t_us=t, state=State.NO_BALL) for t in (20_000, 22_000, 24_000)})
+    reasons = {item.t_us: item.reason for item in review_queue(nowhere, proposals=detections())}
+    assert all("detector sees a ball" in reasons[t] for t in (20_000, 22_000, 24_000))
+    silent = review_queue(straight(), proposals=detections(T[:20]))
+    assert {item.t_us for item in silent} == set(T[20:].tolist())
+    assert "finds no ball" in silent[0].reason
+
+
+def test_the_other_camera_speaks_against_labels() -> None:
+    residual = np.full(len(T), 0.3)
+    residual[7] = 9.0
+    residual[8] = np.nan
+    queue = review_queue(straight(), stereo_residual_px=residual)
+    assert [item.t_us for item in queue] == [14_000]
+    assert queue[0].reason == "the cameras disagree by 9.0 px"
+
+
+def test_holes_between_labels_are_queued() -> None:
+    labels = straight()
+    labels = labels.rows(labels.t_us != 30_000)
+    assert [(item.t_us, item.reason) for item in review_queue(labels, frames_us=T)] == [
+        (30_000, "nobody has looked here")
+    ]
+
+
+@pytest.mark.parametrize("with_detector", [True, False])
+def test_the_first_tenth_of_the_queue_holds_injected_errors(with_detector: bool) -> None:
+    trial = try_queue(3, np.random.default_rng(4), with_detector=with_detector)
+    assert trial.injected > 20
+    assert trial.in_first_tenth >= 0.9
+
+
+def test_residuals_hold_beside_a_wrong_neighbour() -> None:
+    y = 0.001 * (T * 1e-3) ** 2
+    x = T * 2e-3
+    x[10] += 25.0
+    residual = residual_of_neighbours(T, x, y, max_gap_us=20_000)
+    assert residual[10] == pytest.approx(25.0, abs=0.1)
+    others = np.delete(residual, 10)
+    assert np.nanmax(others) < 0.5
+    assert np.isnan(residual_of_neighbours(T[:2], x[:2], y[:2], max_gap_us=20_000)).all()
+    assert residual_of_neighbours(T[:0], x[:0], y[:0], max_gap_us=1).shape == (0,)
+
+
+def test_proposals_are_interpolated_only_between_neighbouring_windows() -> None:
+    found = detections(np.array([0, 2000, 20_000])).at([1000, 2000, 10_000, 30_000])
+    np.testing.assert_allclose(found.x_px, (102.0, 104.0, np.nan, np.nan))
+    assert np.isnan(detections(T[:0]).at([5]).x_px).all()
+
+
+def test_an_accepted_proposal_says_so() -> None:
+    label = accept(detections(), 3, time_spent_ms=120)
+    assert (label.t_us, label.x_px, label.r_px) == (6000, 112.0, 6.0)
+    assert label.provenance == Provenance(
+        source=Source.ACCEPTED, detector="d", window_us=(4000, 6000), time_spent_ms=120
+    )
+    assert label.covariance_px2 == (0.01, 0.0, 0.01)
+
+
+def test_a_segment_ends_where_residuals_or_windows_or_the_other_camera_do_not_agree() -> None:
+    proposals = detections(np.delete(T, 25))
+    proposals.x_px[20] += 9.0
+    stereo = np.full(len(proposals), np.nan)
+    stereo[4] = 5.0
+    assert steady_segment(proposals, 20_000, stereo_residual_px=stereo).tolist() == list(range(5, 20))
+    assert steady_segment(proposals, 40_000).tolist() == []
+    assert steady_segment(proposals, 10**7).tolist() == []
+    assert steady_segment(detections(T[:0]), 0).tolist() == []
+
+
+class OneClip:
+    """The slices of one clip, as a camera of a recording serves them."""
+
+    name = "left"
+    sensor = SENSOR
+    calibration: Camera | None = None
+
+    def __init__(self, events: Events) -> None:
+        self._events = events
+
+    def slice(self, start_us: int, end_us: int) -> Events:
+        return self._events.between(start_us, end_us)
+
+
+def test_the_detector_proposes_a_simulated_ball_to_a_fraction_of_a_pixel() -> None:
+    clip = draw_clip(np.random.default_rng(3), speed_mps=5.0, radius_px=9.0)
+    proposals = propose(OneClip(clip.events), MIDDLE_US - 20_000, MIDDLE_US + 20_000)  # type: ignore[arg-type]
+    assert len(proposals) > 8
+    assert proposals.detector == detector_name_of_default()
+    here = proposals.at([MIDDLE_US])
+    assert np.hypot(here.x_px[0] - clip.truth.u_px[0], here.y_px[0] - clip.truth.v_px[0]) < 0.5
+    assert np.isfinite(here.covariance_px2[0]).all()
+
+
+def detector_name_of_default() -> str:
+    from core.detection import DetectorConfig
+
+    name = detector_name(DetectorConfig())
+    assert name.startswith("auto#") and len(name) == 17
+    return name
+
+
+def test_one_in_twenty_labels_is_asked_for_again_the_oldest_first(tmp_path: Path) -> None:
+    layer = Layer("u", "left", "anna")
+    chosen = [t for t in range(20_000) if is_blind_sample(layer, t)]
+    assert 850 < len(chosen) < 1150
+    assert chosen != [t for t in range(20_000) if is_blind_sample(Layer("u", "left", "bea"), t)]
+    with (
+        LabelStore.open(tmp_path, "u", "left", "anna") as first,
+        LabelStore.open(tmp_path, "u", "left", "anna", blind=True) as second,
+    ):
+        assert next_blind(first, second) is None
+        times = chosen[:3]
+        for age, t in enumerate(reversed(times)):
+            first.put(Label(t_us=t, state=State.NO_BALL, provenance=Provenance(made_at_us=age + 1)))
+        first.put(Label(t_us=next(t for t in range(99) if t not in chosen), state=State.NO_BALL))
+        assert next_blind(first, second) == times[2]
+        assert next_blind(first, second, recent_us=[times[2]]) == times[1]
+        second.put(Label(t_us=times[2], state=State.NO_BALL))
+        second.put(Label(t_us=times[1], state=State.NO_BALL))
+        assert next_blind(first, second) == times[0]
+        second.put(Label(t_us=times[0], state=State.NO_BALL))
+        assert next_blind(first, second) is None

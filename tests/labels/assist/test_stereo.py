@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.cameras import ball_circles, stereo_preset
+from labels.arrays import label_arrays
+from labels.assist.flight import fit_flight
+from labels.assist.stereo import check_stereo, epipolar_curve, nearest_on_curve
+from labels.model import Label, State
+from labels.trials.assistance import try_stereo_flags
+
+CAMERAS = stereo_preset("side")
+LEFT, RIGHT = CAMERAS["left"], CAMERAS["right"]
+POINTS = np.random.default_rng(0).uniform((-1.2, -0.7, 0.02), (0.5, 0.7, 0.5), (40, 3))
+
+
+def test_the_curve_passes_through_the_ball_in_the_other_camera() -> None:
+    for point in POINTS:
+        there = RIGHT.project(point)[0]
+        if np.isnan(there).any():
+            continue
+        curve = epipolar_curve(LEFT, LEFT.project(point)[0], RIGHT)
+        assert nearest_on_curve(curve, there)[1] < 0.1
+
+
+def test_the_curve_is_bent_by_distortion() -> None:
+    curve = epipolar_curve(LEFT, (200.0, 150.0), RIGHT)
+    ends = curve[-1] - curve[0]
+    off = np.abs(np.cross(np.append(ends, 0), np.column_stack([curve - curve[0], np.zeros(len(curve))]))[:, 2])
+    assert (off / np.linalg.norm(ends)).max() > 0.5
+
+
+def test_a_ray_that_the_other_camera_cannot_see_gives_an_empty_curve() -> None:
+    assert epipolar_curve(LEFT, (np.nan, 0.0), RIGHT).shape == (0, 2)
+    foot, distance = nearest_on_curve(np.empty((0, 2)), (0, 0))
+    assert np.isnan(foot).all() and distance == np.inf
+
+
+def test_true_pairs_leave_no_residual_and_lead_to_the_point() -> None:
+    check = check_stereo(LEFT, LEFT.project(POINTS), RIGHT, RIGHT.project(POINTS))
+    np.testing.assert_allclose(check.p_world_m, POINTS, atol=1e-6)
+    np.testing.assert_allclose(check.residual_px, 0, atol=1e-4)
+    expected = ball_circles(LEFT, POINTS).r_px
+    np.testing.assert_allclose(check.expected_r_px[:, 0], expected, rtol=0.2)
+
+
+def test_pairs_with_a_missing_side_are_nan() -> None:
+    check = check_stereo(LEFT, [(100.0, 100.0), (np.nan, np.nan)], RIGHT, [(np.nan, np.nan), (1.0, 2.0)])
+    assert np.isnan(check.residual_px).all()
+
+
+def test_errors_across_the_epipolar_line_are_flagged_and_good_labels_are_not() -> None:
+    trial = try_stereo_flags(2, 5.0, np.random.default_rng(1))
+    assert trial.flagged >= 0.99
+    assert trial.false_flags <= 0.02
+    assert trial.flagged_along < 0.1  # nothing can see those: the trial says so
+
+
+def labels_of(camera, t_us: np.ndarray, points: np.ndarray):
+    circles = ball_circles(camera, points)
+    return label_arrays(
+        Label(t_us=int(t), state=State.VISIBLE, x_px=float(u), y_px=float(v))
+        for t, u, v in zip(t_us, circles.u_px, circles.v_px, strict=True)
+    )
+
+
+def test_a_flight_is_found_from_keyframes_of_both_cameras_even_at_different_times() -> None:
+    t = np.arange(0, 300_000, 20_000)
+
+    def path(t_us: np.ndarray) -> np.ndarray:
+        s = t_us[:, None] * 1e-6
+        return np.array([0.6, 0.2, 0.3]) + np.array([-4.5, -0.3, 1.2]) * s - np.array([0, 0, 4.905]) * s**2
+
+    # The right camera has keyframes of its own in between, beside six common ones.
+    mixed = np.union1d(t[::3], t + 7000)
+    flight = fit_flight((LEFT, RIGHT), (labels_of(LEFT, t, path(t)), labels_of(RIGHT, mixed, path(mixed))))
+    assert flight is not None
+    wanted = np.arange(0, 280_000, 1000)
+    seen = flight.seen_by(LEFT, wanted)
+    truth = ball_circles(LEFT, path(wanted))
+    assert np.hypot(seen[:, 0] - truth.u_px, seen[:, 1] - truth.v_px).max() < 0.5
+    assert np.abs(seen[:, 2] - truth.r_px).max() < 0.1
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_too_few_pairs_are_no_flight(count: int) -> None:
+    t = np.arange(count) * 10_000
+    assert fit_flight((LEFT, RIGHT), (labels_of(LEFT, t, POINTS[:count]), labels_of(RIGHT, t, POINTS[:count]))) is None
+
+
+def test_positions_that_no_ball_flies_through_are_no_flight() -> None:
+    t = np.arange(10) * 20_000
+    assert fit_flight((LEFT, RIGHT), (labels_of(LEFT, t, POINTS[:10]), labels_of(RIGHT, t, POINTS[:10]))) is None
