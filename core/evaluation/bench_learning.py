@@ -1,0 +1,78 @@
+"""Every comparison of the decision half, over many seeds: trained once, kept, and written up as one report.
+
+An interrupted bench goes on where it was; `write_report` can be called at any time with what is there.
+"""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+import numpy as np
+import torch
+
+from core.evaluation.learning_plan import Counts, Experiment, plan
+from core.evaluation.learning_report import write_report
+from core.evaluation.learning_runs import SeedResult, train_experiment
+from core.learning.summary import number, spread_of
+
+Progress = Callable[[float], None]
+
+FOLDER = Path("rallyscope-data/bench-learning")
+REPORT = Path("docs/learning-report.md")
+
+
+def run(
+    progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, counts: Counts | None = None
+) -> dict[str, object]:
+    """A row per training, the report's place, and the machine."""
+    counts = counts or Counts()
+    experiments = plan(counts)
+    results: dict[str, list[SeedResult]] = {}
+    total = sum(experiment.config.episodes * experiment.config.seeds for experiment in experiments)
+    done = 0
+    for experiment in experiments:
+        work = experiment.config.episodes * experiment.config.seeds
+        start = done
+
+        def show(share: float, start: int = start, work: int = work) -> None:
+            progress((start + share * work) / total)
+
+        results[experiment.name] = train_experiment(experiment, folder, show)
+        done += work
+    machine = describe_machine()
+    if report == REPORT and not report.parent.is_dir():
+        report = folder / REPORT.name  # not in a source checkout
+    write_report(report, experiments, results, counts, machine)
+    return {
+        "rows": [_row(experiment, results[experiment.name]) for experiment in experiments],
+        "report": str(report),
+        "machine": machine,
+    }
+
+
+def describe_machine() -> str:
+    """Processor and versions that the timings depend on."""
+    return (
+        f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, "
+        f"torch {torch.__version__}, numba {numba.__version__}, one thread"
+    )
+
+
+def _row(experiment: Experiment, results: list[SeedResult]) -> dict[str, object]:
+    speed = experiment.config.curriculum.speeds_mps[-1]
+    last = [evaluation for result in results if (evaluation := result.last(speed)) is not None]
+    error = spread_of([evaluation.error_mm for evaluation in last])
+    return {
+        "training": experiment.name,
+        "speed_mps": speed,
+        "episodes": experiment.config.episodes,
+        "seeds": len(results),
+        "returned": number(spread_of([evaluation.returned for evaluation in last]).mean),
+        "error_mm": number(error.mean),
+        "error_std_mm": number(error.std),
+        "five_best_mm": number(spread_of([result.five_best_mm(speed) for result in results]).mean),
+        "cpu_s": number(spread_of([result.cpu_s for result in results]).mean),
+    }
