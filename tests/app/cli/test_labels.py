@@ -1,0 +1,183 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli.main import main
+from core.events import Events
+from core.recordings import RecordingWriter
+from labels.model import Label, State
+from labels.store import LabelStore
+from labels.trials.clips import MIDDLE_US, SENSOR, draw_clip
+
+UUID = "11111111-2222-4333-8444-555555555555"
+
+
+@pytest.fixture(scope="module")
+def clip():
+    return draw_clip(np.random.default_rng(3), speed_mps=5.0, radius_px=9.0)
+
+
+@pytest.fixture
+def recording(tmp_path: Path, clip) -> Path:
+    path = tmp_path / "rec.h5"
+    with RecordingWriter(path, {"left": SENSOR, "right": SENSOR}, uuid=UUID) as writer:
+        writer.append("left", clip.events)
+        writer.append("right", Events.empty(SENSOR))
+    return path
+
+
+@pytest.fixture
+def data(tmp_path: Path, clip) -> Path:
+    folder = tmp_path / "data"
+    x, y = float(clip.truth.u_px[0]), float(clip.truth.v_px[0])
+    with LabelStore.open(folder / "labels", UUID, "left", "anna") as store:
+        for step in range(-4, 5):
+            t_us = MIDDLE_US + step * 1000
+            vx, vy = (clip.v_px_per_ms * step).tolist()
+            store.put(Label(t_us=t_us, state=State.VISIBLE, x_px=x + vx, y_px=y + vy, r_px=9.0))
+    return folder
+
+
+def call(capsys: pytest.CaptureFixture[str], *words: object) -> tuple[int, str, str]:
+    code = main(["labels", *map(str, words)])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def common(recording: Path, data: Path) -> list[object]:
+    return [recording, "--camera", "left", "--data", data]
+
+
+@pytest.mark.parametrize("name", ["voc", "yolo", "yolo-pose", "coco", "tracknet", "cvat", "csv", "hdf5"])
+def test_labels_go_out_and_come_back(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path, name: str
+) -> None:
+    out = tmp_path / ("out.h5" if name == "hdf5" else "out")
+    code, text, _ = call(capsys, "export", *common(recording, data), "--format", name, "--out", out, "--json")
+    assert code == 0
+    assert json.loads(text)["labels"] == 9
+    code, text, _ = call(
+        capsys, "import", out, *common(recording, data), "--annotator", "bea", "--format", name, "--json"
+    )
+    assert code == 0
+    report = json.loads(text)
+    assert (report["imported"], report["already_there"], report["rejected"]) == (9, 0, [])
+    code, text, _ = call(capsys, "agree", *common(recording, data), "--annotator", "anna", "--with", "bea", "--json")
+    assert code == 0
+    assert json.loads(text)["p95_px"] < 0.71
+
+
+def test_an_import_keeps_what_is_there_and_is_one_step_of_undo(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    table = tmp_path / "a.csv"
+    table.write_text(f"t_us,state,x_px,y_px\n{MIDDLE_US},visible,1,1\n7,visible,2,2\n8,visible,x,2\n")
+    code, out, _ = call(capsys, "import", table, *common(recording, data), "--annotator", "anna", "--format", "csv")
+    assert code == 0
+    assert out.splitlines()[0] == "1 labels imported for 'anna', 1 were there already, 1 rejected"
+    assert out.splitlines()[1].startswith(f"{table}:4: ")
+    with LabelStore.open(data / "labels", UUID, "left", "anna") as store:
+        assert len(store.labels()) == 10
+        store.undo()
+        assert len(store.labels()) == 9
+
+
+def test_pictures_are_drawn_beside_the_labels(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    code, _, _ = call(capsys, "export", *common(recording, data), "--format", "yolo", "--out", out, "--pictures")
+    assert code == 0
+    pictures = sorted(file.stem for file in out.glob("*.png"))
+    assert len(pictures) == 9
+    assert all((out / f"{stem}.txt").is_file() for stem in pictures)
+
+
+def test_a_detector_is_scored_against_the_labels(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path
+) -> None:
+    code, text, _ = call(capsys, "score", *common(recording, data), "--json")
+    assert code == 0
+    report = json.loads(text)
+    everything = report["rows"][0]
+    assert (everything["group"], everything["labels"]) == ("all", 9)
+    assert everything["at"][3]["recall"] > 0.5
+    assert report["annotator_noise"] is None
+    with LabelStore.open(data / "labels", UUID, "left", "anna", blind=True) as blind:
+        blind.put(Label(t_us=MIDDLE_US, state=State.VISIBLE, x_px=160.0, y_px=120.0))
+    code, text, _ = call(capsys, "score", *common(recording, data))
+    assert code == 0
+    assert "the annotator's own noise: median" in text
+    code, text, _ = call(capsys, "agree", *common(recording, data))
+    assert code == 0
+    assert "blind repeats: 1 common" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["export", "--format", "voc", "--out", "o"], "which camera"),
+        (["export", "--camera", "left", "--format", "voc", "--out", "o", "--annotator", "zoe"], "no labels by 'zoe'"),
+        (["export", "--camera", "right", "--format", "voc", "--out", "o"], "no labels of camera 'right'"),
+        (["score", "--camera", "left", "--annotator", "zoe"], "no labels by 'zoe'"),
+        (["agree", "--camera", "left"], "no labels"),
+        (["agree", "--camera", "left", "--with", "zoe"], "no labels"),
+        (["export", "--camera", "left", "--format", "paper", "--out", "o"], "invalid choice"),
+        (["export", "--camera", "left", "--format", "csv", "--out", "o", "--pictures"], "no pictures"),
+        (["export", "--camera", "left", "--format", "tracknet", "--out", "o", "--stride-us", "1000"], "unchecked"),
+        (["paint"], "invalid choice"),
+    ],
+)
+def test_bad_requests_are_one_clear_line(
+    capsys: pytest.CaptureFixture[str],
+    recording: Path,
+    data: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    message: str,
+) -> None:
+    monkeypatch.chdir(recording.parent)
+    code, out, err = call(capsys, words[0], recording, "--data", data, *words[1:])
+    assert code == 2
+    assert out == ""
+    assert message in err
+    assert err.count("\n") == 1
+
+
+def test_a_source_that_is_missing_or_holds_nothing_is_one_clear_line(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    for source, message in ((tmp_path / "nowhere", "no such file"), (tmp_path, "nothing could be imported")):
+        code, _, err = call(capsys, "import", source, *common(recording, data), "--format", "cvat")
+        assert code == 2
+        assert message in err and err.count("\n") == 1
+
+
+def test_whose_labels_has_to_be_said_when_there_are_several(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    LabelStore.open(data / "labels", UUID, "left", "bea").close()
+    code, _, err = call(capsys, "export", *common(recording, data), "--format", "csv", "--out", tmp_path / "o")
+    assert code == 2
+    assert "--annotator with one of anna, bea" in err
+
+
+def test_pictures_that_are_not_named_by_their_time_need_frame_times(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    table, times = tmp_path / "rally_ball.csv", tmp_path / "times.csv"
+    table.write_text("Frame,Visibility,X,Y\n0,1,10,20\n1,0,0,0\n")
+    times.write_text("frame,t_us\n0,500\n1,1500\n")
+    words = ["import", table, *common(recording, data), "--annotator", "bea", "--format", "tracknet"]
+    code, _, err = call(capsys, *words)
+    assert code == 2 and "--frame-times" in err
+    code, _, _ = call(capsys, *words, "--frame-times", times)
+    assert code == 0
+    with LabelStore.open(data / "labels", UUID, "left", "bea") as store:
+        assert store.labels().t_us.tolist() == [500, 1500]
+    times.write_text("time\n0\n")
+    assert call(capsys, *words, "--frame-times", times)[0] == 2
