@@ -118,3 +118,14 @@ def test_the_gymnasium_form_gives_the_outcomes_of_the_vectorised_one() -> None:
         assert terminated and not truncated
         assert about["case"] == outcomes.case[i]
         assert about["error_mm"] == pytest.approx(errors[i])
+
+
+def test_a_ball_that_is_not_where_it_was_expected_is_missed() -> None:
+    config = dataclasses.replace(TRUTH, state_source="truth+noise", position_noise_m=0.1, velocity_noise=0.0)
+    balls = deliver(5.0, 300, config, np.random.default_rng(7))
+    outcomes = play(balls, np.zeros((300, 3)), config)
+    off_m = np.hypot(*(balls.states - balls.arrivals.observations)[:, 1:3].T)
+    missed = outcomes.case == Case.MISSED
+    assert missed[off_m > 0.12].all() and not missed[off_m < 0.05].any()
+    assert np.isnan(landing_errors_mm(outcomes, balls.goals_m)[missed]).all()
+    assert not really_seen(outcomes)[missed].any()

@@ -1,0 +1,73 @@
+"""The bench of learning with tiny counts: the same code, resumed rather than repeated, and a whole report."""
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+from core.evaluation import bench_learning, learning_runs
+from core.evaluation.learning_plan import Counts, plan
+from core.evaluation.learning_tables import binomial_interval, paired
+from core.evaluation.learning_targets import TARGETS
+from core.evaluation.line_chart import Line, line_chart
+
+TINY = Counts(seeds=2, rival_seeds=1, balls=10, shorten=50)
+
+
+def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = tuple(e for e in plan(TINY) if e.name.startswith(("reward-4", "replay", "model-5", "rival-5-matched-td3")))
+    monkeypatch.setattr(bench_learning, "plan", lambda counts: wanted)
+    shares: list[float] = []
+    where = {"folder": tmp_path / "runs", "report": tmp_path / "docs" / "report.md", "counts": TINY}
+    first = bench_learning.run(shares.append, **where)  # type: ignore[arg-type]
+    assert shares == sorted(shares) and shares[-1] == pytest.approx(1)
+    rows = first["rows"]
+    assert isinstance(rows, list) and [row["training"] for row in rows] == [e.name for e in wanted]
+    text = (tmp_path / "docs" / "report.md").read_text()
+    for heading in ("three rewards", "Replay rules", "Against PPO", "Beyond", "Without learning"):
+        assert heading in text
+    for chart in (tmp_path / "docs" / "learning-report").glob("*.svg"):
+        ElementTree.fromstring(chart.read_text())
+
+    def never(*_: object) -> None:
+        raise AssertionError("trained again")
+
+    monkeypatch.setattr(learning_runs, "run_training", never)
+    assert bench_learning.run(lambda share: None, **where)["rows"] == rows  # type: ignore[arg-type]
+
+
+def test_every_figure_aimed_at_is_the_episode_of_an_evaluation_of_a_planned_training() -> None:
+    planned = {e.name: e.config for e in plan(Counts())}
+    for target in TARGETS:
+        config = planned[target.training]
+        assert target.episode <= config.episodes and target.episode % config.checkpoint_every == 0
+        assert config.seeds >= 20 and config.evaluation_balls == 500
+
+
+def test_names_are_unique_and_a_changed_setting_is_another_result() -> None:
+    experiments = plan(Counts())
+    assert len({e.name for e in experiments}) == len(experiments)
+    configs = [learning_runs.fingerprint(e.config) for e in experiments]
+    assert len(set(configs)) >= len(configs) - 1  # one variant may be the default written out
+
+
+def test_paired_differences_use_the_seeds_that_both_have() -> None:
+    def result(seed: int, error: float) -> learning_runs.SeedResult:
+        evaluation = learning_runs.Evaluation(100, 5.0, 1.0, error, error)
+        return learning_runs.SeedResult(seed, (evaluation,), {}, 1.0)
+
+    a = [result(0, 10.0), result(1, 21.0), result(2, 30.0)]
+    b = [result(0, 15.0), result(1, 26.0), result(3, 99.0)]
+    assert paired(a, b, 100, "error_mm").startswith("-5.0 [-5.0, -5.0], differs")
+    assert paired(a, b, 200, "error_mm") == "-"
+
+
+def test_the_interval_of_fifty_balls_is_wilson_s() -> None:
+    low, high = binomial_interval(0.98, 50)
+    assert (round(low, 3), round(high, 3)) == (0.895, 0.996)
+
+
+def test_a_chart_is_well_formed_even_without_lines() -> None:
+    ElementTree.fromstring(line_chart("a < b", "x", "y", []))
+    line = Line("c & d", [0, 1], [1.0, float("nan")], [0.5, float("nan")], [1.5, float("nan")])
+    assert "c &amp; d" in line_chart("t", "x", "y", [line])
