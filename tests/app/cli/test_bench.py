@@ -1,0 +1,36 @@
+import json
+import types
+
+from app.cli import bench, main
+
+
+def test_rows_become_a_table_with_numbers_under_their_titles() -> None:
+    rows: list[dict[str, object]] = [{"mode": "full", "p50_ms": 0.1234, "windows": 1000}]
+    rows.append({"mode": "roi", "p50_ms": None, "windows": 7})
+    assert bench.format_table(rows).splitlines() == [
+        "mode  p50_ms  windows",
+        "full   0.123     1000",
+        " roi       -        7",
+    ]
+    assert bench.format_table([]) == "nothing was measured"
+
+
+def test_json_is_what_the_bench_returns(monkeypatch, capsys) -> None:
+    report = {"rows": [{"a": 1.5}], "machine": {"cpu": "x"}}
+    module = types.SimpleNamespace(run=lambda progress: progress(1.0) or report)
+    monkeypatch.setattr(bench.importlib, "import_module", lambda name: module)
+    bench.run(types.SimpleNamespace(name="detection", json=True))  # pyright: ignore[reportArgumentType]
+    assert json.loads(capsys.readouterr().out) == report
+    bench.run(types.SimpleNamespace(name="detection", json=False))  # pyright: ignore[reportArgumentType]
+    assert capsys.readouterr().out.splitlines() == ["    a", "1.500", 'machine: {"cpu": "x"}']
+
+
+def test_a_bench_that_is_not_there_yet_says_so(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(bench, "HOMES", ("core.events",))  # where no bench will ever be
+    assert main(["bench", "prediction"]) == 2
+    assert "not built yet" in capsys.readouterr().err
+
+
+def test_an_unknown_bench_is_refused_in_one_line(capsys) -> None:
+    assert main(["bench", "coffee"]) == 2
+    assert capsys.readouterr().err.count("\n") == 1

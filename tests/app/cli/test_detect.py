@@ -1,0 +1,89 @@
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli import main
+from core.config import replace_setting, save_config
+from core.detection import auto_config
+from core.evaluation.bench_scenes import simulate_flights
+from core.recordings import RecordingWriter
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory) -> Path:
+    """Two simulated cameras, 0.4 s, with the truth."""
+    path = tmp_path_factory.mktemp("detect") / "flight.h5"
+    streams = simulate_flights("ball", 0.1, (6.0,), seed=4, duration_us=400_000)
+    with RecordingWriter(path, {stream.name: stream.sensor for stream in streams}) as writer:
+        for stream in streams:
+            writer.append(stream.name, stream.events)
+            writer.write_truth(stream.name, stream.truth)
+        writer.extend_duration(streams[0].duration_us)
+    return path
+
+
+def detect(recording: Path, out: Path, *more: str) -> int:
+    return main(["detect", str(recording), "--out", str(out), *more])
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_table_has_a_row_per_detection_with_the_columns_of_the_contract(recording, tmp_path, capsys) -> None:
+    out = tmp_path / "det.csv"
+    assert detect(recording, out, "--camera", "left", "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    rows = rows_of(out)
+    assert out.read_text().splitlines()[0] == "t_us,u_px,v_px,r_px"
+    assert len(rows) == summary["detections"] > 50 and summary["windows"] >= 190
+    times = np.array([int(row["t_us"]) for row in rows])
+    assert (np.diff(times) > 0).all() and (times % 2000 == 0).all(), "the end of each window"
+    assert all(0 <= float(row["u_px"]) < 1280 and 0 <= float(row["v_px"]) < 720 for row in rows)
+    assert summary["score"]["precision"] > 0.9 and summary["score"]["recall"] > 0.9
+    assert summary["method"] == "auto" and summary["camera"] == "left" and summary["window_us"] == 2000
+
+
+def test_without_json_a_person_reads_the_same_figures(recording, tmp_path, capsys) -> None:
+    assert detect(recording, tmp_path / "det.csv", "--camera", "right", "--method", "paper") == 0
+    text = capsys.readouterr().out
+    assert "detections in" in text and "precision" in text
+
+
+def test_the_config_and_the_window_of_the_command_line_count(recording, tmp_path, capsys) -> None:
+    blind = replace_setting(replace_setting(auto_config(), ("cluster", "size_max"), 40), ("window", "window_us"), 4000)
+    save_config(blind, tmp_path / "blind.toml")
+    arguments = ["--camera", "left", "--config", str(tmp_path / "blind.toml"), "--json"]
+    assert detect(recording, tmp_path / "a.csv", *arguments) == 0
+    assert detect(recording, tmp_path / "b.csv", *arguments, "--window-us", "5000") == 0
+    first, second = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert (first["window_us"], first["detections"], first["score"]["precision"]) == (4000, 0, None)
+    assert second["window_us"] == 5000
+    assert (tmp_path / "a.csv").read_text() == "t_us,u_px,v_px,r_px\n", "no row when there is no ball"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], "left, right"),
+        (["--camera", "middle"], "middle"),
+        (["--camera", "left", "--method", "refined"], "not built yet"),
+        (["--camera", "left", "--method", "magic"], "auto | paper"),
+        (["--camera", "left", "--config", "no-such.toml"], "no-such.toml"),
+        (["--camera", "left", "--window-us", "0"], "window-us"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_2(recording, tmp_path, capsys, arguments: list[str], says: str) -> None:
+    assert detect(recording, tmp_path / "det.csv", *arguments) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and says in error
+    assert not (tmp_path / "det.csv").exists()
+
+
+def test_a_folder_that_is_not_there_is_noticed_before_the_work(recording, tmp_path, capsys) -> None:
+    assert detect(recording, tmp_path / "nowhere" / "det.csv", "--camera", "left") == 2
+    assert "nowhere" in capsys.readouterr().err

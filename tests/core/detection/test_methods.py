@@ -1,0 +1,27 @@
+import pytest
+
+from core.config import replace_setting
+from core.detection import FastDetector, auto_config, make_detector
+from core.detection.methods import PLANNED
+from core.errors import CommandError, NotBuiltError
+from core.events import SensorSize
+
+SENSOR = SensorSize(64, 48)
+
+
+def test_paper_overrules_what_a_config_says_about_polarity_and_auto_does_not() -> None:
+    mine = replace_setting(auto_config(), ("polarity", "leading_polarity"), "off")
+    for method, leading in (("auto", "off"), ("paper", "on")):
+        detector = make_detector(method, SENSOR, mine)
+        assert isinstance(detector, FastDetector) and detector.config.polarity.leading_polarity == leading
+
+
+@pytest.mark.parametrize("method", PLANNED)
+def test_a_planned_method_says_that_it_is_not_built(method: str) -> None:
+    with pytest.raises(NotBuiltError, match=method):
+        make_detector(method, SENSOR)
+
+
+def test_an_unknown_method_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(CommandError, match="auto"):
+        make_detector("magic", SENSOR)

@@ -1,0 +1,65 @@
+"""The detector on events of real sensors."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.config import load_config
+from core.detection import DetectorConfig, FastDetector, TrackState, auto_config, trace_window
+from core.detection.window import windows_between
+from core.evaluation import run_detector
+from core.recordings import open_recording
+
+ROOT = Path(__file__).parents[3]
+DATA = ROOT.parent / "shared" / "data" / "events"
+
+
+@pytest.fixture(scope="module")
+def dot():
+    return _stream("rotating_dot_evt2_640x480.raw")
+
+
+@pytest.fixture(scope="module")
+def walker():
+    return _stream("walker_evt3_640x480.raw")
+
+
+def _stream(name: str):
+    if not (DATA / name).exists():
+        pytest.skip(f"real recording {name} is not at ../shared/data/events")
+    (stream,) = open_recording(DATA / name).cameras.values()
+    return stream
+
+
+def test_the_example_config_finds_the_rotating_dot_on_its_circle(dot) -> None:
+    config = load_config(DetectorConfig, ROOT / "docs" / "examples" / "rotating-dot.toml")
+    answers = run_detector(dot, FastDetector(config), config.window.window_us)
+    found = answers.detected
+    assert found.sum() >= 98
+    uv = np.stack([answers.u_px[found], answers.v_px[found]], axis=1)
+    (u, v, c), *_ = np.linalg.lstsq(np.column_stack([2 * uv, np.ones(len(uv))]), (uv**2).sum(axis=1), rcond=None)
+    off_px = np.hypot(uv[:, 0] - u, uv[:, 1] - v) - np.sqrt(c + u * u + v * v)
+    assert np.sqrt((off_px**2).mean()) <= 0.5
+    assert (u, v) == pytest.approx((314.3, 202.4), abs=0.5)
+    angle = np.unwrap(np.arctan2(uv[:, 1] - v, uv[:, 0] - u))
+    assert np.polyfit(answers.t_us[found] * 1e-6, angle, 1)[0] == pytest.approx(121.8, abs=0.3)
+
+
+def test_auto_finds_out_that_the_dot_is_dark(dot) -> None:
+    config = load_config(DetectorConfig, ROOT / "docs" / "examples" / "rotating-dot.toml")
+    detector = FastDetector(config)
+    run_detector(dot, detector, config.window.window_us)
+    assert detector.state.on_leads < -10
+
+
+def test_a_walking_person_is_no_ball_and_every_cluster_says_why(walker) -> None:
+    config = auto_config()
+    answers = run_detector(walker, FastDetector(config), config.window.window_us)
+    assert not answers.detected.any() and not answers.extra_circles.any()
+    candidates = [
+        candidate
+        for window in windows_between(walker, 400_000, 1_600_000, config.window.window_us)
+        for candidate in trace_window(window, TrackState(), config).candidates
+    ]
+    assert len(candidates) > 10 and all(candidate.rejected for candidate in candidates)
