@@ -59,7 +59,8 @@ class EventCamera:
         if end_us <= self._now_us or end_us % BLOCK_US:
             raise ConfigError("cannot simulate to this time", expected=f"a later multiple of {BLOCK_US} us", got=end_us)
         parts = [self._advance_block(path) for _ in range((end_us - self._now_us) // BLOCK_US)]
-        t, x, y, on = (np.concatenate([part[column] for part in parts]) for column in range(4))
+        ts, xs, ys, ons = zip(*parts, strict=True)
+        t, x, y, on = np.concatenate(ts), np.concatenate(xs), np.concatenate(ys), np.concatenate(ons)
         for column in (t, x, y, on):
             column.flags.writeable = False
         return Events(t, x, y, on, self.camera.sensor)

@@ -95,7 +95,7 @@ def _picture_speed(camera: Camera, states: BallStates) -> float:
     """Fastest motion of the ball between neighbouring probes, pixels per microsecond; 0 out of the picture."""
     uvs = camera.project(states.p_world_m)
     size = np.array([camera.sensor.width_px, camera.sensor.height_px])
-    near = (np.abs(uvs - size / 2) < size).all(axis=1)
+    near = np.all(np.abs(uvs - size / 2) < size, axis=1)
     moved = np.linalg.norm(np.diff(uvs, axis=0), axis=1) / np.diff(states.t_s * 1e6)
     moved = moved[near[1:] & near[:-1]]
     return float(moved.max()) if len(moved) else 0.0
