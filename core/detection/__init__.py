@@ -5,7 +5,7 @@ from core.detection.detector import Detection, Detector
 from core.detection.fast import FastDetector
 from core.detection.methods import make_detector
 from core.detection.pipeline import ReferenceDetector, trace_window
-from core.detection.trace import Candidate, PipelineTrace, StageTrace, TrackState
+from core.detection.stage_trace import Candidate, PipelineTrace, StageTrace, TrackState
 
 __all__ = [
     "Candidate",

@@ -12,7 +12,7 @@ from core.detection.flicker import FlickerMemory, keep_steady_pixels
 from core.detection.hot_pixels import HotPixelMemory, keep_cool_pixels
 from core.detection.polarity import remember
 from core.detection.roi import Centre, Roi, follow, roi_around
-from core.detection.trace import TrackState
+from core.detection.stage_trace import TrackState
 from core.events import Events, SensorSize, Window
 
 ROOM: Final = 1 << 14

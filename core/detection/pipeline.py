@@ -21,7 +21,7 @@ from core.detection.hot_pixels import HotPixelMemory, keep_cool_pixels
 from core.detection.localise import enclosing_circle, reject_circle
 from core.detection.polarity import addresses, near_centroid, on_evidence, on_leads, remember
 from core.detection.roi import follow, inside_roi, roi_around
-from core.detection.trace import Candidate, PipelineTrace, StageTrace, TrackState
+from core.detection.stage_trace import Candidate, PipelineTrace, StageTrace, TrackState
 from core.events import Events, Window
 
 

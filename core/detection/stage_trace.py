@@ -1,0 +1,103 @@
+"""What the detector carries from window to window, and what it saw and decided in one of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.detection.detector import Detection
+from core.detection.flicker import FlickerMemory
+from core.detection.geometry import Shape
+from core.detection.hot_pixels import HotPixelMemory
+from core.detection.localise import Circle
+from core.detection.roi import Roi
+from core.events import Events
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackState:
+    """Everything a detector remembers. The memories of single pixels are None while their stages are off."""
+
+    centre_px: tuple[float, float] | None = None
+    """Centre of the region of interest; None: the whole sensor."""
+    misses: int = 0
+    """Windows without a ball since the last one with."""
+    on_leads: float = 0.0
+    """Remembered evidence that ON is the leading polarity (above 0) or OFF is (below 0); used by `auto`."""
+    hot_pixels: HotPixelMemory | None = None
+    flicker: FlickerMemory | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StageTrace:
+    """What one stage kept."""
+
+    name: str
+    events: Events
+    count_in: int
+    count_out: int
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Candidate:
+    """One cluster, measured as far as that is possible even if an early test rejected it."""
+
+    label: int
+    rows: NDArray[np.intp]
+    """Its events, of both polarities, as ascending row numbers of the events that denoising kept."""
+    events: Events
+    leading_on: bool
+    """The polarity taken for its leading edge."""
+    leading_evidence: float
+    """What this cluster alone shows: above 0 for ON, below 0 for OFF."""
+    leading_rows: NDArray[np.intp]
+    """The events of the leading polarity without outliers, as row numbers like `rows`."""
+    leading_events: Events
+    shape: Shape | None
+    """Hull, circularity and solidity of the leading events; None when there are none."""
+    circle: Circle | None
+    rejected: str | None
+    """Why it is not a ball, with the numbers; None if it is one."""
+    rejected_by: str | None
+    """Name of the stage that rejected it."""
+
+    @property
+    def size(self) -> int:
+        """How many events it has, of both polarities."""
+        return len(self.rows)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PipelineTrace:
+    """Everything the detector saw and decided in one window."""
+
+    stages: tuple[StageTrace, ...]
+    """Those that ran, in order: hot_pixels, flicker (if enabled), roi, denoise, cluster, polarity, geometry, localise.
+    From cluster on, the events that are kept are those of the candidates that are still in."""
+    roi: Roi | None
+    """None: the whole sensor was searched."""
+    labels: NDArray[np.int32]
+    """(N,) cluster of each event that denoising kept, -1 for none."""
+    candidates: tuple[Candidate, ...]
+    """Every cluster that was found, by label."""
+    leading_on: bool
+    """The leading polarity of the detection; without one, what would be assumed of a cluster that shows nothing."""
+    detection: Detection | None
+    extra_circles: int
+    """Candidates that passed every test beside the detection."""
+    state: TrackState
+    """For the next window."""
+
+    def stage(self, name: str) -> StageTrace:
+        """The stage of that name.
+
+        Raises:
+            KeyError: if it did not run.
+        """
+        for stage in self.stages:
+            if stage.name == name:
+                return stage
+        raise KeyError(name)
