@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -139,8 +138,3 @@ def random_windows(count: int, rng: np.random.Generator) -> list[Window]:
         events = Events.from_columns(t, x[seen], y[seen], leads[seen], sensor)
         windows.append(Window(events, number * WINDOW_US, (number + 1) * WINDOW_US))
     return windows
-
-
-def as_mapping(agreement: Agreement) -> dict[str, object]:
-    """The figures under their names."""
-    return dataclasses.asdict(agreement)
