@@ -90,7 +90,7 @@ def _snapping(folder: Path, rng: np.random.Generator) -> list[Row]:
         _row("snap median", float(np.median(error)), 0.25, "px", note=note),
         _row("snap p95", float(np.percentile(error, 95)), 0.8, "px", note=note),
         _row("snap: balls without a circle", float((~found).mean()), 0.03, "", note="nearly all slower than 0.5 m/s"),
-        _row("snap: errors within two sigma", float((trial.mahalanobis[found] < 6.18).mean()), 0.92, "", least=True),
+        _row("snap: errors within two sigma", float((trial.mahalanobis[found] < 6.18).mean()), 0.9, "", least=True),
         _row("snap bias along the motion", float(abs(np.median(trial.along_px[found]))), 0.05, "px"),
     ]
 

@@ -52,7 +52,7 @@ def undistort(xys_distorted: Array, distortion: Array) -> Array:
             step_x = (dy_dy * error_x - dx_dy * error_y) / determinant
             step_y = (dx_dx * error_y - dx_dy * error_x) / determinant
             x, y = x - step_x, y - step_y
-            if not (np.abs(step_x).max() > CONVERGED or np.abs(step_y).max() > CONVERGED):
+            if not ((np.abs(step_x) > CONVERGED) | (np.abs(step_y) > CONVERGED)).any():  # nan never converges
                 break
         xys = np.column_stack([x, y])
         right = np.abs(distort(xys, distortion) - xys_distorted).max(axis=1) < WRONG

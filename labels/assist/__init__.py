@@ -1,8 +1,10 @@
 """Assistance: pure functions that turn events, detections and labels into better or faster labels."""
 
 from labels.assist.blind import is_blind_sample, next_blind
+from labels.assist.both_views import check_labels
 from labels.assist.curve import interpolate
-from labels.assist.flight import fit_flight
+from labels.assist.drafts import label_from_snap, labels_from_curve
+from labels.assist.flight import curve_of_flight, fit_flight
 from labels.assist.propose import Proposals, accept, propose, steady_segment
 from labels.assist.review import review_queue
 from labels.assist.snap import Snap, snap
@@ -12,11 +14,15 @@ __all__ = [
     "Proposals",
     "Snap",
     "accept",
+    "check_labels",
     "check_stereo",
+    "curve_of_flight",
     "epipolar_curve",
     "fit_flight",
     "interpolate",
     "is_blind_sample",
+    "label_from_snap",
+    "labels_from_curve",
     "next_blind",
     "propose",
     "review_queue",

@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from core.cameras import Camera, ball_circles
 from core.table import GRAVITY_MPS2
 from labels.arrays import LabelArrays
+from labels.assist.curve import NOT_COVERED, Curve
 from labels.assist.stereo import check_stereo
 
 Array = NDArray[np.float64]
@@ -94,8 +95,8 @@ def fit_flight(cameras: tuple[Camera, Camera], labels: tuple[LabelArrays, LabelA
         both = residuals(np.concatenate([values + steps, values - steps]))
         return ((both[:10] - both[10:]) / (2 * np.diag(steps)[:, None])).T
 
-    low = np.concatenate([np.full(3, -20.0), np.full(3, -60.0), [0.0], np.full(3, -20.0)])
-    high = np.concatenate([np.full(3, 20.0), np.full(3, 60.0), [1.0], np.full(3, 20.0)])
+    low = np.concatenate([np.full(3, -20.0), np.full(3, -40.0), [-0.02], np.full(3, -20.0)])
+    high = np.concatenate([np.full(3, 20.0), np.full(3, 40.0), [0.5], np.full(3, 20.0)])
     if not ((low < guess) & (guess < high)).all():
         return None  # faster or farther than any ball
     fit = least_squares(
@@ -104,6 +105,7 @@ def fit_flight(cameras: tuple[Camera, Camera], labels: tuple[LabelArrays, LabelA
         jac=slopes,  # pyright: ignore[reportArgumentType]
         bounds=(low, high),
         loss="soft_l1",
+        x_scale="jac",
         max_nfev=20,
     )
     misses = residuals(fit.x[None])[0][:-4]
@@ -167,3 +169,17 @@ def _accelerate(v, values, gravity, out):
     out[0] = -drag * v[0] + values[8] * v[2] - values[9] * v[1]
     out[1] = -drag * v[1] + values[9] * v[0] - values[7] * v[2]
     out[2] = -drag * v[2] + values[7] * v[1] - values[8] * v[0] - gravity
+
+
+def curve_of_flight(flight: Flight, camera: Camera, t_us: ArrayLike, *, keyframe_sigma_px: float = 0.5) -> Curve:
+    """What a flight looks like in one camera, in the form of an interpolation: nothing beyond its ends."""
+    times = np.atleast_1d(np.asarray(t_us, np.int64))
+    inside = (flight.start_us <= times) & (times <= flight.end_us)
+    columns = np.full((len(times), 3), np.nan)
+    if inside.any():
+        columns[inside] = flight.seen_by(camera, times[inside])
+    inside &= np.isfinite(columns).all(axis=1)
+    columns[~inside] = np.nan
+    sigma = np.where(inside, max(flight.residual_px, keyframe_sigma_px), np.nan)
+    segment = np.where(inside, 0, NOT_COVERED)
+    return Curve(times, columns[:, 0], columns[:, 1], columns[:, 2], sigma, segment)

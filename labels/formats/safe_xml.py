@@ -65,7 +65,7 @@ def parse_xml(text: str) -> Node:
     Raises:
         XmlError: if the text is not well-formed, declares a document type or entities, or is nested too deeply.
     """
-    parser = expat.ParserCreate()
+    parser = expat.ParserCreate("utf-8")  # the text is decoded already, whatever its declaration says
     parser.buffer_text = True
     stack: list[Node] = []
     roots: list[Node] = []

@@ -92,3 +92,9 @@ def test_too_few_pairs_are_no_flight(count: int) -> None:
 def test_positions_that_no_ball_flies_through_are_no_flight() -> None:
     t = np.arange(10) * 20_000
     assert fit_flight((LEFT, RIGHT), (labels_of(LEFT, t, POINTS[:10]), labels_of(RIGHT, t, POINTS[:10]))) is None
+
+
+def test_a_missing_position_does_not_disturb_the_others() -> None:
+    uvs = LEFT.project(POINTS)
+    with_gap = np.vstack([uvs, [(np.nan, np.nan)]])
+    np.testing.assert_array_equal(LEFT.undistort(with_gap)[:-1], LEFT.undistort(uvs))

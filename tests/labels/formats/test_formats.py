@@ -121,6 +121,10 @@ def test_a_picture_whose_time_is_not_known_is_rejected_with_what_to_do(tmp_path:
     assert "--frame-times" in str(imported.rejections[0])
 
 
+def test_a_declared_encoding_does_not_matter() -> None:
+    assert parse_xml('<?xml version="1.0" encoding="utfnan"?><a b="é"/>').attributes == {"b": "é"}
+
+
 @pytest.mark.parametrize(
     "text",
     [
