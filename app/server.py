@@ -39,11 +39,14 @@ class Lab:
         *,
         host: str,
         port: int,
+        config: DetectorConfig | None = None,
         autoplay: bool = False,
     ) -> None:
+        """`config` is what every browser's detector starts with."""
         self._workspace = workspace
         self._library = library
         self._first_recording = first_recording
+        self._config = config or DetectorConfig()
         self._autoplay = autoplay
         self._sessions: dict[int, Session] = {}
         self._lock = threading.Lock()
@@ -94,7 +97,7 @@ class Lab:
         self._library.close()
 
     def _connect(self, client: viser.ClientHandle) -> None:
-        session = Session(client, self._library, self._workspace, self._pool, self._awake.set)
+        session = Session(client, self._library, self._workspace, self._pool, self._awake.set, self._config)
         session.offer(self._library.names(), self._workspace.config_names())
         session.open_recording(self._first_recording)
         if self._autoplay:

@@ -44,11 +44,13 @@ class Session:
         workspace: Workspace,
         pool: Executor,
         wake: Callable[[], None],
+        config: DetectorConfig,
     ) -> None:
         self._client = client
         self._library = library
         self._workspace = workspace
         self._wake = wake
+        self._first_config = config
         self._inbox: queue.SimpleQueue[Command | Callable[[], None]] = queue.SimpleQueue()
         self._pictures = LatestWins(pool, answer_request, self._picture_done, self._failed)
         self._openings = LatestWins(pool, self._open, self._opened, self._failed)
@@ -202,7 +204,7 @@ class Session:
         cameras = tuple(recording.cameras)
         playhead = Playhead(recording.duration_us)
         if self._state is None:
-            configs = History(Configs(DetectorConfig(), DetectorConfig()))
+            configs = History(Configs(self._first_config, self._first_config))
             self._state = ClientState(name, cameras, cameras[0], playhead, configs)
         else:
             self._cancel_score()

@@ -12,6 +12,8 @@ from pathlib import Path
 from app.cli.progress import progress_bar
 from app.library import Library
 from app.workspace import Workspace
+from core.config import load_config
+from core.detection import DetectorConfig
 from core.errors import NotBuiltError
 
 DEMO = "demo"
@@ -25,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s, this machine)")
     parser.add_argument("--port", type=int, default=8080, help="port to listen on (default: %(default)s)")
     parser.add_argument("--data", type=Path, default=Path("rallyscope-data"), help="workspace (default: %(default)s)")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="detector settings to start with, a TOML file")
     parser.add_argument("--open", action="store_true", help="open a browser")
 
 
@@ -32,13 +35,22 @@ def run(arguments: argparse.Namespace) -> None:
     """Serve until interrupted."""
     if arguments.source is not None:
         raise NotBuiltError("`--source` is not built yet", remedy="open a recording")
+    config = load_config(DetectorConfig, arguments.config) if arguments.config else DetectorConfig()
     workspace = Workspace(arguments.data)
     library = Library(workspace)
     first = _first_recording(arguments.recording, workspace, library)
     from app.server import Lab  # after the recording: a mistake in the arguments is answered at once
 
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # broken connections of browsers are not our news
-    lab = Lab(workspace, library, first, host=arguments.host, port=arguments.port, autoplay=first == DEMO)
+    lab = Lab(
+        workspace,
+        library,
+        first,
+        host=arguments.host,
+        port=arguments.port,
+        config=config,
+        autoplay=first == DEMO,
+    )
     url = f"http://{'127.0.0.1' if arguments.host == '0.0.0.0' else arguments.host}:{lab.port}"
     if arguments.host not in LOCAL_HOSTS:
         print(f"Anyone who can reach {arguments.host} can use this app: it has no passwords.", flush=True)
