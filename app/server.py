@@ -18,6 +18,7 @@ from app.session import Session
 from app.theme import apply_theme
 from app.workspace import Workspace
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
+from core.detection.fast_cluster import grid_labels
 from core.errors import CommandError
 from core.events import Events, SensorSize, Window
 
@@ -161,7 +162,7 @@ def _start_server(host: str, port: int) -> viser.ViserServer:
 
 
 def _warm_up() -> None:
-    """Load what the first look at a stage needs: scikit-learn alone takes two seconds."""
+    """Load the compiled code that the first picture needs while the browser is still loading its page."""
     window = Window(Events.empty(SensorSize(64, 64)), 0, 1000)
-    trace_window(window, TrackState(), DetectorConfig())
+    trace_window(window, TrackState(), DetectorConfig(), label_clusters=grid_labels)
     FastDetector(DetectorConfig()).step(window)

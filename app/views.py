@@ -11,6 +11,7 @@ from app.pictures.stage_picture import draw_detection, draw_stages, draw_truth
 from app.sheet import Sheet, lay_out
 from app.state import Look, TuneView
 from core.detection import DetectorConfig, FastDetector, PipelineTrace, trace_window
+from core.detection.fast_cluster import grid_labels
 from core.events import Window
 from core.recordings import CameraStream, Recording
 
@@ -97,7 +98,8 @@ def render_tune(request: TuneRequest) -> tuple[Sheet, tuple[PipelineTrace, ...]]
     traces: list[PipelineTrace] = []
     for name, config in request.configs:
         window = window_before(request.stream, request.t_us, config.window.window_us)
-        trace = trace_window(window, _detector_before(request.stream, window.start_us, config).state, config)
+        state = _detector_before(request.stream, window.start_us, config).state
+        trace = trace_window(window, state, config, label_clusters=grid_labels)
         canvas = Canvas(_region(request, traces[0] if traces else trace))
         draw_stages(canvas, window, trace, view.overlay, request.look.rendering)
         if view.show_truth:

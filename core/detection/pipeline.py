@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.detection.cluster import cluster_labels, reject_size
+from core.detection.cluster import ClusterConfig, cluster_labels, reject_size
 from core.detection.config import DetectorConfig
 from core.detection.denoise import survives_opening
 from core.detection.detector import Detection
@@ -23,6 +23,9 @@ from core.detection.polarity import addresses, near_centroid, on_evidence, on_le
 from core.detection.roi import follow, inside_roi, roi_around
 from core.detection.stage_trace import Candidate, PipelineTrace, StageTrace, TrackState
 from core.events import Events, Window
+
+LabelClusters = Callable[[Events, ClusterConfig], NDArray[np.int32]]
+"""From events to the number of each event's cluster, -1 for none."""
 
 
 class ReferenceDetector:
@@ -45,8 +48,14 @@ class ReferenceDetector:
         return trace.detection
 
 
-def trace_window(window: Window, state: TrackState, config: DetectorConfig) -> PipelineTrace:
-    """Run every stage on one window. Neither the window nor the state is changed; the next state is in the trace."""
+def trace_window(
+    window: Window, state: TrackState, config: DetectorConfig, *, label_clusters: LabelClusters = cluster_labels
+) -> PipelineTrace:
+    """Run every stage on one window. Neither the window nor the state is changed; the next state is in the trace.
+
+    `label_clusters` may be `fast_cluster.grid_labels`, which gives the same labels as scikit-learn and takes
+    milliseconds where that takes seconds; the default keeps this pipeline independent of the fast path.
+    """
     clock = _StageClock()
     whole, hot_pixels, flicker = _drop_bad_pixels(window.events, state, config, clock)
     with clock.time("roi"):
@@ -57,7 +66,7 @@ def trace_window(window: Window, state: TrackState, config: DetectorConfig) -> P
         clean = seen.rows(survives_opening(seen, config.denoise))
     clock.close("denoise", seen, clean)
     with clock.time("cluster"):
-        labels = cluster_labels(clean, config.cluster)
+        labels = label_clusters(clean, config.cluster)
         clustered = clean.rows(labels >= 0)
         clusters = [np.flatnonzero(labels == label) for label in range(int(labels.max(initial=-1)) + 1)]
     found = [

@@ -3,6 +3,7 @@ import pytest
 
 from core.config import replace_setting
 from core.detection import ReferenceDetector, TrackState, auto_config, paper_config, trace_window
+from core.detection.fast_cluster import grid_labels
 from core.events import Events, SensorSize, Window
 
 STAGES = ["roi", "denoise", "cluster", "polarity", "geometry", "localise"]
@@ -136,3 +137,12 @@ def test_the_order_of_events_of_one_moment_does_not_matter(make_scene, make_flig
     one, other = answers
     assert one is not None and other is not None
     assert (one.u_px, one.v_px, one.r_px) == pytest.approx((other.u_px, other.v_px, other.r_px), abs=1e-3)
+
+
+def test_the_fast_labels_change_nothing_in_the_trace(make_scene, make_flight) -> None:
+    windows = make_scene(make_flight(du_px_per_ms=2.5), noise_hz=5, duration_us=20_000).windows()
+    for window in windows:
+        plain = trace_window(window, TrackState(), auto_config())
+        quick = trace_window(window, TrackState(), auto_config(), label_clusters=grid_labels)
+        assert np.array_equal(plain.labels, quick.labels) and plain.detection == quick.detection
+        assert [one.rejected for one in plain.candidates] == [one.rejected for one in quick.candidates]
