@@ -12,26 +12,37 @@ from labels.model import Label, Provenance, Source, State
 SCHEMA = 1
 """Version of the lines. A reader refuses later ones; earlier ones it must go on to understand."""
 Json = Mapping[str, object]
-_CRC = ',"crc":"'
+_STATES: dict[object, State] = {state.value: state for state in State}
+_SOURCES: dict[object, Source] = {source.value: source for source in Source}
+_CRC = b',"crc":"'
 
 
 def pack_line(record: Json) -> bytes:
     """A record as a line of the journal, with its newline."""
     text = json.dumps(record, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    head = text[:-1]
-    return f'{head}{_CRC}{zlib.crc32(head.encode()):08x}"}}\n'.encode()
+    head = text[:-1].encode()
+    return b'%b%b%08x"}\n' % (head, _CRC, zlib.crc32(head))
 
 
-def unpack_line(line: bytes) -> dict[str, object] | None:
-    """The record of a line without its newline; None if it is damaged."""
-    head, mark, tail = line.rpartition(_CRC.encode())
-    if not mark or len(tail) != 10 or tail != f'{zlib.crc32(head):08x}"}}'.encode():
-        return None
+def is_whole(line: bytes) -> bool:
+    """Whether a line without its newline is as it was written."""
+    head, mark, tail = line.rpartition(_CRC)
+    return bool(mark) and len(tail) == 10 and tail == b'%08x"}' % zlib.crc32(head)
+
+
+def unpack_line(line: bytes) -> dict[str, object]:
+    """The record of a whole line.
+
+    Raises:
+        LabelError: if it is none: something else than this program wrote it.
+    """
     try:
         record = json.loads(line)
-    except ValueError:
-        return None
-    return record if isinstance(record, dict) else None
+    except ValueError as error:
+        raise LabelError("a line of labels that is not JSON", got=str(error)) from error
+    if not isinstance(record, dict):
+        raise LabelError("a line of labels that is no record", got=type(record).__name__)
+    return record
 
 
 def label_to_json(label: Label) -> dict[str, object]:
@@ -71,7 +82,7 @@ def _label_from_json(values: Json) -> Label:
     if not isinstance(values["t_us"], int):
         raise TypeError("t_us must be a whole number")
     provenance = Provenance(
-        source=Source(values["source"]),
+        source=_SOURCES[values["source"]],
         annotator=str(values["by"]),
         made_at_us=_whole(values["at_us"]),
         tool=str(values["tool"]),
@@ -82,7 +93,7 @@ def _label_from_json(values: Json) -> Label:
     )
     return Label(
         t_us=values["t_us"],
-        state=State(values["state"]),
+        state=_STATES[values["state"]],
         x_px=_number(values.get("x")),
         y_px=_number(values.get("y")),
         r_px=_number(values.get("r")),

@@ -80,7 +80,7 @@ class LabelStore:
         self._history, self._seq, self.notes = _replay(lines, layer, path)
         self._arrays = label_arrays(self._history.labels.values())
         self._stale: set[int] = set()
-        if journal is not None and not lines.records:
+        if journal is not None and not lines.whole:
             self._write({"op": "open", "schema": SCHEMA, "format": FORMAT, **_identity(layer)})
 
     @classmethod
