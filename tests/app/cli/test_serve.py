@@ -1,0 +1,92 @@
+"""`rallyscope serve` as a process, without a browser."""
+
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+from app.cli import main
+
+SERVE = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main(sys.argv[1:]))", "serve"]
+
+
+def start(arguments: list[str], log: Path) -> tuple[subprocess.Popen, str]:
+    """The running process and the address that it printed."""
+    with log.open("w") as out:
+        process = subprocess.Popen([*SERVE, *arguments], stdout=out, stderr=subprocess.STDOUT)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and process.poll() is None:
+        found = re.search(r"http://\S+", log.read_text())
+        if found:
+            return process, found.group()
+        time.sleep(0.1)
+    process.kill()
+    raise AssertionError(log.read_text())
+
+
+@pytest.mark.parametrize("stop", [signal.SIGTERM, signal.SIGINT])
+def test_it_serves_a_page_and_ends_calmly(serve_recording, tmp_path, stop) -> None:
+    arguments = [str(serve_recording), "--port", "0", "--data", str(tmp_path / "data")]
+    process, address = start(arguments, tmp_path / "log")
+    try:
+        assert address.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(address, timeout=10) as page:
+            assert b"<html" in page.read(2000).lower()
+    finally:
+        process.send_signal(stop)
+    assert process.wait(30) == 0
+    said = (tmp_path / "log").read_text()
+    assert "serve" in said and "Traceback" not in said and "viser" not in said
+
+
+def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        code = main(["serve", str(serve_recording), "--port", str(port), "--data", str(tmp_path / "data")])
+    error = capsys.readouterr().err
+    assert code == 2 and f"127.0.0.1:{port}" in error and "--port" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["no-such-file.raw"], "no-such-file.raw"),
+        (["--source", "live"], "not built yet"),
+        (["--config", "no-such.toml"], "no-such.toml"),
+        (["--port", "99999999"], "cannot listen"),
+        (["--port", "http"], "invalid int value"),
+    ],
+)
+def test_bad_arguments_are_one_clear_line(
+    arguments: list[str], message: str, tmp_path, capsys, serve_recording
+) -> None:
+    data = tmp_path / "data" / "recordings"
+    data.mkdir(parents=True)
+    shutil.copy(serve_recording, data / "demo.h5")
+    code = main(["serve", *arguments, "--data", str(tmp_path / "data")])
+    error = capsys.readouterr().err
+    assert code == 2 and message in error and error.count("\n") == 1
+
+
+def test_a_browser_cannot_open_a_tunnel_to_the_world(serve_recording, tmp_path) -> None:
+    from app.library import Library
+    from app.server import Lab
+    from app.workspace import Workspace
+
+    workspace = Workspace(tmp_path)
+    shutil.copy(serve_recording, workspace.recording_path("serve"))
+    lab = Lab(workspace, Library(workspace), "serve", host="127.0.0.1", port=0)
+    try:
+        assert lab.viser_server.request_share_url() is None
+        assert lab.viser_server.get_host() == "127.0.0.1"
+    finally:
+        lab.stop()
