@@ -27,6 +27,8 @@ from core.learning.config import (
 
 RIVALS: tuple[AgentName, ...] = ("ppo", "a2c", "trpo", "td3", "sac")
 REWARDS: tuple[RewardKind, ...] = ("simple", "case", "cdta")
+MINOR = ("variant", "beta", "reward-slow", "model-hard-9", "model-shaky", "model-biased", "model-privileged")
+MINOR += ("model-flight", "model-predicted", "model-hard-noisy-climb")
 RULES: tuple[ReplayRule, ...] = ("threshold", "discard", "retain")
 
 
@@ -35,6 +37,8 @@ class Counts:
     """How much is run: the full report, or a smoke test of the same code."""
 
     seeds: int = 20
+    minor_seeds: int = 10
+    """Of variants that no figure is aimed at."""
     rival_seeds: int = 5
     balls: int = 500
     shorten: int = 1
@@ -54,7 +58,7 @@ class Experiment:
 
 def plan(counts: Counts) -> tuple[Experiment, ...]:
     """All trainings, the most wanted first."""
-    slow = DdpgConfig(updates_per_episode=2, critic_rate=1e-3)
+    slow = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
     wanted = [
         *_rewards("3", ladder((3.0,), (600,)), DdpgConfig()),
         *_rewards("4", ladder((4.0,), (1000,)), DdpgConfig()),
@@ -133,15 +137,15 @@ def _variants() -> list[Experiment]:
     climb = ladder((3.0, 5.0), (800, 900))
     fixed = EnvironmentConfig(goal=GoalConfig(kind="fixed"))
     truth = EnvironmentConfig(state_source="truth")
-    better = DdpgConfig(updates_per_episode=16, relabels=3, batch=32, critic_rate=2e-3)
+    better = DdpgConfig(updates_per_episode=16, relabels=3, batch=32, actor_rate=1e-3, critic_rate=2e-3)
     found = [
         Experiment("variant-bootstrap", paper(climb, ddpg=DdpgConfig(target="bootstrap"))),
         Experiment("variant-fixed-target", paper(climb, environment=fixed)),
         Experiment("variant-true-state", paper(climb, environment=truth)),
     ]
-    for updates, rate in ((2, 1e-3), (8, 2e-3)):
-        config = DdpgConfig(updates_per_episode=updates, critic_rate=rate)
-        found.append(Experiment(f"updates-{updates}", paper(climb, ddpg=config)))
+    slow = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
+    found.append(Experiment("variant-slow", paper(climb, ddpg=slow)))
+    found.append(Experiment("variant-equal-rates", paper(climb, ddpg=DdpgConfig(actor_rate=1e-3, critic_rate=1e-3))))
     for beta in (0.005, 0.01, 0.05):
         found.append(Experiment(f"beta-{beta:g}", paper(ladder((4.0,), (1000,)), reward=RewardConfig(beta=beta))))
     quick = {
@@ -177,7 +181,8 @@ def _rival(agent: AgentName, exploration: Literal["default", "matched"], curricu
 def _scaled(experiment: Experiment, counts: Counts) -> Experiment:
     config = experiment.config
     episodes = tuple(max(2, n // counts.shorten) for n in config.curriculum.episodes)
-    seeds = counts.rival_seeds if config.agent in RIVALS else counts.seeds
+    seeds = counts.minor_seeds if experiment.name.startswith(MINOR) else counts.seeds
+    seeds = counts.rival_seeds if config.agent in RIVALS else seeds
     config = dataclasses.replace(
         config,
         curriculum=dataclasses.replace(config.curriculum, episodes=episodes),

@@ -32,10 +32,10 @@ HEADER = """# Learning to return: what was measured
 Made by `rallyscope bench learning`. One episode is one serve and one racket orientation. Every policy is evaluated
 without noise on the same {balls} balls per speed, which no training sees; the landing error is the distance to the
 target of the landing extrapolated to the table's plane, over all balls that the racket met. Figures are the *last*
-policy of each seed: mean ± standard deviation over seeds [95 % interval of the mean]. {seeds} seeds, rivals {rivals};
-seeds have the same balls in every training, so differences are paired. Agents called paper perceive by the five-point
-prediction, all others know the true state. The racket stands upright at action zero and has one speed per serve speed.
-Machine: {machine}.
+policy of each seed: mean ± standard deviation over seeds [95 % interval of the mean]. {seeds} seeds, {minor} for
+variants and {rivals} for rivals; seeds have the same balls in every training, so differences are paired. Agents called
+paper perceive by the five-point prediction, all others know the true state. The racket stands upright at action zero
+and has one speed per serve speed. Machine: {machine}.
 
 The paper gives neither seeds nor several things that decide the difficulty (base orientation, racket speed, spread of
 the targets). Its figures stand beside ours for orientation; equal numbers would not mean equal tasks.
@@ -46,7 +46,9 @@ def write_report(path: Path, experiments: Sequence[Experiment], results: Results
     """Write the report and its charts with whatever results there are."""
     path.parent.mkdir(parents=True, exist_ok=True)
     parts = [
-        HEADER.format(balls=counts.balls, seeds=counts.seeds, rivals=counts.rival_seeds, machine=machine),
+        HEADER.format(
+            balls=counts.balls, seeds=counts.seeds, rivals=counts.rival_seeds, minor=counts.minor_seeds, machine=machine
+        ),
         "## The figures aimed at\n",
         targets_table(results),
         _baselines(counts),
@@ -86,7 +88,7 @@ def _baselines(counts: Counts) -> str:
 
 def _rewards(results: Results) -> str:
     parts = ["## The three rewards\n"]
-    for name, setting in (("", "our settings"), ("slow-", "the paper's pace: two updates, critic at 0.001")):
+    for name, setting in (("", "our settings"), ("slow-", "the paper's pace: two updates, both rates at 0.001")):
         rows = []
         for (speed, episode), theirs in PAPER_RETURNS.items():
             runs = [results.get(f"reward-{name}{speed}-{kind}", ()) for kind in ("simple", "case", "cdta")]
@@ -172,8 +174,8 @@ def _variants(results: Results) -> str:
         ("variant-bootstrap", "bootstrapped target: y = r + 0.9 Q'(s', g, mu'(s', g)), the paper's equation"),
         ("variant-fixed-target", "one fixed target, the box's centre"),
         ("variant-true-state", "the true state"),
-        ("updates-2", "2 updates per episode, critic at 0.001"),
-        ("updates-8", "8 updates per episode"),
+        ("variant-slow", "2 updates per episode, both rates at 0.001"),
+        ("variant-equal-rates", "4 updates per episode, both rates at 0.001"),
     ):
         found = results.get(name, ())
         rows.append([title, at(found, 600, "returned"), at(found, 1700, "returned"), at(found, 1700, "error_mm")])
@@ -249,7 +251,7 @@ def _climb(results: Results, name: str) -> list[str]:
 
 def _timings(experiments: Sequence[Experiment], results: Results) -> str:
     rows = []
-    for name in ("updates-2", "replay-threshold", "model-privileged", "model-5"):
+    for name in ("variant-slow", "replay-threshold", "model-privileged", "model-5"):
         found = results.get(name, ())
         config = next((e.config for e in experiments if e.name == name), None)
         if found and config is not None:

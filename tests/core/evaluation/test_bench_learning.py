@@ -11,7 +11,7 @@ from core.evaluation.learning_tables import binomial_interval, paired
 from core.evaluation.learning_targets import TARGETS
 from core.evaluation.line_chart import Line, line_chart
 
-TINY = Counts(seeds=2, rival_seeds=1, balls=10, shorten=50)
+TINY = Counts(seeds=2, minor_seeds=1, rival_seeds=1, balls=10, shorten=50)
 
 
 def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
