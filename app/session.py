@@ -115,8 +115,7 @@ class Session:
                 elif self._state is not None:
                     self._state = item.apply(self._state, wall_s)
             except RallyscopeError as error:
-                self._shown = None  # the control that asked shows the old value again
-                self._note("That does not work", str(error), "red")
+                self._report(error)
         if self._state is None or self._recording is None:
             return
         self._state = replace(self._state, playhead=self._state.playhead.settle(wall_s))
@@ -272,6 +271,7 @@ class Session:
         self._enqueue(lambda: self._report(error))
 
     def _report(self, error: Exception) -> None:
+        self._shown = None  # the control that asked shows the old value again
         if isinstance(error, RallyscopeError):
             self._note("That does not work", str(error), "red")
         else:

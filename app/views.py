@@ -75,18 +75,18 @@ def render_watch(request: WatchRequest) -> Sheet:
         window = window_before(stream, request.t_us, look.window_us)
         binning = 2 if len(cameras) > 1 and stream.sensor.width_px > BINNED_WIDTH_PX else 1
         if binning == 1:
-            canvas = Canvas(Region.of_sensor(stream.sensor))
+            canvas = Canvas(Region.of_sensor(stream.sensor), across=across)
             canvas.paint_pixels(event_picture(window, look.rendering))
         else:
             pixels = event_picture(window, look.rendering, binning=binning)
-            canvas = Canvas.of_binned(pixels, stream.sensor, binning)
+            canvas = Canvas.of_binned(pixels, stream.sensor, binning, across=across)
         if request.show_truth:
             draw_truth(canvas, stream.truth, window.end_us)
         seen = window_before(stream, window.end_us, request.config.window.window_us)
         detection = _detector_before(stream, seen.start_us, request.config).step(seen)
         if detection is not None:
             draw_detection(canvas, detection)
-        canvas.caption(f"{name}: {len(window.events)} events", pictures=across)
+        canvas.caption(f"{name}: {len(window.events)} events")
         canvases.append(canvas)
     return lay_out(canvases, look.colours, look.arrangement)
 
@@ -94,18 +94,18 @@ def render_watch(request: WatchRequest) -> Sheet:
 def render_tune(request: TuneRequest) -> tuple[Sheet, tuple[PipelineTrace, ...]]:
     """The same window through each config, every stage traced."""
     view = request.view
+    across = len(request.configs) if request.look.arrangement == "side by side" else 1
     canvases: list[Canvas] = []
     traces: list[PipelineTrace] = []
     for name, config in request.configs:
         window = window_before(request.stream, request.t_us, config.window.window_us)
         state = _detector_before(request.stream, window.start_us, config).state
         trace = trace_window(window, state, config, label_clusters=grid_labels)
-        canvas = Canvas(_region(request, traces[0] if traces else trace))
+        canvas = Canvas(_region(request, traces[0] if traces else trace), across=across)
         draw_stages(canvas, window, trace, view.overlay, request.look.rendering)
         if view.show_truth:
             draw_truth(canvas, request.stream.truth, window.end_us)
-        title = f"{request.stream.name}, config {name}: {len(window.events)} events"
-        canvas.caption(title, pictures=len(request.configs) if request.look.arrangement == "side by side" else 1)
+        canvas.caption(f"{request.stream.name}, config {name}: {len(window.events)} events")
         canvases.append(canvas)
         traces.append(trace)
     return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(traces)

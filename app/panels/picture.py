@@ -6,9 +6,10 @@ from collections.abc import Callable
 
 import viser
 
+from app import theme
 from app.commands import WINDOW_RANGE_US, Command, SetArrangement, SetColours, SetRendering, SetWindow, ShowTruth
 from app.pictures.event_picture import RENDERINGS
-from app.pictures.palette import POLARITY_COLOURS
+from app.pictures.palette import POLARITY_COLOURS, Ink, PolarityColours, palette
 from app.state import ARRANGEMENTS, ClientState
 from app.widgets import when_changed
 
@@ -25,6 +26,7 @@ class PicturePanel:
             self._rendering = gui.add_dropdown("Show", RENDERINGS, hint="Latest polarity, events per pixel, or age")
             self._colours = gui.add_dropdown("ON / OFF", POLARITY_COLOURS)
             self._arrangement = gui.add_dropdown("Arrange", ARRANGEMENTS)
+            self._legend = gui.add_html("")
             self._truth = gui.add_checkbox("True ball", True, hint="Cyan circle, where the recording knows it")
         when_changed(self._window, lambda value: send(SetWindow(round(float(str(value)) * 1e3))))
         when_changed(self._rendering, lambda value: send(SetRendering(value)))  # type: ignore[arg-type]
@@ -37,6 +39,18 @@ class PicturePanel:
         self._window.visible = state.mode == "Watch"
         self._window.value = state.look.window_us / 1e3
         self._rendering.value = state.look.rendering
+        self._legend.content = legend_html(state.look.colours)
         self._colours.value = state.look.colours
         self._arrangement.value = state.look.arrangement
         self._truth.value = state.tune.show_truth
+
+
+def legend_html(colours: PolarityColours) -> str:
+    """What the colours of circles and events mean."""
+    rgb = palette(colours)
+    inks = (("found", Ink.CIRCLE), ("truth", Ink.TRUTH), ("ROI", Ink.ROI), ("ON", Ink.ON), ("OFF", Ink.OFF))
+    spots = "".join(
+        f"<span style='color:rgb({red},{green},{blue})'>&#9632;</span> {name} &nbsp; "
+        for name, (red, green, blue) in ((name, rgb[ink]) for name, ink in inks)
+    )
+    return f"<div style='font-size:12px;color:{theme.MUTED};padding:2px 12px'>{spots}</div>"

@@ -41,17 +41,20 @@ class Region:
 class Canvas:
     """A picture being drawn. `image` is (height, width) uint8 palette indices."""
 
-    def __init__(self, region: Region) -> None:
+    def __init__(self, region: Region, *, across: int = 1) -> None:
+        """`across` pictures share the window's width: text is made larger by as much."""
         self.region = region
+        self.across = across
         self.scale: float = max(1, round(TARGET_WIDTH_PX / region.width))
         """Picture pixels per sensor pixel."""
         self.image = np.full((region.height * self.scale, region.width * self.scale), Ink.OUTSIDE, np.uint8)
 
     @staticmethod
-    def of_binned(pixels: NDArray[np.uint8], sensor: SensorSize, binning: int) -> Canvas:
+    def of_binned(pixels: NDArray[np.uint8], sensor: SensorSize, binning: int, *, across: int = 1) -> Canvas:
         """A whole-sensor picture whose pixels are `binning` sensor pixels a side."""
         canvas = Canvas.__new__(Canvas)
-        canvas.region, canvas.scale, canvas.image = Region.of_sensor(sensor), 1 / binning, pixels
+        canvas.region, canvas.across = Region.of_sensor(sensor), across
+        canvas.scale, canvas.image = 1 / binning, pixels
         return canvas
 
     def paint_pixels(self, pixels: NDArray[np.uint8]) -> None:
@@ -85,17 +88,17 @@ class Canvas:
         """Outline of a rectangle with corners in sensor coordinates."""
         self.draw_polygon([(x0_px, y0_px), (x1_px, y0_px), (x1_px, y1_px), (x0_px, y1_px)], ink)
 
-    def write(self, u_px: float, v_px: float, text: str, ink: int, *, size: float = 0.6) -> None:
+    def write(self, u_px: float, v_px: float, text: str, ink: int) -> None:
         """Text whose lower left corner stands at a sensor point, if that is in the picture."""
         region = self.region
         if not (region.x <= u_px < region.x + region.width and region.y <= v_px < region.y + region.height):
             return
         x, y = (self._fixed([(u_px, v_px)])[0] / 2**SUB_PIXEL_BITS).round().astype(int).tolist()
-        self.write_at(x, y, text, ink, size=size)
+        self.write_at(x, y, text, ink, size=self._text_size())
 
-    def caption(self, text: str, *, pictures: int) -> None:
-        """A title in the upper left corner, equally large on the screen however many pictures share its width."""
-        size = 0.62 * pictures * self.image.shape[1] / TARGET_WIDTH_PX
+    def caption(self, text: str) -> None:
+        """A title in the upper left corner."""
+        size = self._text_size()
         self.write_at(round(16 * size), round(36 * size), text, Ink.TEXT, size=size)
 
     def write_at(self, x: int, y: int, text: str, ink: int, *, size: float = 0.5) -> None:
@@ -106,6 +109,10 @@ class Canvas:
         y = int(np.clip(y, height + 2, max(height + 2, self.image.shape[0] - below)))
         cv2.rectangle(self.image, (x - 2, y - height - 2), (x + width + 1, y + below - 1), int(Ink.BACKGROUND), -1)
         cv2.putText(self.image, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, int(ink), thickness, cv2.LINE_8)
+
+    def _text_size(self) -> float:
+        """Equally large on the screen however wide the picture is and however many share the window."""
+        return 0.62 * self.across * self.image.shape[1] / TARGET_WIDTH_PX
 
     def _fixed(self, points_px: ArrayLike) -> NDArray[np.int32]:
         """Sensor points as fixed-point picture coordinates; the centre of a sensor pixel is that of its block."""

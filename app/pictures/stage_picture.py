@@ -35,7 +35,8 @@ def draw_stages(canvas: Canvas, window: Window, trace: PipelineTrace, overlay: O
 
 def draw_detection(canvas: Canvas, detection: Detection) -> None:
     """The circle of a ball that was found."""
-    canvas.draw_circle(detection.u_px, detection.v_px, detection.r_px, Ink.CIRCLE, thickness=2)
+    thickness = 2 if canvas.scale >= 1 else 1  # a binned picture's ball is only a few pixels wide
+    canvas.draw_circle(detection.u_px, detection.v_px, detection.r_px, Ink.CIRCLE, thickness=thickness)
 
 
 def draw_truth(canvas: Canvas, truth: PixelTruth | None, t_us: int) -> None:
@@ -80,8 +81,7 @@ def _write_figures(canvas: Canvas, trace: PipelineTrace, overlay: Overlay) -> No
     largest = sorted(trace.candidates, key=lambda candidate: -candidate.size)[:LABELLED_CANDIDATES]
     for candidate in largest:
         xs, ys = candidate.events.x_px, candidate.events.y_px
-        ink = cluster_ink(candidate.label)
-        canvas.write(float(xs.max()) + 2, float(ys.min()) - 1, _figures(candidate, overlay), ink)
+        canvas.write(float(xs.max()) + 2, float(ys.min()) - 1, _figures(candidate, overlay), Ink.TEXT)
 
 
 def _figures(candidate: Candidate, overlay: Overlay) -> str:

@@ -45,8 +45,10 @@ def test_the_event_rate_and_the_health_are_shown(window) -> None:
 
 def test_a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window) -> None:
     before: ClientState = window.state
-    window.session.open_recording("broken")
+    window.page.get_by_label("Recording").first.click()
+    window.page.get_by_role("option", name="broken", exact=True).click()
     window.page.get_by_text("That does not work").first.wait_for()
+    assert window.page.get_by_label("Recording").first.input_value() == "serve"
     window.session.open_recording("../../../etc/passwd")
     window.page.get_by_text("no such recording").first.wait_for()
     assert window.state.recording == before.recording and window.session.sheet.pictures
