@@ -5,19 +5,18 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.errors import ConfigError
 from core.events import Events
 from core.simulation.background import LOG_LIGHT, make_background
 from core.simulation.flight import BallPath
-from core.simulation.noise import RawEvents, draw_hot_pixels, draw_noise, merge_events
+from core.simulation.noise import MergedEvents, RawEvents, draw_hot_pixels, draw_noise, merge_events
 from core.simulation.pixels import EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, event_buffer
-from core.simulation.scene import TO_LIGHT_WORLD, SceneConfig
+from core.simulation.scene import SceneConfig
 from core.simulation.sensor import SensorConfig, make_pixels
 from core.simulation.sweep import look_at_once, settle_block, sweep_block
-from core.simulation.view import BallSteps, ball_steps, view_matrix
+from core.simulation.view import BallSteps, ball_steps, view_numbers
 
 BLOCK_US: Final = 10_000
 """Blocks start at whole multiples of this, whatever stretches are asked for, so that chunking changes nothing."""
@@ -39,7 +38,7 @@ class EventCamera:
         self._config = config
         self._rng = rng
         self._maps = make_background(camera, scene)
-        self._view = view_matrix(camera)
+        self._view = view_numbers(camera)
         self._pixels = make_pixels(self._maps[:, LOG_LIGHT], config, rng)
         self._hot = draw_hot_pixels(camera.sensor, config, rng)
         self._events = event_buffer(FIRST_CAPACITY)
@@ -59,15 +58,14 @@ class EventCamera:
         if end_us <= self._now_us or end_us % BLOCK_US:
             raise ConfigError("cannot simulate to this time", expected=f"a later multiple of {BLOCK_US} us", got=end_us)
         parts = [self._advance_block(path) for _ in range((end_us - self._now_us) // BLOCK_US)]
-        ts, xs, ys, ons = zip(*parts, strict=True)
-        t, x, y, on = np.concatenate(ts), np.concatenate(xs), np.concatenate(ys), np.concatenate(ons)
+        t = np.concatenate([part.t_us for part in parts])
+        x, y = np.concatenate([part.x_px for part in parts]), np.concatenate([part.y_px for part in parts])
+        on = np.concatenate([part.on for part in parts])
         for column in (t, x, y, on):
             column.flags.writeable = False
         return Events(t, x, y, on, self.camera.sensor)
 
-    def _advance_block(
-        self, path: BallPath
-    ) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint16], NDArray[np.bool_]]:
+    def _advance_block(self, path: BallPath) -> MergedEvents:
         start_us, end_us = self._now_us, self._now_us + BLOCK_US
         steps = ball_steps(self.camera, self._scene, path, start_us, end_us)
         count = self._sweep(steps, start_us) if steps is not None else 0
@@ -80,7 +78,7 @@ class EventCamera:
     def _sweep(self, steps: BallSteps, start_us: int) -> int:
         pixels, width = self._pixels, self.camera.sensor.width_px
         if start_us == 0:
-            look_at_once(pixels.rows, width, self._maps, self._view, TO_LIGHT_WORLD, steps.rows[0], steps.boxes[0])
+            look_at_once(pixels.rows, width, self._maps, self._view, steps.rows, steps.boxes)
         count, done = 0, 0
         while True:
             count, pixels.awake_count, done = sweep_block(
@@ -91,7 +89,6 @@ class EventCamera:
                 width,
                 self._maps,
                 self._view,
-                TO_LIGHT_WORLD,
                 steps.t_us,
                 steps.rows,
                 steps.boxes,

@@ -30,6 +30,16 @@ class RawEvents:
     on: NDArray[np.bool_]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class MergedEvents:
+    """The columns of an `Events` value."""
+
+    t_us: NDArray[np.int64]
+    x_px: NDArray[np.uint16]
+    y_px: NDArray[np.uint16]
+    on: NDArray[np.bool_]
+
+
 def draw_hot_pixels(sensor: SensorSize, config: SensorConfig, rng: np.random.Generator) -> HotPixels:
     """Which pixels are hot, and how hot."""
     count = sensor.width_px * sensor.height_px
@@ -62,8 +72,8 @@ def draw_noise(
 
 def merge_events(
     signal: RawEvents, noise: RawEvents, pixels: NDArray[np.float64], refractory_us: int, width: int
-) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint16], NDArray[np.bool_]]:
-    """Columns t, x, y, on of both in order of time, without events of a pixel that is still refractory.
+) -> MergedEvents:
+    """Both in order of time, without events of a pixel that is still refractory.
 
     `pixels` are the rows of `PixelState`, whose last event is brought up to date. Signal events keep clear of each
     other already; here noise is kept clear of signal and the other way round.
@@ -79,7 +89,7 @@ def merge_events(
         width,
         (t, x, y, on),
     )
-    return t[:kept], x[:kept], y[:kept], on[:kept]
+    return MergedEvents(t[:kept], x[:kept], y[:kept], on[:kept])
 
 
 def _sorted_times(count: int, start_us: int, end_us: int, rng: np.random.Generator) -> NDArray[np.int64]:

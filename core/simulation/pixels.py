@@ -80,17 +80,23 @@ def rest_pixel(rows, pixel, end_us, tau_us, refractory_us, events, count):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
+def receptor_after_ramp(before, goal, receptor, duration_us, tau_us, decay):
+    """What the photoreceptor shows after its input went linearly from `before` to `goal`; decay is exp(-t / tau)."""
+    lag = (goal - before) / duration_us * tau_us
+    return goal - lag + (receptor - before + lag) * decay
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
 def ramp_pixel(rows, pixel, goal, end_us, decay, tau_us, refractory_us, events, count):
     """Take a pixel to `end_us` while its log intensity moves linearly to `goal`; returns the new event count.
 
-    `decay` is exp(-duration / tau), the same for all pixels of a step.
+    `decay` is exp(-duration / tau), the same for most pixels of a step.
     """
     start_us = rows[pixel, TIME_US]
     before = rows[pixel, TARGET]
     v0 = rows[pixel, RECEPTOR]
     duration = end_us - start_us
-    lag = (goal - before) / duration * tau_us
-    v1 = goal - lag + (v0 - before + lag) * decay
+    v1 = receptor_after_ramp(before, goal, v0, duration, tau_us, decay)
     rows[pixel, TARGET] = goal
     rows[pixel, RECEPTOR] = v1
     rows[pixel, TIME_US] = end_us

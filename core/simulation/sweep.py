@@ -7,9 +7,9 @@ import math
 import numba as nb
 
 from core.simulation.background import LOG_LIGHT
-from core.simulation.pixels import ramp_pixel, rest_awake, rest_pixel
-from core.simulation.sensor import RECEPTOR, REFERENCE, TARGET, TIME_US
-from core.simulation.shading import UNTOUCHED, pixel_light
+from core.simulation.pixels import ramp_pixel, receptor_after_ramp, rest_awake, rest_pixel
+from core.simulation.sensor import OFF_THRESHOLD, ON_THRESHOLD, RECEPTOR, REFERENCE, RELEASE_US, TARGET, TIME_US
+from core.simulation.shading import UNTOUCHED, pixel_light, pixel_seen
 
 EVENTS_PER_PIXEL = 128
 """Room kept free in the buffers for each pixel of a substep; contrast 5 at the lowest threshold is 250 in a step, but
@@ -25,7 +25,6 @@ def sweep_block(
     width,
     maps,
     view,
-    to_light,
     t_us,
     rows,
     boxes,
@@ -49,7 +48,7 @@ def sweep_block(
             awake_most += (x1 - x0) * (y1 - y0)
         if count + awake_most * EVENTS_PER_PIXEL > len(events):
             return count, awake_count, step - 1
-        ball, now_us = rows[step], t_us[step]
+        ball, now_us = ball_numbers(rows, step), t_us[step]
         for part in range(boxes.shape[1]):
             if step % strides[part] != 0 and step != last:
                 continue
@@ -65,9 +64,11 @@ def sweep_block(
                     start_us = pixels[pixel, TIME_US]
                     if start_us >= now_us:
                         continue  # ball and shadow overlap here
-                    seen = pixel_light(maps, view, to_light, ball, pixel, see_ball, see_shadow)
-                    goal = maps[pixel, LOG_LIGHT] if seen == UNTOUCHED else math.log(seen)
-                    if goal == pixels[pixel, TARGET]:
+                    seen = pixel_seen(maps, pixel)
+                    light = pixel_light(seen, view, ball, see_ball, see_shadow)
+                    goal = seen[LOG_LIGHT] if light == UNTOUCHED else math.log(light)
+                    was = pixels[pixel, TARGET]
+                    if goal == was:
                         continue  # at rest, which is caught up with in closed form when it ends
                     if not awake[pixel]:
                         awake[pixel] = True
@@ -76,8 +77,19 @@ def sweep_block(
                     fall = decay
                     if start_us < before_us:
                         count = rest_pixel(pixels, pixel, before_us, tau_us, refractory_us, events, count)
+                        start_us = before_us
                     elif start_us > before_us and tau_us > 0.0:
                         fall = math.exp((start_us - now_us) / tau_us)
+                    receptor = receptor_after_ramp(was, goal, pixels[pixel, RECEPTOR], now_us - start_us, tau_us, fall)
+                    contrast = receptor - pixels[pixel, REFERENCE]
+                    if (
+                        pixels[pixel, RELEASE_US] <= start_us
+                        and -pixels[pixel, OFF_THRESHOLD] < contrast < pixels[pixel, ON_THRESHOLD]
+                    ):  # nothing happens, as most of the time: spare the call
+                        pixels[pixel, TARGET] = goal
+                        pixels[pixel, RECEPTOR] = receptor
+                        pixels[pixel, TIME_US] = now_us
+                        continue
                     count = ramp_pixel(pixels, pixel, goal, now_us, fall, tau_us, refractory_us, events, count)
     return count, awake_count, last
 
@@ -96,15 +108,24 @@ def settle_block(pixels, awake, awake_list, awake_count, end_us, sensor, events)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def look_at_once(pixels, width, maps, view, to_light, row, boxes):
+def look_at_once(pixels, width, maps, view, rows, boxes):
     """Let pixels have looked at the ball for long: how a recording begins that starts in the middle of a flight."""
-    for part in range(boxes.shape[0]):
-        for y in range(boxes[part, 1], boxes[part, 3]):
-            for x in range(boxes[part, 0], boxes[part, 2]):
+    ball = ball_numbers(rows, 0)
+    for part in range(boxes.shape[1]):
+        for y in range(boxes[0, part, 1], boxes[0, part, 3]):
+            for x in range(boxes[0, part, 0], boxes[0, part, 2]):
                 pixel = y * width + x
-                seen = pixel_light(maps, view, to_light, row, pixel, True, True)
-                goal = maps[pixel, LOG_LIGHT] if seen == UNTOUCHED else math.log(seen)
+                seen = pixel_seen(maps, pixel)
+                light = pixel_light(seen, view, ball, True, True)
+                goal = seen[LOG_LIGHT] if light == UNTOUCHED else math.log(light)
                 pixels[pixel, TARGET] = pixels[pixel, RECEPTOR] = pixels[pixel, REFERENCE] = goal
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def ball_numbers(rows, step):
+    """A row of BALL_COLUMNS as a tuple of numbers."""
+    a, b = rows[step, :8], rows[step, 8:]
+    return a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

@@ -11,7 +11,7 @@ from core.cameras import Camera, ball_outline
 from core.geometry import invert_transform
 from core.simulation.flight import BallPath, BallStates, Portals
 from core.simulation.scene import LIGHT_SIZE, TO_LIGHT_WORLD, SceneConfig
-from core.simulation.shading import BALL_COLUMNS, VIEW_ROWS
+from core.simulation.shading import BALL_COLUMNS, VIEW_NUMBERS
 from core.table import BALL_RADIUS_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
 Array = NDArray[np.float64]
@@ -40,13 +40,12 @@ class BallSteps:
     """(2,): substeps from one look at ball and shadow to the next; a soft shadow changes slowly."""
 
 
-def view_matrix(camera: Camera) -> Array:
-    """The (5, 3) description of the camera that the kernels take."""
-    matrix = np.empty((VIEW_ROWS, 3))
-    matrix[:3] = camera.T_world_camera[:3, :3]
-    matrix[3] = camera.position_world_m
-    matrix[4] = camera.T_world_camera[:3, :3].T @ TO_LIGHT_WORLD
-    return matrix
+def view_numbers(camera: Camera) -> tuple[float, ...]:
+    """The VIEW_NUMBERS that describe the camera to the kernels."""
+    R = camera.T_world_camera[:3, :3]
+    numbers = np.concatenate([R.ravel(), camera.position_world_m, R.T @ TO_LIGHT_WORLD, TO_LIGHT_WORLD])
+    assert len(numbers) == VIEW_NUMBERS
+    return tuple(numbers.tolist())
 
 
 def ball_steps(camera: Camera, scene: SceneConfig, path: BallPath, start_us: int, end_us: int) -> BallSteps | None:

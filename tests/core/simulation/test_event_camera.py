@@ -9,9 +9,8 @@ from core.events import Events, concatenate_events
 from core.simulation import SceneConfig, SensorConfig, scene_named
 from core.simulation.background import LOG_LIGHT, make_background
 from core.simulation.event_camera import BLOCK_US, EventCamera
-from core.simulation.scene import TO_LIGHT_WORLD
 from core.simulation.shading import render_light
-from core.simulation.view import ball_rows, view_matrix
+from core.simulation.view import ball_rows, view_numbers
 
 DENSE_STEP_US = 20
 
@@ -28,17 +27,17 @@ def simulate(camera, scene, config, path, end_us, seed=1, chunk_us=BLOCK_US) -> 
 
 def dense_events(camera, scene, config, path, end_us) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(t_us, pixel, on) of the same sensor model in plain numpy: every pixel, every 20 us, no mismatch."""
-    maps, view = make_background(camera, scene), view_matrix(camera)
+    maps, view = make_background(camera, scene), view_numbers(camera)
     times_us = np.arange(0, end_us + 1, DENSE_STEP_US, dtype=np.float64)
     rows = ball_rows(camera, scene, path.at(times_us * 1e-6), path.portals(times_us * 1e-6))
     light = np.empty(len(maps))
-    render_light(maps, view, TO_LIGHT_WORLD, rows[0], light)
+    render_light(maps, view, tuple(rows[0]), light)
     receptor, reference, previous = light.copy(), light.copy(), light.copy()
     release_us = np.full(len(maps), -1.0)
     keep = np.exp(-DENSE_STEP_US / config.photoreceptor_us)
     found: list[tuple[float, int, bool]] = []
     for now_us, row in zip(times_us[1:], rows[1:], strict=True):
-        render_light(maps, view, TO_LIGHT_WORLD, row, light)
+        render_light(maps, view, tuple(row), light)
         lag = (light - previous) / DENSE_STEP_US * config.photoreceptor_us
         before, receptor = receptor, light - lag + (receptor - previous + lag) * keep
         start_us = now_us - DENSE_STEP_US
