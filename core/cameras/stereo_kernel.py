@@ -1,0 +1,164 @@
+"""Compiled triangulation: the point nearest to the rays of all cameras, its reprojection residual and covariance."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NEWTON_ROUNDS: Final = 20
+CONVERGED: Final = 1e-12
+WRONG: Final = 1e-7
+"""Of a pinhole coordinate: no ray leads to a pixel that the lens model misses by more."""
+PARALLEL: Final = 1e-8
+"""Determinant of the normal equations (sin^2 of the angle between two rays) below which rays do not meet."""
+
+FX, FY, CX, CY, K1, K2, P1, P2, K3, FOLD = range(10)
+"""Columns of the lens parameters."""
+
+
+@njit(cache=True, nogil=True)
+def _distort(x: float, y: float, lens: Array) -> tuple[float, float]:
+    r2 = x * x + y * y
+    radial = 1 + r2 * (lens[K1] + r2 * (lens[K2] + r2 * lens[K3]))
+    return (
+        x * radial + 2 * lens[P1] * x * y + lens[P2] * (r2 + 2 * x * x),
+        y * radial + lens[P1] * (r2 + 2 * y * y) + 2 * lens[P2] * x * y,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _slopes(x: float, y: float, lens: Array) -> tuple[float, float, float]:
+    """Derivatives of `_distort`: dx/dx, dx/dy (= dy/dx), dy/dy."""
+    r2 = x * x + y * y
+    radial = 1 + r2 * (lens[K1] + r2 * (lens[K2] + r2 * lens[K3]))
+    slope = 2 * (lens[K1] + r2 * (2 * lens[K2] + r2 * 3 * lens[K3]))
+    return (
+        radial + slope * x * x + 2 * lens[P1] * y + 6 * lens[P2] * x,
+        slope * x * y + 2 * lens[P1] * x + 2 * lens[P2] * y,
+        radial + slope * y * y + 6 * lens[P1] * y + 2 * lens[P2] * x,
+    )
+
+
+@njit(cache=True, nogil=True)
+def _undistort(u: float, v: float, lens: Array) -> tuple[float, float]:
+    """Pinhole coordinates of a pixel by Newton's method; nan where no ray leads there."""
+    x_lens, y_lens = (u - lens[CX]) / lens[FX], (v - lens[CY]) / lens[FY]
+    x, y = x_lens, y_lens
+    for _ in range(NEWTON_ROUNDS):
+        x_here, y_here = _distort(x, y, lens)
+        xx, xy, yy = _slopes(x, y, lens)
+        determinant = xx * yy - xy * xy
+        if determinant == 0:
+            return math.nan, math.nan
+        step_x = (yy * (x_here - x_lens) - xy * (y_here - y_lens)) / determinant
+        step_y = (xx * (y_here - y_lens) - xy * (x_here - x_lens)) / determinant
+        x, y = x - step_x, y - step_y
+        if not (abs(step_x) > CONVERGED or abs(step_y) > CONVERGED):
+            break
+    x_here, y_here = _distort(x, y, lens)
+    if not (abs(x_here - x_lens) < WRONG and abs(y_here - y_lens) < WRONG and math.hypot(x, y) < lens[FOLD]):
+        return math.nan, math.nan
+    return x, y
+
+
+@njit(cache=True, nogil=True)
+def _invert(a: Array, out: Array) -> bool:
+    """Inverse of a symmetric (3, 3); false if it is singular."""
+    c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
+    c01 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]
+    c02 = a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]
+    determinant = a[0, 0] * c00 + a[0, 1] * c01 + a[0, 2] * c02
+    if not determinant > PARALLEL:
+        return False
+    out[0, 0], out[1, 0], out[2, 0] = c00 / determinant, c01 / determinant, c02 / determinant
+    out[0, 1] = (a[0, 2] * a[2, 1] - a[0, 1] * a[2, 2]) / determinant
+    out[1, 1] = (a[0, 0] * a[2, 2] - a[0, 2] * a[2, 0]) / determinant
+    out[2, 1] = (a[0, 1] * a[2, 0] - a[0, 0] * a[2, 1]) / determinant
+    out[0, 2] = (a[0, 1] * a[1, 2] - a[0, 2] * a[1, 1]) / determinant
+    out[1, 2] = (a[0, 2] * a[1, 0] - a[0, 0] * a[1, 2]) / determinant
+    out[2, 2] = (a[0, 0] * a[1, 1] - a[0, 1] * a[1, 0]) / determinant
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _add_noise(x: float, y: float, depth: float, R: Array, lens: Array, sigma_px: float, noise: Array) -> None:
+    """Add to `noise` (3, 3) what pixel noise in one camera moves its ray by, at a distance `depth` along it."""
+    norm = math.sqrt(x * x + y * y + 1)
+    xx, xy, yy = _slopes(x, y, lens)
+    determinant = xx * yy - xy * xy
+    # Derivative of the pinhole coordinates by the pixel, then of the unit direction by the pinhole coordinates.
+    by_u = (yy / determinant / lens[FX], -xy / determinant / lens[FX])
+    by_v = (-xy / determinant / lens[FY], xx / determinant / lens[FY])
+    for dx, dy in (by_u, by_v):
+        along = (x * dx + y * dy) / (norm * norm)
+        cx, cy, cz = (dx - along * x) / norm, (dy - along * y) / norm, -along / norm
+        for i in range(3):
+            move_i = R[i, 0] * cx + R[i, 1] * cy + R[i, 2] * cz
+            for j in range(3):
+                move_j = R[j, 0] * cx + R[j, 1] * cy + R[j, 2] * cz
+                noise[i, j] += (depth * sigma_px) ** 2 * move_i * move_j
+
+
+@njit(cache=True, nogil=True)
+def _reprojection_px2(p: Array, u: float, v: float, centre: Array, R: Array, lens: Array) -> float:
+    """Squared distance of a pixel from the projection of `p`; nan if it is not in front of the camera."""
+    x, y, z = p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]
+    zc = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
+    if not zc > 1e-9:
+        return math.nan
+    xc = (R[0, 0] * x + R[1, 0] * y + R[2, 0] * z) / zc
+    yc = (R[0, 1] * x + R[1, 1] * y + R[2, 1] * z) / zc
+    if not math.hypot(xc, yc) < lens[FOLD]:
+        return math.nan
+    xd, yd = _distort(xc, yc, lens)
+    return (xd * lens[FX] + lens[CX] - u) ** 2 + (yd * lens[FY] + lens[CY] - v) ** 2
+
+
+@njit(cache=True, nogil=True)
+def triangulate_rows(
+    uvs: Array, lenses: Array, centres: Array, Rs: Array, sigma_px: float, ps: Array, residuals: Array, covs: Array
+) -> None:
+    """Fill points (N, 3), residuals (N,) and covariances (N, 3, 3) of pixels (N, C, 2); nan where there is no point."""
+    cameras = len(lenses)
+    xys, rays = np.empty((cameras, 2)), np.empty((cameras, 3))
+    inverse = np.empty((3, 3))
+    for row in range(len(uvs)):
+        ps[row], residuals[row], covs[row] = math.nan, math.nan, math.nan
+        normal, right, noise = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3))
+        seen = 0
+        for c in range(cameras):
+            x, y = _undistort(uvs[row, c, 0], uvs[row, c, 1], lenses[c])
+            xys[c, 0], xys[c, 1] = x, y
+            if math.isnan(x):
+                continue
+            seen += 1
+            norm = math.sqrt(x * x + y * y + 1)
+            for i in range(3):
+                rays[c, i] = (Rs[c, i, 0] * x + Rs[c, i, 1] * y + Rs[c, i, 2]) / norm
+            for i in range(3):
+                for j in range(3):
+                    across = (1.0 if i == j else 0.0) - rays[c, i] * rays[c, j]
+                    normal[i, j] += across
+                    right[i] += across * centres[c, j]
+        if seen < 2 or not _invert(normal, inverse):
+            continue
+        p = inverse @ right
+        squares = 0.0
+        for c in range(cameras):
+            if math.isnan(xys[c, 0]):
+                continue
+            squares += _reprojection_px2(p, uvs[row, c, 0], uvs[row, c, 1], centres[c], Rs[c], lenses[c])
+            depth = 0.0
+            for i in range(3):
+                depth += (p[i] - centres[c, i]) * rays[c, i]
+            _add_noise(xys[c, 0], xys[c, 1], depth, Rs[c], lenses[c], sigma_px, noise)
+        if math.isnan(squares):
+            continue
+        ps[row], residuals[row] = p, math.sqrt(squares / seen)
+        covs[row] = inverse @ noise @ inverse
