@@ -20,12 +20,15 @@ from core.table import BALL_RADIUS_M
 UNTOUCHED = -1.0
 """Instead of an intensity: the ball changes nothing here, the pixel sees the static picture."""
 
-BALL_COLUMNS = 16
+INNER_STRIDE = 4
+"""Substeps from one look at the inner part of the ball to the next: its shading changes by 0.01 in a substep."""
+BALL_COLUMNS = 17
 """A row that describes the ball at one instant to one camera:
 0-2 centre in the camera's frame, 3 squared length of a tangent to it, 4 width of an edge at it in metres,
 5-7 normal and 8 offset of the portal in the camera's frame, 9-11 centre in the world,
 12 darkness of its shadow, 13 light of the fully lit ball, 14 ambient share,
-15 squared length of a tangent to the sphere that an edge of that width reaches."""
+15 squared length of a tangent to the sphere that an edge of that width reaches, 16 the same of the sphere inside which
+nothing but the smooth shading changes for some substeps."""
 VIEW_NUMBERS = 18
 """A camera: 0-8 rotation to the world by rows, 9-11 position, 12-14 direction to the light in the camera's frame, 15-17
 the same in the world."""
@@ -83,6 +86,14 @@ def ball_cover(view, ball, x, y, depth_m):
     facing = ((px - ball[0]) * view[12] + (py - ball[1]) * view[13] + (pz - ball[2]) * view[14]) / BALL_RADIUS_M
     lit = ball[14] + (1.0 - ball[14]) * 0.5 * (1.0 + facing)
     return cover, ball[13] * lit, near
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def deep_inside(seen, ball):
+    """Whether a pixel looks at the inner part of the ball, where the light changes slowly."""
+    x, y = seen[RAY_X], seen[RAY_Y]
+    along = x * ball[0] + y * ball[1] + ball[2]
+    return along > 0.0 and along * along > ball[16] * (x * x + y * y + 1.0)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

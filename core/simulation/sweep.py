@@ -9,7 +9,7 @@ import numba as nb
 from core.simulation.background import LOG_LIGHT
 from core.simulation.pixels import ramp_pixel, receptor_after_ramp, rest_awake, rest_pixel
 from core.simulation.sensor import OFF_THRESHOLD, ON_THRESHOLD, RECEPTOR, REFERENCE, RELEASE_US, TARGET, TIME_US
-from core.simulation.shading import UNTOUCHED, pixel_light, pixel_seen
+from core.simulation.shading import INNER_STRIDE, UNTOUCHED, deep_inside, pixel_light, pixel_seen
 
 EVENTS_PER_PIXEL = 128
 """Room kept free in the buffers for each pixel of a substep; contrast 5 at the lowest threshold is 250 in a step, but
@@ -54,7 +54,7 @@ def sweep_block(
                 continue
             before = (step - 1) // strides[part] * strides[part]
             x0, y0, x1, y1 = union_box(boxes[before, part], boxes[step, part])
-            before_us = t_us[before]
+            before_us, recent_us = t_us[before], t_us[max(step - INNER_STRIDE, 0)]
             overlap = boxes_meet(boxes[step, 0], boxes[step, 1])
             see_ball, see_shadow = part == 0 or overlap, part == 1 or overlap
             decay = math.exp((before_us - now_us) / tau_us) if tau_us > 0.0 else 0.0
@@ -65,6 +65,9 @@ def sweep_block(
                     if start_us >= now_us:
                         continue  # ball and shadow overlap here
                     seen = pixel_seen(maps, pixel)
+                    deep = part == 0 and deep_inside(seen, ball)
+                    if deep and step % INNER_STRIDE != 0 and step != last:
+                        continue
                     light = pixel_light(seen, view, ball, see_ball, see_shadow)
                     goal = seen[LOG_LIGHT] if light == UNTOUCHED else math.log(light)
                     was = pixels[pixel, TARGET]
@@ -75,10 +78,10 @@ def sweep_block(
                         awake_list[awake_count] = pixel
                         awake_count += 1
                     fall = decay
-                    if start_us < before_us:
+                    if start_us < before_us and not (deep and start_us >= recent_us):
                         count = rest_pixel(pixels, pixel, before_us, tau_us, refractory_us, events, count)
                         start_us = before_us
-                    elif start_us > before_us and tau_us > 0.0:
+                    elif start_us != before_us and tau_us > 0.0:
                         fall = math.exp((start_us - now_us) / tau_us)
                     receptor = receptor_after_ramp(was, goal, pixels[pixel, RECEPTOR], now_us - start_us, tau_us, fall)
                     contrast = receptor - pixels[pixel, REFERENCE]
@@ -125,7 +128,7 @@ def look_at_once(pixels, width, maps, view, rows, boxes):
 def ball_numbers(rows, step):
     """A row of BALL_COLUMNS as a tuple of numbers."""
     a, b = rows[step, :8], rows[step, 8:]
-    return a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]
+    return a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8]
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

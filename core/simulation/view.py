@@ -11,7 +11,7 @@ from core.cameras import Camera, ball_outline
 from core.geometry import invert_transform
 from core.simulation.flight import BallPath, BallStates, Portals
 from core.simulation.scene import LIGHT_SIZE, TO_LIGHT_WORLD, SceneConfig
-from core.simulation.shading import BALL_COLUMNS, VIEW_NUMBERS
+from core.simulation.shading import BALL_COLUMNS, INNER_STRIDE, VIEW_NUMBERS
 from core.table import BALL_RADIUS_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
 Array = NDArray[np.float64]
@@ -87,6 +87,10 @@ def ball_rows(camera: Camera, scene: SceneConfig, states: BallStates, portals: P
     rows[:, 13] = scene.ball
     rows[:, 14] = scene.ambient
     rows[:, 15] = distance2 - (BALL_RADIUS_M + 0.5 * rows[:, 4]) ** 2
+    # At the launcher's mouth the inner part changes fast too.
+    whole = np.einsum("ij,ij->i", portals.normal_world, ps_world) - portals.offset_m > 2 * BALL_RADIUS_M
+    inner = BALL_RADIUS_M - (0.5 + INNER_STRIDE * STEP_PX / scene.edge_px) * rows[:, 4]
+    rows[:, 16] = np.where(whole & (inner > 0), distance2 - np.maximum(inner, 0.0) ** 2, np.inf)
     return rows
 
 
