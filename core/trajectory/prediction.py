@@ -1,0 +1,148 @@
+"""What a prediction says: bounces, landing, the crossing of the hitting plane, positions, each with its uncertainty."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.trajectory.arc import Arcs, fit_arcs
+from core.trajectory.config import PaperPredictorConfig
+from core.trajectory.continuation import Continuation, continue_flights
+
+Array = NDArray[np.float64]
+Stage = Literal["pre", "post"]
+CURVE_STEP_S = 0.005
+UNKNOWNS = 8
+"""Position and velocity of the fit, restitution, tangential factor."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TablePoint:
+    """A predicted touch of the table's plane; the position is the ball's centre."""
+
+    t_s: float
+    p_world_m: Array
+    sigma_m: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HitPlane:
+    """p_c, v_c and t_c: the ball where it crosses the hitting plane."""
+
+    t_s: float
+    sigma_t_s: float
+    p_world_m: Array
+    sigma_m: Array
+    """(3,); along x it is zero: an error along x is one of the time."""
+    v_world_mps: Array
+    sigma_mps: Array
+    covariance: Array
+    """(6, 6) of p_c and v_c."""
+    stage: Stage
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prediction:
+    """The flight as it is expected after the newest observation."""
+
+    t_us: int
+    """Time of the newest observation: nothing later is in it."""
+    stage: Stage
+    bounces: tuple[TablePoint, ...]
+    """On the table, after the newest observation."""
+    landing: TablePoint | None
+    """Where the ball next comes down to the table's plane, on the table or beside it."""
+    hit_plane: HitPlane | None
+    """None for a ball that does not come to the plane."""
+    curve_t_s: Array
+    """(M,) from the newest observation to the hitting plane; to the landing if it does not get there."""
+    curve_ps_world_m: Array
+    """(M, 3)."""
+    flights: Continuation
+    """Row 0 is the flight, rows 1 + 2 k and 2 + 2 k have unknown k changed by one sigma up and down."""
+
+    def positions(self, t_s: ArrayLike) -> tuple[Array, Array]:
+        """Positions (K, 3) and their standard deviations (K, 3) at times (K,)."""
+        ps = self.flights.at(np.atleast_1d(np.asarray(t_s, np.float64)))
+        return ps[0], np.sqrt((_one_sigma_moves(ps) ** 2).sum(axis=0))
+
+
+def predict_flight(
+    t_s: Array, ps_m: Array, newest_us: int, stage: Stage, config: PaperPredictorConfig
+) -> Prediction | None:
+    """The prediction from observations (K,) and (K, 3); None if they cannot carry one."""
+    fit = fit_arcs(t_s[None], ps_m[None])
+    if not np.isfinite(fit.vs_mps).all():
+        return None
+    flights = _spread(fit, t_s, config)
+    now_s = newest_us * 1e-6
+    bounces = tuple(TablePoint(float(t[0]), ps[0], _sigma(ps)) for t, ps in flights.bounces() if float(t[0]) > now_s)
+    t_landing, ps_landing = flights.landing(now_s)
+    landing = None
+    if math.isfinite(t_landing[0]):
+        landing = TablePoint(float(t_landing[0]), ps_landing[0], _sigma(ps_landing))
+    hit_plane = _hit_plane(flights, stage, config)
+    end_s = hit_plane.t_s if hit_plane else landing.t_s if landing else now_s
+    curve_t_s = np.append(np.arange(now_s, max(end_s, now_s), CURVE_STEP_S), max(end_s, now_s))
+    curve_t_s = np.union1d(curve_t_s, [bounce.t_s for bounce in bounces if bounce.t_s < end_s])
+    nominal = Continuation(tuple(Arcs(arcs.t_s[:1], arcs.ps_m[:1], arcs.vs_mps[:1]) for arcs in flights.arcs))
+    return Prediction(newest_us, stage, bounces, landing, hit_plane, curve_t_s, nominal.at(curve_t_s)[0], flights)
+
+
+def _spread(fit: Arcs, t_s: Array, config: PaperPredictorConfig) -> Continuation:
+    """The fitted flight and its neighbours, one sigma away along each unknown."""
+    dt = t_s - fit.t_s[0]
+    sigmas = np.array(
+        [
+            *[config.sigma_point_m / math.sqrt(len(t_s))] * 3,
+            *[config.sigma_point_m / math.sqrt(float(dt @ dt))] * 3,
+            config.restitution_sigma,
+            config.tangential_sigma,
+        ]
+    )
+    centre = np.concatenate([fit.ps_m[0], fit.vs_mps[0], [config.restitution, config.tangential_factor]])
+    rows = np.tile(centre, (1 + 2 * UNKNOWNS, 1))
+    unknown = np.arange(UNKNOWNS)
+    rows[1 + 2 * unknown, unknown] += sigmas
+    rows[2 + 2 * unknown, unknown] -= sigmas
+    arcs = Arcs(np.full(len(rows), fit.t_s[0]), rows[:, :3], rows[:, 3:6])
+    return continue_flights(arcs, rows[:, 6], rows[:, 7])
+
+
+def _one_sigma_moves(values: Array) -> Array:
+    """(8, ...) how much each unknown's sigma moves the value of row 0, given the values (17, ...) of all rows.
+
+    Where a neighbour has no such value (it misses the table's edge, say), the difference to the other one counts.
+    """
+    up, down = values[1::2], values[2::2]
+    up_there, down_there = np.isfinite(up), np.isfinite(down)
+    both = (up - down) / 2
+    one_side = np.where(up_there, up - values[0], values[0] - down)
+    return np.where(up_there & down_there, both, np.where(up_there | down_there, one_side, 0.0))
+
+
+def _sigma(values: Array) -> Array:
+    return np.sqrt((_one_sigma_moves(values) ** 2).sum(axis=0))
+
+
+def _hit_plane(flights: Continuation, stage: Stage, config: PaperPredictorConfig) -> HitPlane | None:
+    t, states = flights.hits(config.hit_x_m)
+    if not math.isfinite(t[0]):
+        return None
+    moves = _one_sigma_moves(states)
+    covariance = moves.T @ moves
+    sigmas = np.sqrt(np.diag(covariance))
+    return HitPlane(
+        t_s=float(t[0]),
+        sigma_t_s=float(_sigma(t)),
+        p_world_m=states[0, :3],
+        sigma_m=sigmas[:3],
+        v_world_mps=states[0, 3:],
+        sigma_mps=sigmas[3:],
+        covariance=covariance,
+        stage=stage,
+    )

@@ -1,0 +1,93 @@
+"""The paper's predictor, fed point by point: five observations, a gravity fit, before the bounce and anew after it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.errors import ConfigError
+from core.trajectory.bounce import BounceFinder
+from core.trajectory.config import PaperPredictorConfig
+from core.trajectory.prediction import Prediction, Stage, predict_flight
+
+Array = NDArray[np.float64]
+FEWEST = 3
+"""Observations in a hurry."""
+EARLY = 0.02
+"""An observation may come this share of the spacing early: time stamps jitter."""
+
+
+class PaperPredictor:
+    """Predicts with the newest five observations of the present stage, and again at every further one.
+
+    The paper predicts from five; that later ones replace the oldest is a choice, the newest being nearest to what is
+    predicted.
+    """
+
+    def __init__(self, config: PaperPredictorConfig | None = None) -> None:
+        self.config = config or PaperPredictorConfig()
+        self._bounce = BounceFinder(self.config)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the flight."""
+        self._bounce.reset()
+        self._recent: list[tuple[int, Array]] = []
+        self._observations: list[tuple[int, Array]] = []
+        self.bounces_us: tuple[int, ...] = ()
+        self.latest: Prediction | None = None
+
+    @property
+    def stage(self) -> Stage:
+        """Before or after the first bounce that was seen."""
+        return "post" if self.bounces_us else "pre"
+
+    def add(self, t_us: int, p_world_m: ArrayLike) -> Prediction | None:
+        """A new prediction if this point completes one, else None. Points come in order of time.
+
+        Raises:
+            ConfigError: if a point is not later than the one before, or not three finite numbers.
+        """
+        p = np.asarray(p_world_m, np.float64)
+        if p.shape != (3,) or not np.isfinite(p).all():
+            raise ConfigError("not a position", expected="3 finite numbers", got=p, where="PaperPredictor.add")
+        if self._recent and t_us <= self._recent[-1][0]:
+            expected = f"after {self._recent[-1][0]} us"
+            raise ConfigError("points are not in order", expected=expected, got=t_us, where="PaperPredictor.add")
+        self._recent.append((t_us, p))
+        bounced_us = self._bounce.add(t_us, float(p[2]))
+        if bounced_us is None:
+            return self._observe(t_us, p, t_us)
+        self.bounces_us = (*self.bounces_us, bounced_us)
+        self._observations = []
+        first_us = bounced_us + 1000 * self.config.bounce_guard_ms
+        self._recent = [point for point in self._recent if point[0] >= first_us]
+        prediction = None
+        for seen_us, seen in self._recent:
+            prediction = self._observe(seen_us, seen, t_us) or prediction
+        if not self._recent:
+            self._recent = [(t_us, p)]
+        return prediction
+
+    def _observe(self, t_us: int, p: Array, now_us: int) -> Prediction | None:
+        spacing_us = 1000 * self.config.spacing_ms * (1 - EARLY)
+        if self._observations and t_us - self._observations[-1][0] < spacing_us:
+            return None
+        self._observations = [*self._observations, (t_us, p)][-self.config.observations :]
+        self._recent = [point for point in self._recent if point[0] > t_us - 200_000]
+        missing = self.config.observations - len(self._observations)
+        if missing > 0 and (self.stage == "pre" or len(self._observations) < FEWEST):
+            return None
+        times = np.array([seen[0] for seen in self._observations]) * 1e-6
+        ps = np.array([seen[1] for seen in self._observations])
+        found = predict_flight(times, ps, now_us, self.stage, self.config)
+        if found is not None and missing > 0 and not self._in_a_hurry(found, missing):
+            return None
+        self.latest = found or self.latest
+        return found
+
+    def _in_a_hurry(self, found: Prediction, missing: int) -> bool:
+        """Whether the ball is at the hitting plane too soon after the observations that are missing."""
+        wait_s = 1e-3 * (missing * self.config.spacing_ms + self.config.hurry_ms)
+        soon = found.hit_plane is not None and found.hit_plane.t_s < found.t_us * 1e-6 + wait_s
+        return soon and self.config.hurry_ms > 0
