@@ -1,7 +1,7 @@
 """Where a ball is in a picture: the outline of a sphere, and the centre and radius that stand for it.
 
 The outline of a sphere is an ellipse (bent a little by distortion), and its centre is *not* the projection of the
-sphere's centre: a 20 mm ball 1.5 m away and 30 degrees off the axis of an f = 1000 px lens is 0.13 px farther out.
+sphere's centre: a 20 mm ball 1.5 m away and 30 degrees off the axis of an f = 1000 px lens is 0.14 px farther out.
 Ground truth is what a detector sees: the centroid of the area inside the outline, and the radius of the circle of the
 same area. For an ellipse these are its centre and the geometric mean of its half axes.
 """
