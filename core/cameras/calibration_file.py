@@ -6,6 +6,7 @@ All three count pixels from the centre of the top left one, as we do. Nothing in
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import tomllib
@@ -26,6 +27,8 @@ FORMAT: Final = "rallyscope-calibration"
 VERSION: Final = 1
 LARGEST_FILE_BYTES: Final = 1 << 20
 """A calibration is a few kilobytes; this keeps a video given by mistake out of the parser."""
+YAML_ERRORS: Final = (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError, RecursionError)
+"""What PyYAML raises over text that is no YAML, and over values that are not what their tag says (`!!bool 7`)."""
 
 
 def load_calibration(path: Path) -> dict[str, Camera]:
@@ -69,7 +72,8 @@ def save_calibration(path: Path, cameras: Mapping[str, Camera]) -> None:
         partial.write_text(text, encoding="utf-8")
         os.replace(partial, path)
     except OSError as error:
-        partial.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # the folder itself may be a file
+            partial.unlink(missing_ok=True)
         raise CalibrationError("cannot write the calibration", got=error.strerror, where=path) from error
 
 
@@ -89,8 +93,8 @@ def _read_text(path: Path) -> str:
 def _cameras_from_toml(text: str, path: Path) -> dict[str, Camera]:
     try:
         tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise CalibrationError("not a TOML file", got=str(error), where=path) from error
+    except (ValueError, RecursionError) as error:
+        raise CalibrationError("not a TOML file", got=str(error)[:200], where=path) from error
     where = str(path)
     if (tree.get("format"), tree.get("version")) != (FORMAT, VERSION):
         got = f"{tree.get('format')!r} version {tree.get('version')!r}"
@@ -114,6 +118,6 @@ def _parse_yaml(text: str, path: Path) -> Node:
     text = re.sub(r"\A%YAML[: ][0-9.]+[^\n]*\n(---[^\n]*\n)?", "", text)
     try:
         tree: object = yaml.load(text, Loader=OpenCVLoader)  # a SafeLoader: makes plain values, runs nothing
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except YAML_ERRORS as error:
         raise CalibrationError("neither TOML nor YAML", got=str(error)[:200], where=path) from error
     return Node.of(tree, str(path))

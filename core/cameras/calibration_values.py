@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from reprlib import Repr
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,17 @@ from core.errors import CalibrationError, EventsError
 from core.events import SensorSize
 
 Array = NDArray[np.float64]
+
+LONGEST_LIST: Final = 64
+"""No matrix of a calibration has more rows or columns. A few lines of YAML can name a list of lists of ... with
+billions of numbers by anchors, which must not be counted, copied or printed."""
+
+
+def short_repr(value: object) -> str:
+    """A value from a file as a person wants to see it in a message."""
+    shortener = Repr()
+    shortener.maxlevel = 2
+    return shortener.repr(value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +75,29 @@ def read_numbers(node: Node, key: str) -> Array:
         CalibrationError: if it is absent or anything else.
     """
     raw = node.get(key)
+    if not _is_matrix_of_numbers(raw):
+        raise CalibrationError(f"{key} is not a list of finite numbers", got=short_repr(raw), where=node.where)
     try:
         values = np.array(raw, np.float64)
-    except (TypeError, ValueError) as error:
-        raise CalibrationError(f"{key} is not numbers", got=repr(raw)[:60], where=node.where) from error
-    if values.ndim == 0 or not np.isfinite(values).all():
-        raise CalibrationError(f"{key} is not a list of finite numbers", got=repr(raw)[:60], where=node.where)
+    except (ValueError, OverflowError) as error:  # words, ragged, or an integer of hundreds of digits
+        raise CalibrationError(f"{key} is not numbers", got=short_repr(raw), where=node.where) from error
+    if not np.isfinite(values).all():
+        raise CalibrationError(f"{key} is not a list of finite numbers", got=short_repr(raw), where=node.where)
     return values
+
+
+def _is_matrix_of_numbers(raw: object) -> bool:
+    """A list of numbers, or of lists of numbers, not longer than `LONGEST_LIST`.
+
+    Text may be a number: YAML 1.1 does not take 1e-05 for one, which yaml-cpp writes.
+    """
+    if not isinstance(raw, list) or len(raw) > LONGEST_LIST:
+        return False
+    rows = [row if isinstance(row, list) else [row] for row in raw]
+    numbers = [number for row in rows if len(row) <= LONGEST_LIST for number in row]
+    return len(numbers) == sum(map(len, rows)) and all(
+        isinstance(number, int | float | str) and not isinstance(number, bool) for number in numbers
+    )
 
 
 def read_sensor(node: Node, width_key: str, height_key: str) -> SensorSize:
@@ -80,11 +109,12 @@ def read_sensor(node: Node, width_key: str, height_key: str) -> SensorSize:
     width, height = node.get(width_key), node.get(height_key)
     for key, value in ((width_key, width), (height_key, height)):
         if isinstance(value, bool) or not isinstance(value, int):
-            raise CalibrationError(f"{key} is not a whole number", got=repr(value)[:60], where=node.where)
+            raise CalibrationError(f"{key} is not a whole number", got=short_repr(value), where=node.where)
     try:
         return SensorSize(int(str(width)), int(str(height)))
     except EventsError as error:
-        raise CalibrationError("impossible sensor size", got=f"{width}x{height}", where=node.where) from error
+        got = f"{short_repr(width)} x {short_repr(height)}"
+        raise CalibrationError("impossible sensor size", got=got, where=node.where) from error
 
 
 def five_coefficients(coefficients: Array, where: str) -> Array:

@@ -6,7 +6,14 @@ import re
 
 import numpy as np
 
-from core.cameras.calibration_values import Node, five_coefficients, make_camera, read_matrix, read_numbers
+from core.cameras.calibration_values import (
+    Node,
+    five_coefficients,
+    make_camera,
+    read_matrix,
+    read_numbers,
+    short_repr,
+)
 from core.cameras.camera import Camera
 from core.errors import CalibrationError, EventsError
 from core.events import SensorSize
@@ -40,7 +47,7 @@ def cameras_from_kalibr(tree: Node, where: str) -> dict[str, Camera]:
 def _camera(node: Node, T_world_camera: np.ndarray) -> Camera:
     model = (node.get("camera_model"), node.values.get("distortion_model", "none"))
     if model not in (("pinhole", "radtan"), ("pinhole", "none")):
-        got = f"{model[0]} with {model[1]}"
+        got = " with ".join(part if isinstance(part, str) else short_repr(part) for part in model)
         raise CalibrationError("unsupported camera model", expected="pinhole with radtan", got=got, where=node.where)
     fx, fy, cx, cy = read_matrix(node, "intrinsics", (4,))
     width, height = read_matrix(node, "resolution", (2,))
