@@ -1,0 +1,150 @@
+"""The chain: the windows of all cameras -> detections -> one point in space -> the prediction of its flight.
+
+One object for the live rally, recordings and learning; it knows nothing of where the windows come from.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera, StereoRig
+from core.detection import Detection, Detector, make_detector
+from core.errors import RecordingError
+from core.events import Window
+from core.rally.config import ChainConfig
+from core.rally.flight_gate import FlightGate, Verdict
+from core.rally.one_time import CommonTime
+from core.trajectory import PaperPredictor, Prediction
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BallPoint:
+    """The ball in space."""
+
+    t_us: int
+    """When: the cameras' common time."""
+    p_world_m: NDArray[np.float64]
+    residual_px: float
+    covariance_m2: NDArray[np.float64]
+    """(3, 3), from pixel noise."""
+    uvs_px: dict[str, tuple[float, float]]
+    """The pixels it was made of, by camera, at `t_us`."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageSeconds:
+    """Wall time of the stages of one step."""
+
+    detect: float
+    """All cameras together."""
+    triangulate: float
+    predict: float
+
+    @property
+    def total(self) -> float:
+        """The whole step."""
+        return self.detect + self.triangulate + self.predict
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChainState:
+    """What is known after one step."""
+
+    t_us: int
+    """Latest end of the windows."""
+    detections: dict[str, Detection | None]
+    """By camera, of this step's windows."""
+    point: BallPoint | None
+    """Of this step: the rays met and the point passed the gate."""
+    verdict: Verdict | None
+    """How the point stands to the flight; None without rays that meet."""
+    prediction: Prediction | None
+    """The newest of this flight, maybe of an earlier step; None before there is one and after the ball was struck."""
+    is_new: bool
+    """Whether the prediction was made in this step."""
+    bounces_us: tuple[int, ...]
+    """Bounces seen in this flight."""
+    seconds: StageSeconds
+
+
+class RallyChain:
+    """Follows one ball with two or more calibrated cameras."""
+
+    def __init__(self, cameras: Mapping[str, Camera], config: ChainConfig | None = None) -> None:
+        """Raises CalibrationError if the cameras cannot see depth."""
+        self.config = config or ChainConfig()
+        self.rig = StereoRig(cameras, self.config.triangulation)
+        self._detectors: dict[str, Detector] = {
+            name: make_detector(self.config.method, camera.sensor, self.config.detector)
+            for name, camera in cameras.items()
+        }
+        self._common_time = CommonTime(self.rig.names, round(1000 * self.config.max_lag_ms))
+        self._gate = FlightGate(self.config.flight)
+        self._predictor = PaperPredictor(self.config.predictor)
+
+    def reset(self) -> None:
+        """Forget everything: the regions of interest too."""
+        for detector in self._detectors.values():
+            detector.reset()
+        self._common_time.reset()
+        self.forget_flight()
+
+    def forget_flight(self) -> None:
+        """Expect a new ball; the detectors go on as they are."""
+        self._gate.reset()
+        self._predictor.reset()
+
+    def step(self, windows: Mapping[str, Window]) -> ChainState:
+        """Take the next window of each camera (or of some of them), in order of time.
+
+        Raises:
+            RecordingError: for a camera that the chain does not have.
+        """
+        if not windows or not windows.keys() <= self._detectors.keys():
+            expected = f"some of {', '.join(self._detectors)}"
+            got = ", ".join(windows) or "none"
+            raise RecordingError("windows of other cameras", expected=expected, got=got, where="RallyChain.step")
+        started = time.perf_counter()
+        detections = {name: self._detectors[name].step(window) for name, window in windows.items()}
+        detected = time.perf_counter()
+        point = self._triangulate(detections)
+        triangulated = time.perf_counter()
+        verdict = None if point is None else self._gate.judge(point.t_us, point.p_world_m)
+        fresh = self._follow(point, verdict)
+        seconds = StageSeconds(detected - started, triangulated - detected, time.perf_counter() - triangulated)
+        return ChainState(
+            t_us=max(window.end_us for window in windows.values()),
+            detections=detections,
+            point=None if verdict == "stray" else point,
+            verdict=verdict,
+            prediction=self._predictor.latest,
+            is_new=fresh is not None,
+            bounces_us=self._predictor.bounces_us,
+            seconds=seconds,
+        )
+
+    def _triangulate(self, detections: Mapping[str, Detection | None]) -> BallPoint | None:
+        together = self._common_time.add(detections)
+        if together is None:
+            return None
+        t_us, uvs = together
+        found = self.rig.triangulate_one(uvs)
+        if found is None:
+            return None
+        pixels = {
+            name: (float(u), float(v)) for name, (u, v) in zip(self.rig.names, uvs, strict=True) if np.isfinite(u)
+        }
+        return BallPoint(t_us, found.p_world_m, found.residual_px, found.covariance_m2, pixels)
+
+    def _follow(self, point: BallPoint | None, verdict: Verdict | None) -> Prediction | None:
+        """Feed the predictor; without a point, a flight that has ended is forgotten at the next one."""
+        if point is None or verdict == "stray":
+            return None
+        if verdict != "same flight":
+            self._predictor.reset()
+        return None if verdict == "struck" else self._predictor.add(point.t_us, point.p_world_m)

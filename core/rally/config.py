@@ -1,0 +1,47 @@
+"""Every setting of the chain from events to a prediction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from core.cameras import TriangulationConfig
+from core.config import check_settings, setting
+from core.detection import DetectorConfig
+from core.trajectory import PaperPredictorConfig
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightGateConfig:
+    """Which points belong to one flight, and when a new one begins."""
+
+    gap_ms: float = setting(100.0, 5.0, 2000.0)
+    """So long without a point, and the next one begins a new flight (choice)."""
+    max_speed_mps: float = setting(25.0, 1.0, 100.0)
+    """A point that the ball could reach only faster is not of this flight (choice; serves have 3 to 9 m/s)."""
+    tolerance_m: float = setting(0.06, 0.0, 1.0)
+    """Besides, points may lie so far apart by their noise (choice)."""
+    restart_points: int = setting(3, 1, 50)
+    """So many points in a row that are no part of the flight, but of one another, begin a new one (choice)."""
+    turn_m: float = setting(0.06, 0.01, 1.0)
+    """A ball that has come back so far from its nearest point to the robot was struck: its flight is over (choice)."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainConfig:
+    """Detector, triangulation, flight, prediction."""
+
+    method: Literal["auto", "paper"] = "auto"
+    """The detector."""
+    detector: DetectorConfig = field(default_factory=DetectorConfig)
+    triangulation: TriangulationConfig = field(default_factory=TriangulationConfig)
+    flight: FlightGateConfig = field(default_factory=FlightGateConfig)
+    predictor: PaperPredictorConfig = field(default_factory=PaperPredictorConfig)
+    max_lag_ms: float = setting(6.0, 0.1, 100.0)
+    """A camera is read between two of its detections only if they are no farther apart: three windows of 2 ms."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
