@@ -1,8 +1,7 @@
 """The paper's prediction for many simulated balls at once: five observed positions after the bounce -> p_c, v_c, t_c.
 
-x and y move linearly, z falls with known gravity, so each axis has two unknowns that least squares finds. The ball is
-observed on the simulator's time grid (10 ms); fast balls reach the racket before five observations, then the two or
-more that there are count (choice).
+The balls are observed on the simulator's time grid (10 ms). Fast ones reach the racket before five observations; then
+the two or more that there are count (choice).
 """
 
 from __future__ import annotations
@@ -15,41 +14,25 @@ from numpy.typing import NDArray
 from core.simulation.physics.episode import Arrivals, Serves
 from core.simulation.physics.simulate import sample_serves
 from core.simulation.physics.task import TaskConfig
-from core.table import GRAVITY_MPS2
+from core.trajectory import predict_arrivals, predictor_for
 
 Array = NDArray[np.float64]
 
-POINTS: Final = 5
-FEWEST: Final = 2
-"""Observations that determine two unknowns per axis."""
+POINTS: Final = predictor_for("paper").observations
 
 
-def predict_arrivals(serves: Serves, arrivals: Arrivals, step_s: float, config: TaskConfig) -> tuple[Array, Array]:
+def predict_serves(serves: Serves, arrivals: Arrivals, step_s: float, config: TaskConfig) -> tuple[Array, Array]:
     """Predicted states (N, 6) at the hitting plane and times (N,) there; NaN with fewer than two observations."""
     first = np.floor(arrivals.bounce_t_s / step_s) + 1.0
     t_s: Array = (first[:, None] + np.arange(POINTS)) * step_s
     observed = t_s < arrivals.t_s[:, None]
     ps_m = sample_serves(serves, arrivals, np.where(observed, t_s, arrivals.bounce_t_s[:, None]), config)
-    return extrapolate(t_s, ps_m, observed, config.stroke.hit_plane_x_m)
-
-
-def extrapolate(t_s: Array, ps_m: Array, observed: NDArray[np.bool_], hit_x_m: float) -> tuple[Array, Array]:
-    """States (N, 6) where the paths through positions (N, K, 3) at times (N, K) cross x = hit_x_m, and when (N,)."""
-    weights = observed.astype(np.float64)
-    count = weights.sum(1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        middle = (weights * t_s).sum(1) / count
-        dt = t_s - middle[:, None]
-        # Gravity taken off, all three axes are straight lines: p = centre + slope dt.
-        straight = ps_m + 0.5 * GRAVITY_MPS2 * np.square(dt)[..., None] * (0.0, 0.0, 1.0)
-        centre = (weights[..., None] * straight).sum(1) / count[:, None]
-        slope = ((weights * dt)[..., None] * straight).sum(1) / (weights * dt * dt).sum(1)[:, None]
-        left = (hit_x_m - centre[:, 0]) / slope[:, 0]
-    p = centre + slope * left[:, None]
-    p[:, 0] = hit_x_m
-    p[:, 2] -= 0.5 * GRAVITY_MPS2 * left**2
-    v = slope.copy()
-    v[:, 2] -= GRAVITY_MPS2 * left
-    states = np.concatenate([p, v], axis=1)
-    states[(count < FEWEST) | ~(slope[:, 0] < 0)] = np.nan
-    return states, np.where(np.isnan(states[:, 0]), np.nan, middle + left)
+    table = predictor_for("real" if config.physics.has_air else "paper")
+    return predict_arrivals(
+        t_s,
+        ps_m,
+        observed,
+        hit_x_m=config.stroke.hit_plane_x_m,
+        restitution=table.restitution,
+        tangential_factor=table.tangential_factor,
+    )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from core.errors import NotBuiltError
 from core.learning.config import EnvironmentConfig
-from core.learning.five_points import predict_arrivals
+from core.learning.five_points import predict_serves
 from core.simulation.physics.episode import Arrivals, Serves
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def perceive(serves: Serves, arrivals: Arrivals, config: EnvironmentConfig, rng:
         states[:, 0] = truth[:, 0]
         return Perceived(np.ones(n, np.bool_), states, states[:, :3].copy(), arrivals.t_s + late_s)
     if config.state_source == "predicted":
-        states, t_s = predict_arrivals(serves, arrivals, config.step_s, config.task)
+        states, t_s = predict_serves(serves, arrivals, config.step_s, config.task)
         seen = np.isfinite(t_s)
         return Perceived(seen, np.nan_to_num(states), states[:, :3].copy(), t_s)
     raise NotBuiltError("the state source 'events' is not built yet", remedy="use predicted, truth or truth+noise")
