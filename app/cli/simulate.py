@@ -16,6 +16,9 @@ from core.events import SensorSize
 from core.simulation import SensorConfig, ServeConfig, StereoConfig, scene_named, simulate_recording
 from core.simulation.scene import SCENES, SCENES_TO_COME
 
+LARGEST_SEED = 2**63 - 1
+"""The recording keeps the seed in 64 bits."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's arguments."""
@@ -40,8 +43,9 @@ def run(arguments: argparse.Namespace) -> None:
         raise NotBuiltError("`--physics real` is not built yet for simulated recordings", expected="paper")
     if arguments.physics != "paper":
         raise CommandError("no such physics", expected="paper or real", got=repr(arguments.physics), where="--physics")
-    if arguments.seed < 0:
-        raise CommandError("no such seed", expected="a whole number from 0", got=arguments.seed, where="--seed")
+    if not 0 <= arguments.seed <= LARGEST_SEED:
+        expected = f"a whole number from 0 to {LARGEST_SEED}"
+        raise CommandError("no such seed", expected=expected, got=arguments.seed, where="--seed")
     noise = {} if arguments.noise_hz is None else {"noise_hz": arguments.noise_hz}
     config = StereoConfig(scene=scene_named(arguments.scene), sensor=SensorConfig(**noise))
     cameras = _cameras(arguments.cameras, arguments.sensor)
@@ -59,8 +63,9 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.json:
         print(json.dumps({**dataclasses.asdict(made), "path": str(made.path)}))
     else:
+        noun = "serve" if made.serves == 1 else "serves"
         events = ", ".join(f"{name} {count:,}" for name, count in made.events.items())
-        print(f"{made.path}: {made.serves} serves, {made.duration_us / 1e6:.3f} s, events: {events}")
+        print(f"{made.path}: {made.serves} {noun}, {made.duration_us / 1e6:.3f} s, events: {events}")
 
 
 def _cameras(where: str, sensor: SensorSize | None) -> dict[str, Camera]:
@@ -76,6 +81,6 @@ def _cameras(where: str, sensor: SensorSize | None) -> dict[str, Camera]:
 
 def _sensor(text: str) -> SensorSize:
     width, _, height = text.lower().partition("x")
-    if not (width.isdigit() and height.isdigit() and 16 <= int(width) <= 4096 and 16 <= int(height) <= 4096):
+    if not (width.isdecimal() and height.isdecimal() and 16 <= int(width) <= 4096 and 16 <= int(height) <= 4096):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT from 16 to 4096, such as 1280x720, got {text!r}")
     return SensorSize(int(width), int(height))
