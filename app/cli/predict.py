@@ -1,0 +1,135 @@
+"""`rallyscope predict`: from the first points of a flight to where it bounces and crosses the hitting plane."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import CommandError, NotBuiltError
+from core.trajectory import HitPlane, PaperPredictor, PaperPredictorConfig, Prediction, TablePoint, predictor_for
+from core.trajectory.points_file import read_points
+
+METHODS = ("paper", "filter")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The verb's arguments."""
+    parser.add_argument("points", type=Path, metavar="POINTS.csv", help="columns t_s,x_m,y_m,z_m (world)")
+    parser.add_argument(
+        "--observe-ms", type=float, default=150.0, metavar="MS", help="how much of the flight is seen (default: 150)"
+    )
+    parser.add_argument(
+        "--method",
+        default="paper",
+        choices=METHODS,
+        help="paper: five points, gravity, one reflection; filter is not built yet (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--physics",
+        default="paper",
+        choices=("paper", "real"),
+        help="what the table does to the ball: the simulated one, or as measured on real flights (default: paper)",
+    )
+    parser.add_argument(
+        "--hit-x",
+        type=float,
+        default=PaperPredictorConfig().hit_x_m,
+        metavar="M",
+        help="x of the hitting plane (default: %(default)s)",
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="JSON", help="where the prediction goes")
+    parser.add_argument("--json", action="store_true", help="print a summary as JSON")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Read, predict, write."""
+    if arguments.method == "filter":
+        raise NotBuiltError("the method 'filter' is not built yet", remedy="use paper")
+    if not (math.isfinite(arguments.observe_ms) and arguments.observe_ms > 0):
+        raise CommandError("nothing would be seen", expected="above 0", got=arguments.observe_ms, where="--observe-ms")
+    if not arguments.out.parent.is_dir():
+        raise CommandError("no such folder", got=arguments.out.parent, where="--out")
+    config = predictor_for(arguments.physics, hit_x_m=arguments.hit_x)
+    t_s, ps_m = read_points(arguments.points)
+    seen = t_s < t_s[0] + 1e-3 * arguments.observe_ms
+    prediction = _predict(t_s[seen], ps_m[seen], config)
+    if prediction is None:
+        needed_ms = (config.observations - 1) * config.spacing_ms
+        raise CommandError(
+            f"too little to predict from in the first {arguments.observe_ms:g} ms",
+            expected=f"{config.observations} points over {needed_ms:g} ms, all before or all after the bounce",
+            got=f"{int(seen.sum())} points",
+            where=arguments.points,
+            remedy="see more with --observe-ms",
+        )
+    try:
+        arguments.out.write_text(json.dumps(prediction_json(prediction, t_s[~seen])) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise CommandError(f"cannot write: {error.strerror}", where=arguments.out) from error
+    _say(arguments, prediction, int(seen.sum()))
+
+
+def prediction_json(prediction: Prediction, later_s: NDArray[np.float64]) -> dict[str, object]:
+    """The prediction as the command writes it: positions at `later_s`, bounces, landing, hitting plane."""
+    ps, sigmas = prediction.positions(later_s)
+    return {
+        "positions": [
+            {"t_s": float(t), "p_world_m": p.tolist(), "sigma_m": sigma.tolist()}
+            for t, p, sigma in zip(later_s, ps, sigmas, strict=True)
+        ],
+        "bounces": [_table_point_json(bounce) for bounce in prediction.bounces],
+        "landing": None if prediction.landing is None else _table_point_json(prediction.landing),
+        "hit_plane": None if prediction.hit_plane is None else _hit_plane_json(prediction.hit_plane),
+    }
+
+
+def _predict(t_s: NDArray[np.float64], ps_m: NDArray[np.float64], config: PaperPredictorConfig) -> Prediction | None:
+    """The last prediction that the points lead to."""
+    predictor = PaperPredictor(config)
+    for t, p in zip(t_s, ps_m, strict=True):
+        predictor.add(round(1e6 * t), p)
+    return predictor.latest
+
+
+def _table_point_json(point: TablePoint) -> dict[str, object]:
+    return {"t_s": point.t_s, "p_world_m": point.p_world_m.tolist(), "sigma_m": point.sigma_m.tolist()}
+
+
+def _hit_plane_json(plane: HitPlane) -> dict[str, object]:
+    return {
+        "t_s": plane.t_s,
+        "sigma_t_s": plane.sigma_t_s,
+        "p_world_m": plane.p_world_m.tolist(),
+        "sigma_m": plane.sigma_m.tolist(),
+        "v_world_mps": plane.v_world_mps.tolist(),
+        "sigma_mps": plane.sigma_mps.tolist(),
+        "stage": plane.stage,
+    }
+
+
+def _say(arguments: argparse.Namespace, prediction: Prediction, seen: int) -> None:
+    plane = prediction.hit_plane
+    if arguments.json:
+        summary = {
+            "points": str(arguments.points),
+            "observed": seen,
+            "stage": prediction.stage,
+            "bounces": len(prediction.bounces),
+            "hit_plane": None if plane is None else _hit_plane_json(plane),
+            "out": str(arguments.out),
+        }
+        print(json.dumps(summary))
+    elif plane is None:
+        print(f"from {seen} points: the ball does not come to x = {arguments.hit_x:g} m: {arguments.out}")
+    else:
+        y, z = plane.p_world_m[1:]
+        after_ms = 1e3 * plane.t_s - 1e-3 * prediction.t_us
+        print(
+            f"from {seen} points, {prediction.stage}-bounce: at x = {arguments.hit_x:g} m in {after_ms:.0f} ms, "
+            f"y {y:.3f} m, z {z:.3f} m: {arguments.out}"
+        )

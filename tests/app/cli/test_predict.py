@@ -1,0 +1,171 @@
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli import main
+
+GRAVITY = 9.81
+
+
+def flight(t_s: np.ndarray) -> np.ndarray:
+    """A ball that bounces where the paper's prediction says it does, with its constants."""
+    p, v = np.array([1.2, 0.1, 0.4]), np.array([-5.0, 0.2, 0.5])
+    fall_s = (v[2] + np.sqrt(v[2] ** 2 + 2 * GRAVITY * (p[2] - 0.02))) / GRAVITY
+    at = p + v * fall_s - [0, 0, GRAVITY * fall_s**2 / 2]
+    after = (v - [0, 0, GRAVITY * fall_s]) * [0.82, 0.82, -0.9]
+    dt = np.where(t_s < fall_s, t_s, t_s - fall_s)[:, None]
+    start, speed = (np.where((t_s < fall_s)[:, None], before, then) for before, then in ((p, at), (v, after)))
+    return start + speed * dt - [0, 0, GRAVITY / 2] * dt**2
+
+
+def write_points(path: Path, t_s: np.ndarray, ps: np.ndarray) -> Path:
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["t_s", "x_m", "y_m", "z_m"])
+        writer.writerows([[t, *p] for t, p in zip(t_s, ps, strict=True)])
+    return path
+
+
+@pytest.fixture
+def points(tmp_path) -> Path:
+    t_s = np.arange(0, 0.6, 0.005)
+    return write_points(tmp_path / "points.csv", 7.0 + t_s, flight(t_s))
+
+
+def test_the_file_has_exactly_the_keys_of_the_contract_and_comes_true(points, tmp_path, capsys) -> None:
+    out = tmp_path / "pred.json"
+    assert main(["predict", str(points), "--out", str(out), "--json"]) == 0
+    found = json.loads(out.read_text())
+    assert list(found) == ["positions", "bounces", "landing", "hit_plane"]
+    later = np.arange(0.15, 0.6, 0.005)
+    assert len(found["positions"]) == len(later), "one for every later row"
+    for position in found["positions"]:
+        assert list(position) == ["t_s", "p_world_m", "sigma_m"]
+    np.testing.assert_allclose([one["t_s"] for one in found["positions"]], 7.0 + later, atol=1e-9)
+    np.testing.assert_allclose([one["p_world_m"] for one in found["positions"]], flight(later), atol=2e-5)
+    sigmas = np.array([one["sigma_m"] for one in found["positions"]])
+    assert sigmas.shape == (len(later), 3) and (sigmas > 0).all() and sigmas[-1, 0] > sigmas[0, 0]
+    assert [list(bounce) for bounce in found["bounces"]] == [["t_s", "p_world_m", "sigma_m"]] * len(found["bounces"])
+    assert found["landing"] == found["bounces"][0] and found["landing"]["p_world_m"][2] == pytest.approx(0.02)
+    plane = found["hit_plane"]
+    assert list(plane) == ["t_s", "sigma_t_s", "p_world_m", "sigma_m", "v_world_mps", "sigma_mps", "stage"]
+    assert plane["stage"] == "pre" and plane["p_world_m"][0] == -1.42
+    np.testing.assert_allclose(flight(np.array([plane["t_s"] - 7.0]))[0], plane["p_world_m"], atol=2e-5)
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["observed"] == 30 and summary["hit_plane"] == plane
+
+
+def test_only_the_first_milliseconds_count(points, tmp_path) -> None:
+    assert main(["predict", str(points), "--observe-ms", "100", "--out", str(tmp_path / "a.json")]) == 0
+    t_s = np.arange(0, 0.6, 0.005)
+    ps = flight(t_s)
+    ps[t_s >= 0.1] = 9.0
+    changed = write_points(tmp_path / "changed.csv", 7.0 + t_s, ps)
+    assert main(["predict", str(changed), "--observe-ms", "100", "--out", str(tmp_path / "b.json")]) == 0
+    assert (tmp_path / "a.json").read_text() == (tmp_path / "b.json").read_text()
+
+
+def test_after_the_bounce_it_is_refined_and_the_plane_may_be_moved(points, tmp_path, capsys) -> None:
+    out = tmp_path / "pred.json"
+    assert main(["predict", str(points), "--observe-ms", "450", "--hit-x", "-1.3", "--out", str(out)]) == 0
+    plane = json.loads(out.read_text())["hit_plane"]
+    assert plane["stage"] == "post" and plane["p_world_m"][0] == -1.3
+    assert "post-bounce" in capsys.readouterr().out
+
+
+def test_the_physics_changes_the_bounce(points, tmp_path) -> None:
+    crossings = {}
+    for physics in ("paper", "real"):
+        out = tmp_path / f"{physics}.json"
+        assert main(["predict", str(points), "--physics", physics, "--out", str(out)]) == 0
+        found = json.loads(out.read_text())
+        crossings[physics] = (found["bounces"][0]["p_world_m"], found["hit_plane"]["p_world_m"][2])
+    assert crossings["paper"][0] == crossings["real"][0], "the flight before it is the same"
+    assert crossings["real"][1] > crossings["paper"][1], "real tables give more height back"
+
+
+def test_a_ball_that_flies_away_has_no_hitting_plane(tmp_path, capsys) -> None:
+    t_s = np.arange(0, 0.3, 0.005)
+    away = write_points(tmp_path / "away.csv", t_s, flight(t_s) * [-1, 1, 1])
+    assert main(["predict", str(away), "--out", str(tmp_path / "pred.json")]) == 0
+    found = json.loads((tmp_path / "pred.json").read_text())
+    assert found["hit_plane"] is None and found["landing"] is not None and len(found["positions"]) == 30
+    assert "does not come" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "row 1: columns are missing"),
+        ("t_s,x_m,y_m\n0,0,0\n", "row 1: columns are missing"),
+        ("t_s,x_m,y_m,z_m\n", "no points"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,0\n0.1,0,zero,0\n", "row 3: y_m is not a number"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,nan\n", "row 2: z_m is not a number"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,inf\n", "row 2: z_m is not a number"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,0\n0.1,0,0\n", "row 3: wrong number of cells"),
+        ("t_s,x_m,y_m,z_m\n0.2,0,0,0\n0.1,0,0,0\n", "row 3: times do not ascend"),
+        ("t_s,x_m,y_m,z_m\n0.2,0,0,0\n0.2,0,0,0\n", "row 3: times do not ascend"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,0.3\n0.01,0,0,0.3\n", "too little to predict from"),
+        ("\x00\x01", "points.csv"),
+    ],
+)
+def test_a_malformed_file_is_one_line_with_file_and_row(tmp_path, capsys, text: str, says: str) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text(text)
+    assert main(["predict", str(path), "--out", str(tmp_path / "pred.json")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and says in error and "points.csv" in error
+    assert not (tmp_path / "pred.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--method", "filter"], "not built yet"),
+        (["--method", "magic"], "magic"),
+        (["--observe-ms", "0"], "--observe-ms"),
+        (["--observe-ms", "nan"], "--observe-ms"),
+        (["--observe-ms", "20"], "--observe-ms"),
+        (["--hit-x", "7"], "hit_x_m"),
+        (["--hit-x", "nan"], "hit_x_m"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_2(points, tmp_path, capsys, arguments: list[str], says: str) -> None:
+    assert main(["predict", str(points), "--out", str(tmp_path / "pred.json"), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and says in error
+
+
+def test_a_missing_file_and_a_missing_folder_are_named(points, tmp_path, capsys) -> None:
+    assert main(["predict", str(tmp_path / "none.csv"), "--out", str(tmp_path / "pred.json")]) == 2
+    assert "none.csv" in capsys.readouterr().err
+    assert main(["predict", str(points), "--out", str(tmp_path / "nowhere" / "pred.json")]) == 2
+    assert "nowhere" in capsys.readouterr().err
+
+
+def test_real_flights_are_predicted_from_their_first_150_ms(shared_data, tmp_path) -> None:
+    """Recorded flights between players: columns X width, Y length, Z up; turned so that they fly towards -x."""
+    errors, bounces = [], 0
+    files = sorted((shared_data / "trajectories" / "tt3d").glob("*.csv"))[::5]
+    for file in files:
+        table = np.genfromtxt(file, delimiter=",", skip_header=1)
+        t_s, (x, y, z) = table[:, 0], table[:, 1:].T
+        side = -1.0 if y[-1] > y[0] else 1.0
+        points = write_points(tmp_path / file.name, t_s, np.column_stack([side * y, -side * x, z]))
+        out = tmp_path / f"{file.stem}.json"
+        assert main(["predict", str(points), "--physics", "real", "--out", str(out)]) == 0
+        found = json.loads(out.read_text())
+        later = t_s >= t_s[0] + 0.15
+        assert len(found["positions"]) == later.sum()
+        bounces += len(found["bounces"]) >= 1
+        soon = t_s[later] < t_s[0] + 0.25
+        truth = np.column_stack([side * y, -side * x, z])[later][soon]
+        errors += [
+            float(np.linalg.norm(np.array(one["p_world_m"]) - p))
+            for one, p in zip(found["positions"], truth, strict=False)
+        ]
+    assert bounces >= 0.7 * len(files)
+    assert np.median(errors) < 0.06, "no drag and no spin: centimetres within 100 ms"

@@ -1,0 +1,80 @@
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli import main
+from core.cameras import stereo_preset
+from core.config import replace_setting, save_config
+from core.detection import auto_config
+from core.recordings import RecordingWriter
+
+
+def test_the_table_has_a_row_per_point_in_space(serve_recording: Path, tmp_path, capsys) -> None:
+    out = tmp_path / "track.csv"
+    assert main(["track", str(serve_recording), "--out", str(out), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert out.read_text().splitlines()[0] == "t_us,x_m,y_m,z_m"
+    with out.open(newline="") as file:
+        rows = np.array([[float(row[name]) for name in ("t_us", "x_m", "y_m", "z_m")] for row in csv.DictReader(file)])
+    assert len(rows) == summary["points"] > 100 and summary["windows"] >= 299
+    assert (np.diff(rows[:, 0]) > 0).all() and (rows[:, 0] % 2000 == 0).all()
+    assert rows[0, 1] > rows[-1, 1], "it flies towards the robot"
+    assert summary["error_mm"]["median"] < 8 and summary["residual_px"]["median"] < 2
+    assert summary["method"] == "auto" and summary["window_us"] == 2000
+    assert summary["seen_by_all_cameras"] >= summary["points"]
+
+
+def test_without_json_a_person_reads_the_same_figures(serve_recording: Path, tmp_path, capsys) -> None:
+    assert main(["track", str(serve_recording), "--method", "paper", "--out", str(tmp_path / "track.csv")]) == 0
+    text = capsys.readouterr().out
+    assert "points in" in text and "residual px" in text and "3D error mm" in text
+
+
+def test_the_config_and_the_window_count(serve_recording: Path, tmp_path, capsys) -> None:
+    blind = replace_setting(replace_setting(auto_config(), ("cluster", "size_max"), 40), ("window", "window_us"), 4000)
+    save_config(blind, tmp_path / "blind.toml")
+    arguments = ["track", str(serve_recording), "--config", str(tmp_path / "blind.toml"), "--json"]
+    assert main([*arguments, "--out", str(tmp_path / "a.csv")]) == 0
+    assert main([*arguments, "--out", str(tmp_path / "b.csv"), "--window-us", "5000"]) == 0
+    first, second = (json.loads(line) for line in capsys.readouterr().out.splitlines())
+    assert (first["window_us"], first["points"], first["error_mm"], first["residual_px"]) == (4000, 0, None, None)
+    assert second["window_us"] == 5000
+    assert (tmp_path / "a.csv").read_text() == "t_us,x_m,y_m,z_m\n", "no row when there is no point"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--method", "refined"], "not built yet"),
+        (["--method", "magic"], "auto | paper"),
+        (["--config", "no-such.toml"], "no-such.toml"),
+        (["--window-us", "0"], "window-us"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_2(serve_recording, tmp_path, capsys, arguments: list[str], says: str) -> None:
+    assert main(["track", str(serve_recording), "--out", str(tmp_path / "track.csv"), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and says in error
+    assert not (tmp_path / "track.csv").exists()
+
+
+def test_cameras_that_cannot_see_depth_are_refused(tmp_path, capsys) -> None:
+    cameras = stereo_preset()
+    sensors = {name: camera.sensor for name, camera in cameras.items()}
+    with RecordingWriter(tmp_path / "bare.h5", sensors) as writer:
+        writer.extend_duration(10_000)
+    assert main(["track", str(tmp_path / "bare.h5"), "--out", str(tmp_path / "track.csv")]) == 2
+    assert "--calibration" in capsys.readouterr().err
+    left = {"left": cameras["left"]}
+    with RecordingWriter(tmp_path / "one.h5", {"left": sensors["left"]}, calibration=left) as writer:
+        writer.extend_duration(10_000)
+    assert main(["track", str(tmp_path / "one.h5"), "--out", str(tmp_path / "track.csv")]) == 2
+    assert "two cameras" in capsys.readouterr().err
+
+
+def test_a_folder_that_is_not_there_is_noticed_before_the_work(serve_recording, tmp_path, capsys) -> None:
+    assert main(["track", str(serve_recording), "--out", str(tmp_path / "nowhere" / "track.csv")]) == 2
+    assert "nowhere" in capsys.readouterr().err
