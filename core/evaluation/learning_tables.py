@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
@@ -22,8 +23,9 @@ def millimetres(values: Sequence[float]) -> str:
 
 
 def percent(shares: Sequence[float]) -> str:
-    """Of shares 0..1: 98.4 ± 1.2 [97.8, 99.0]."""
-    return _spread(spread_of([100 * share for share in shares]), 1)
+    """Of shares 0..1: 98.4 ± 1.2 [97.8, 99.0]; the interval ends where percentages do."""
+    spread = spread_of([100 * share for share in shares])
+    return _spread(dataclasses.replace(spread, low=max(spread.low, 0.0), high=min(spread.high, 100.0)), 1)
 
 
 def at(results: Sequence[SeedResult], episode: int, what: str) -> str:

@@ -6,6 +6,7 @@ every ball, and landing always in the middle of the target box is 298 mm off on 
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,6 +66,20 @@ def oracle_actions(balls: Deliveries, config: EnvironmentConfig) -> Array:
         best = tried[np.arange(n), cost.argmin(axis=1)]
         width *= 2 / (len(side) - 1) * 1.5
     return best
+
+
+def trusting_actions(balls: Deliveries, config: EnvironmentConfig) -> Array:
+    """What the oracle would do (N, 3) if it took the perceived state for the true one: what noise alone costs."""
+    states = balls.arrivals.states.copy()
+    states[:, :6] = balls.states
+    believed = dataclasses.replace(
+        balls,
+        arrivals=dataclasses.replace(balls.arrivals, states=states),
+        aim_ps_m=None,
+        aim_t_s=None,
+        action_errors=np.zeros((len(balls), 3)),
+    )
+    return oracle_actions(believed, config)
 
 
 def _costs(balls: Deliveries, actions: Array, config: EnvironmentConfig) -> Array:
