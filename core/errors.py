@@ -53,3 +53,7 @@ class CommandError(RallyscopeError):
 
 class NotBuiltError(RallyscopeError):
     """A verb, method or scene that the contract names and that does not exist yet."""
+
+
+class LinkError(RallyscopeError):
+    """A message of the simulation link that is malformed or out of bounds, or a server that does not answer."""

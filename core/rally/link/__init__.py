@@ -1,0 +1,1 @@
+"""The simulation as its own process: messages, server and client over ZMQ."""

@@ -1,0 +1,170 @@
+"""What a field of a message may hold: each declaration is the bound, the check and the wire form in one place.
+
+Only msgpack's basic types travel. Arrays are packed little-endian bytes whose length must fit whole rows.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from core.errors import LinkError
+
+Wire = object
+"""None, bool, int, float, str, bytes, or a list or str-keyed dict of them."""
+REQUIRED: Final = dataclasses.MISSING
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """How a field is read and written; `read` raises LinkError, told where, for anything that does not fit."""
+
+    read: Callable[[Wire, str], Any]
+    write: Callable[[Any], Wire]
+
+
+def whole(low: int, high: int, default: object = REQUIRED) -> Any:
+    """An int in [low, high]."""
+
+    def read(value: Wire, where: str) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise LinkError("not such a whole number", expected=f"{low} to {high}", got=_short(value), where=where)
+        return value
+
+    return _field(Spec(read, int), default)
+
+
+def number(low: float, high: float, *, nan: bool = False, default: object = REQUIRED) -> Any:
+    """A float in [low, high]; or NaN, where that means unknown."""
+    return _field(Spec(lambda value, where: _number(value, low, high, nan, where), float), default)
+
+
+def vector(length: int, bound: float, *, nan: bool = False, default: object = REQUIRED) -> Any:
+    """A tuple of `length` floats, each within `bound` of zero."""
+
+    def read(value: Wire, where: str) -> tuple[float, ...]:
+        if not isinstance(value, (list, tuple)) or len(value) != length:
+            raise LinkError("not a vector", expected=f"{length} numbers", got=_short(value), where=where)
+        return tuple(_number(item, -bound, bound, nan, where) for item in value)
+
+    return _field(Spec(read, lambda value: [float(item) for item in value]), default)
+
+
+def text(longest: int, default: object = REQUIRED) -> Any:
+    """A str of at most `longest` characters."""
+
+    def read(value: Wire, where: str) -> str:
+        if not isinstance(value, str) or len(value) > longest:
+            raise LinkError("not such a text", expected=f"up to {longest} characters", got=_short(value), where=where)
+        return value
+
+    return _field(Spec(read, str), default)
+
+
+def choice(*names: str) -> Any:
+    """One of some words."""
+
+    def read(value: Wire, where: str) -> str:
+        if not isinstance(value, str) or value not in names:
+            raise LinkError("no such choice", expected=", ".join(names), got=_short(value), where=where)
+        return value
+
+    return _field(Spec(read, str), REQUIRED)
+
+
+def flag(default: object = REQUIRED) -> Any:
+    """True or False."""
+
+    def read(value: Wire, where: str) -> bool:
+        if not isinstance(value, bool):
+            raise LinkError("not true or false", got=_short(value), where=where)
+        return value
+
+    return _field(Spec(read, bool), default)
+
+
+def optional(inner: Any) -> Any:
+    """What another field may hold, or None, which is the default."""
+    spec: Spec = inner.metadata["spec"]
+    either = Spec(
+        lambda value, where: None if value is None else spec.read(value, where),
+        lambda value: None if value is None else spec.write(value),
+    )
+    return _field(either, None)
+
+
+def column(dtype: str, *row_shape: int, most: int) -> Any:
+    """A read-only array (N, *row_shape) of at most `most` rows; `dtype` names a little-endian type."""
+    wire_type = np.dtype(dtype)
+    row_bytes = wire_type.itemsize * math.prod(row_shape)
+
+    def read(value: Wire, where: str) -> np.ndarray:
+        if not isinstance(value, bytes) or len(value) % row_bytes or len(value) > most * row_bytes:
+            expected = f"up to {most} rows of {row_bytes} bytes"
+            raise LinkError("not such a column", expected=expected, got=_short(value), where=where)
+        return np.frombuffer(value, wire_type).reshape(-1, *row_shape)
+
+    def write(value: np.ndarray) -> bytes:
+        return np.ascontiguousarray(value, wire_type).tobytes()
+
+    return _field(Spec(read, write), REQUIRED)
+
+
+def listing(kind: type, most: int) -> Any:
+    """A tuple of at most `most` values of a dataclass whose fields are declared here too."""
+
+    def read(value: Wire, where: str) -> tuple[object, ...]:
+        if not isinstance(value, list) or len(value) > most:
+            raise LinkError("not such a list", expected=f"up to {most} entries", got=_short(value), where=where)
+        return tuple(read_fields(kind, item, where) for item in value)
+
+    return _field(Spec(read, lambda value: [write_fields(item) for item in value]), ())
+
+
+def read_fields(kind: type, values: Wire, where: str) -> Any:
+    """A `kind` from a mapping of its fields; unknown keys are ignored, so that a later version may add some.
+
+    Raises:
+        LinkError: if a field is missing, of another type, or out of bounds.
+    """
+    if not isinstance(values, dict):
+        raise LinkError("not a map of fields", got=_short(values), where=where)
+    found: dict[str, object] = {}
+    for item in dataclasses.fields(kind):
+        if item.name in values:
+            found[item.name] = item.metadata["spec"].read(values[item.name], f"{where}.{item.name}")
+        elif item.default is dataclasses.MISSING:
+            raise LinkError("a field is missing", where=f"{where}.{item.name}")
+    return kind(**found)
+
+
+def write_fields(value: Any) -> dict[str, Wire]:
+    """The mapping that `read_fields` reads."""
+    return {item.name: item.metadata["spec"].write(getattr(value, item.name)) for item in dataclasses.fields(value)}
+
+
+def _number(value: Wire, low: float, high: float, nan: bool, where: str) -> float:
+    expected = f"{low:g} to {high:g}"
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise LinkError("not a number", expected=expected, got=_short(value), where=where)
+    if nan and math.isnan(value):
+        return math.nan
+    if not low <= value <= high:
+        raise LinkError("out of bounds", expected=expected, got=_short(value), where=where)
+    return float(value)
+
+
+def _field(spec: Spec, default: object) -> Any:
+    return dataclasses.field(default=default, metadata={"spec": spec})  # type: ignore[reportArgumentType]
+
+
+def _short(value: Wire) -> str:
+    """A value for a message: never long, whatever was sent."""
+    if isinstance(value, (bytes, str, list, dict)):
+        return f"{type(value).__name__} of length {len(value)}"
+    return repr(value)[:40]

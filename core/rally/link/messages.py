@@ -1,0 +1,379 @@
+"""Everything that travels between the simulation and those who use it. See docs/simulation-link.md.
+
+A message is one msgpack map {"v": version, "kind": name, ...fields}. Times are microseconds of the simulated clock of a
+session; a new session starts at 0. What the server publishes carries a `seq` that grows by one, so that losses show.
+"""
+
+# ruff: noqa: RUF009  (`column` declares a field, as `dataclasses.field` does)
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import msgpack
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from core.errors import EventsError, LinkError, RallyscopeError
+from core.events import Events, SensorSize
+from core.rally.link.fields import (
+    choice,
+    column,
+    flag,
+    listing,
+    number,
+    optional,
+    read_fields,
+    text,
+    vector,
+    whole,
+    write_fields,
+)
+from core.recordings import BallTruth, PixelTruth
+
+VERSION: Final = 1
+MOST_EVENTS: Final = 2_000_000
+"""In one batch: two hundred times what a busy block of 10 ms holds."""
+MOST_ROWS: Final = 10_000
+COMMAND_BYTES: Final = 64 << 10
+MESSAGE_BYTES: Final = 32 << 20
+LONGEST_US: Final = 24 * 3600 * 1_000_000
+WALL_NS: Final = 1 << 62
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class State:
+    """Where everything is up to `t_us`: comes last of all that belongs to its stretch, and again while paused."""
+
+    session: str = text(64)
+    seq: int = whole(0, WALL_NS)
+    wall_ns: int = whole(0, WALL_NS)
+    """The sender's clock (Unix time) when it was sent."""
+    start_us: int = whole(0, LONGEST_US)
+    t_us: int = whole(0, LONGEST_US)
+    phase: str = choice("idle", "serve", "return", "decided")
+    """No ball; on its way to the racket; struck; its case is settled but it still rolls."""
+    paused: bool = flag()
+    speed_factor: float = number(0.0, 100.0)
+    noise_hz: float = number(0.0, 20.0)
+    auto_serve_mps: float = number(0.0, 9.0)
+    """Speed of automatic serves, 0 when off."""
+    real_time_factor: float = number(0.0, 1e6)
+    """Simulated per computing time of late: below the speed factor, the machine is too slow."""
+    served: int = whole(0, WALL_NS)
+    returned: int = whole(0, WALL_NS)
+    ball_t_us: NDArray[np.int64] = column("<i8", most=MOST_ROWS)
+    ball: Array = column("<f8", 9, most=MOST_ROWS)
+    """(N, 9) position, velocity and spin in the world; NaN where there is none."""
+    ball_visible: NDArray[np.uint8] = column("|u1", most=MOST_ROWS)
+    racket_t_us: NDArray[np.int64] = column("<i8", most=MOST_ROWS)
+    racket: Array = column("<f8", 10, most=MOST_ROWS)
+    """(M, 10) position, orientation wxyz, velocity."""
+
+    def __post_init__(self) -> None:
+        _same_length("state, ball", self.ball_t_us, self.ball, self.ball_visible)
+        _same_length("state, racket", self.racket_t_us, self.racket)
+        _ascending("state, ball_t_us", self.ball_t_us)
+        _ascending("state, racket_t_us", self.racket_t_us)
+
+    def truth(self) -> BallTruth:
+        """The ball's rows."""
+        rows = self.ball
+        return BallTruth(self.ball_t_us, rows[:, :3], rows[:, 3:6], rows[:, 6:9], self.ball_visible.astype(np.bool_))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EventBatch:
+    """The events of one camera in [start_us, end_us), and where the ball is in its picture."""
+
+    session: str = text(64)
+    seq: int = whole(0, WALL_NS)
+    wall_ns: int = whole(0, WALL_NS)
+    camera: str = text(64)
+    start_us: int = whole(0, LONGEST_US)
+    end_us: int = whole(0, LONGEST_US)
+    width_px: int = whole(1, 8192)
+    height_px: int = whole(1, 8192)
+    since_us: NDArray[np.uint32] = column("<u4", most=MOST_EVENTS)
+    """Times since `start_us`."""
+    x_px: NDArray[np.uint16] = column("<u2", most=MOST_EVENTS)
+    y_px: NDArray[np.uint16] = column("<u2", most=MOST_EVENTS)
+    on: NDArray[np.uint8] = column("|u1", most=MOST_EVENTS)
+    truth_t_us: NDArray[np.int64] = column("<i8", most=MOST_ROWS)
+    circle: Array = column("<f8", 3, most=MOST_ROWS)
+    """(K, 3) u, v and radius of the ball; NaN where it is not visible."""
+
+    def __post_init__(self) -> None:
+        _same_length("events", self.since_us, self.x_px, self.y_px, self.on)
+        _same_length("events, truth", self.truth_t_us, self.circle)
+        _ascending("events, truth_t_us", self.truth_t_us)
+        if self.end_us <= self.start_us or (len(self.since_us) and self.since_us[-1] >= self.end_us - self.start_us):
+            raise LinkError("events outside their stretch", where="events")
+
+    def events(self) -> Events:
+        """The checked events.
+
+        Raises:
+            LinkError: if they are out of order or off the sensor.
+        """
+        try:
+            sensor = SensorSize(self.width_px, self.height_px)
+            t_us = self.since_us.astype(np.int64) + self.start_us
+            return Events.from_columns(t_us, self.x_px, self.y_px, self.on, sensor)
+        except EventsError as error:
+            raise LinkError(str(error), where="events") from error
+
+    def truth(self) -> PixelTruth:
+        """The ball's outline."""
+        u, v, r = self.circle.T
+        return PixelTruth(self.truth_t_us, u, v, r, np.isfinite(u))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServeNotice:
+    """A ball was put into play."""
+
+    session: str = text(64)
+    seq: int = whole(0, WALL_NS)
+    t_us: int = whole(0, LONGEST_US)
+    speed_mps: float = number(0.0, 100.0)
+    p_m: tuple[float, ...] = vector(3, 100.0)
+    v_mps: tuple[float, ...] = vector(3, 100.0)
+    spin_radps: tuple[float, ...] = vector(3, 2000.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutcomeNotice:
+    """What came of a served ball."""
+
+    session: str = text(64)
+    seq: int = whole(0, WALL_NS)
+    t_us: int = whole(0, LONGEST_US)
+    serve_us: int = whole(0, LONGEST_US)
+    speed_mps: float = number(0.0, 100.0)
+    case: int = whole(1, 5)
+    """1 own half, 2 net, 3 out, 4 returned, 5 missed."""
+    arrival: tuple[float, ...] = vector(6, 1000.0, nan=True)
+    """Position and velocity of the ball at the hitting plane or the racket, whichever it met first."""
+    q_wxyz: tuple[float, ...] = vector(4, 1.001, nan=True)
+    """Of the racket when it hit."""
+    landing_m: tuple[float, ...] = vector(3, 1000.0, nan=True)
+    landing_v_mps: tuple[float, ...] = vector(3, 1000.0, nan=True)
+    net_z_m: float = number(-1000.0, 1000.0, nan=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraInfo:
+    """A simulated camera."""
+
+    name: str = text(64)
+    width_px: int = whole(1, 8192)
+    height_px: int = whole(1, 8192)
+    K: tuple[float, ...] = vector(9, 1e6)
+    distortion: tuple[float, ...] = vector(5, 1e3)
+    T_world_camera: tuple[float, ...] = vector(16, 1e4)
+
+    @staticmethod
+    def of(name: str, camera: Camera) -> CameraInfo:
+        """What to tell about a camera."""
+        K, distortion, pose = (
+            tuple(np.ravel(a).tolist()) for a in (camera.K, camera.distortion, camera.T_world_camera)
+        )
+        size = camera.sensor
+        return CameraInfo(
+            name=name, width_px=size.width_px, height_px=size.height_px, K=K, distortion=distortion, T_world_camera=pose
+        )
+
+    def camera(self) -> Camera:
+        """The camera.
+
+        Raises:
+            LinkError: if it is impossible.
+        """
+        try:
+            K, pose = np.reshape(self.K, (3, 3)), np.reshape(self.T_world_camera, (4, 4))
+            return Camera(SensorSize(self.width_px, self.height_px), K, np.array(self.distortion), pose)
+        except RallyscopeError as error:
+            raise LinkError(str(error), where=f"camera {self.name}") from error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reply:
+    """The answer to a command; to `hello` it names the cameras too."""
+
+    id: int = whole(0, WALL_NS)
+    ok: bool = flag()
+    error: str = text(1000, default="")
+    session: str = text(64)
+    t_us: int = whole(0, LONGEST_US)
+    """Simulated time at which the command took effect."""
+    block_us: int = whole(1, 1_000_000)
+    seed: int = whole(0, WALL_NS)
+    cameras: tuple[CameraInfo, ...] = listing(CameraInfo, 16)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hello:
+    """Asks who is there."""
+
+    id: int = whole(0, WALL_NS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Serve:
+    """Serve a ball: drawn for a speed, or launched exactly as told. A ball still in play is taken away."""
+
+    id: int = whole(0, WALL_NS)
+    speed_mps: float = number(3.0, 9.0, default=5.0)
+    p_m: tuple[float, ...] | None = optional(vector(3, 5.0))
+    v_mps: tuple[float, ...] | None = optional(vector(3, 40.0))
+    spin_radps: tuple[float, ...] | None = optional(vector(3, 1500.0))
+
+    def __post_init__(self) -> None:
+        if (self.p_m is None) != (self.v_mps is None):
+            raise LinkError("a launch needs both p_m and v_mps", where="serve")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AimRacket:
+    """Send the middle of the racket's face to a place, with a velocity, at a time; it keeps its own limits."""
+
+    id: int = whole(0, WALL_NS)
+    p_m: tuple[float, ...] = vector(3, 5.0)
+    q_wxyz: tuple[float, ...] = vector(4, 1.001)
+    v_mps: tuple[float, ...] = vector(3, 20.0)
+    t_us: int = whole(0, LONGEST_US)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RestRacket:
+    """Send the racket back to rest."""
+
+    id: int = whole(0, WALL_NS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pause:
+    """Stop the simulated clock."""
+
+    id: int = whole(0, WALL_NS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resume:
+    """Let the clock run."""
+
+    id: int = whole(0, WALL_NS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SingleStep:
+    """Pause, after some more blocks."""
+
+    id: int = whole(0, WALL_NS)
+    blocks: int = whole(1, 1000, default=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetSpeed:
+    """Simulated seconds per second: below 1 is slow motion."""
+
+    id: int = whole(0, WALL_NS)
+    factor: float = number(0.001, 100.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetNoise:
+    """Background events per pixel and second."""
+
+    id: int = whole(0, WALL_NS)
+    noise_hz: float = number(0.0, 20.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutoServe:
+    """Serve again and again at a speed of 3 to 9 m/s; 0 stops."""
+
+    id: int = whole(0, WALL_NS)
+    speed_mps: float = number(0.0, 9.0)
+
+    def __post_init__(self) -> None:
+        if 0 < self.speed_mps < 3:
+            raise LinkError("no such serve", expected="3 to 9 m/s, or 0", got=self.speed_mps, where="auto_serve")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reset:
+    """Begin a new session at time 0; without a seed the same one again, and so the same serves and events."""
+
+    id: int = whole(0, WALL_NS)
+    seed: int | None = optional(whole(0, WALL_NS))
+
+
+KINDS: Final[dict[str, type]] = {
+    "state": State,
+    "events": EventBatch,
+    "serve_notice": ServeNotice,
+    "outcome": OutcomeNotice,
+    "reply": Reply,
+}
+COMMANDS: Final[dict[str, type]] = {
+    "hello": Hello,
+    "serve": Serve,
+    "aim_racket": AimRacket,
+    "rest_racket": RestRacket,
+    "pause": Pause,
+    "resume": Resume,
+    "step": SingleStep,
+    "speed": SetSpeed,
+    "noise": SetNoise,
+    "auto_serve": AutoServe,
+    "reset": Reset,
+}
+_NAMES: Final = {kind: name for name, kind in (KINDS | COMMANDS).items()}
+
+
+def encode(message: object) -> bytes:
+    """The bytes of any message above."""
+    fields = {"v": VERSION, "kind": _NAMES[type(message)], **write_fields(message)}
+    return bytes(msgpack.packb(fields, use_bin_type=True) or b"")
+
+
+def decode(data: bytes, kinds: dict[str, type], most_bytes: int = MESSAGE_BYTES) -> Any:
+    """The message in some bytes, which may be anything.
+
+    Raises:
+        LinkError: if it is too long, of another version, not of the `kinds`, or breaks a bound.
+    """
+    if len(data) > most_bytes:
+        raise LinkError("message too long", expected=f"up to {most_bytes} bytes", got=len(data))
+    try:
+        fields = msgpack.unpackb(data, raw=False, strict_map_key=True, max_ext_len=0)
+    except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as error:
+        raise LinkError(f"not msgpack ({type(error).__name__})", got=f"{len(data)} bytes") from error
+    if not isinstance(fields, dict):
+        raise LinkError("not a message", expected="a map", got=type(fields).__name__)
+    version = fields.get("v")
+    if type(version) is not int or version != VERSION:
+        got = repr(version)[:20]
+        remedy = "use the same version of Rallyscope on both sides"
+        raise LinkError("another version of the link", expected=f"version {VERSION}", got=got, remedy=remedy)
+    name = fields.get("kind")
+    kind = kinds.get(name) if isinstance(name, str) else None
+    if kind is None:
+        raise LinkError("no such message", expected=", ".join(kinds), got=repr(name)[:40])
+    return read_fields(kind, fields, str(name))
+
+
+def _same_length(where: str, *columns: np.ndarray) -> None:
+    if len({len(item) for item in columns}) != 1:
+        raise LinkError("columns differ in length", got=[len(item) for item in columns], where=where)
+
+
+def _ascending(where: str, t_us: NDArray[np.int64]) -> None:
+    if len(t_us) and (bool((np.diff(t_us) < 0).any()) or t_us[0] < 0 or t_us[-1] > LONGEST_US):
+        raise LinkError("times run backwards or are out of range", where=where)
