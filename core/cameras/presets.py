@@ -18,7 +18,7 @@ SENSOR_1280: Final = SensorSize(1280, 1280)
 FOCAL_PX: Final = 1000.0
 """A 5 mm lens on 4.86 um pixels: 65 degrees across 1280 pixels; a ball 1 to 3.3 m away has r = 20 to 6 px."""
 DISTORTION: Final = (-0.06, 0.01, 0.0003, -0.0002, 0.0)
-"""A mild lens (5 px at the corners of 1280x720), so that nothing works by forgetting to undistort."""
+"""A mild lens (24 px at the corners of 1280x720), so that nothing works by forgetting to undistort."""
 
 PLACEMENTS: Final[dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]]] = {
     "side": ((-1.15, 1.75, 1.15), (-0.45, 0.0, 0.12)),
