@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.cameras import Camera, StereoRig
+from core.cameras import Camera, StereoRig, TriangulatedPoint
 from core.detection import Detection, Detector, make_detector
 from core.errors import RecordingError
 from core.events import Window
 from core.rally.config import ChainConfig
 from core.rally.flight_gate import FlightGate, Verdict
 from core.rally.one_time import CommonTime
+from core.rally.size_check import SizeCheck
 from core.trajectory import PaperPredictor, Prediction
 
 
@@ -84,6 +85,8 @@ class RallyChain:
             for name, camera in cameras.items()
         }
         self._common_time = CommonTime(self.rig.names, round(1000 * self.config.max_lag_ms))
+        checked = self.config.size.enabled and self.config.method != "paper"
+        self._size = SizeCheck(dict(cameras), self.rig, self.config.size) if checked else None
         self._gate = FlightGate(self.config.flight)
         self._predictor = PaperPredictor(self.config.predictor)
 
@@ -92,6 +95,8 @@ class RallyChain:
         for detector in self._detectors.values():
             detector.reset()
         self._common_time.reset()
+        if self._size is not None:
+            self._size.reset()
         self.forget_flight()
 
     def forget_flight(self) -> None:
@@ -112,7 +117,7 @@ class RallyChain:
         started = time.perf_counter()
         detections = {name: self._detectors[name].step(window) for name, window in windows.items()}
         detected = time.perf_counter()
-        point = self._triangulate(detections)
+        point = self._triangulate(detections, windows)
         triangulated = time.perf_counter()
         verdict = None if point is None else self._gate.judge(point.t_us, point.p_world_m)
         fresh = self._follow(point, verdict)
@@ -128,18 +133,48 @@ class RallyChain:
             seconds=seconds,
         )
 
-    def _triangulate(self, detections: Mapping[str, Detection | None]) -> BallPoint | None:
+    def _triangulate(self, detections: dict[str, Detection | None], windows: Mapping[str, Window]) -> BallPoint | None:
+        """The point of the cameras' common time; a circle that is no ball is replaced in `detections` or dropped."""
         together = self._common_time.add(detections)
         if together is None:
             return None
         t_us, uvs = together
         found = self.rig.triangulate_one(uvs)
+        if found is not None and self._size is not None:
+            radii = {name: one.r_px for name, one in detections.items() if one is not None and one.t_us == t_us}
+            wrong = self._size.wrong(found.p_world_m, radii)
+            if wrong:
+                found = self._correct(wrong, uvs, radii, detections, windows)
+            else:
+                self._size.reset()
         if found is None:
             return None
         pixels = {
             name: (float(u), float(v)) for name, (u, v) in zip(self.rig.names, uvs, strict=True) if np.isfinite(u)
         }
         return BallPoint(t_us, found.p_world_m, found.residual_px, found.covariance_m2, pixels)
+
+    def _correct(
+        self,
+        wrong: list[str],
+        uvs: NDArray[np.float64],
+        radii: Mapping[str, float],
+        detections: dict[str, Detection | None],
+        windows: Mapping[str, Window],
+    ) -> TriangulatedPoint | None:
+        """The point after a second look into the cameras with wrong circles, or into all; None if there is no ball."""
+        assert self._size is not None
+        everyone = [name for name in radii if name in windows]
+        for names in (wrong, everyone)[: 1 if len(wrong) == len(everyone) else 2]:
+            again = self._size.look_again(names, windows, self._detectors, uvs, radii)
+            if again is not None:
+                for name, found in again[0].items():
+                    detections[name] = found
+                    uvs[self.rig.names.index(name)] = found.u_px, found.v_px
+                    self._common_time.replace(name, found)
+                return again[1]
+        self._size.give_up(wrong, self._detectors)
+        return None
 
     def _follow(self, point: BallPoint | None, verdict: Verdict | None) -> Prediction | None:
         """Feed the predictor; without a point, a flight that has ended is forgotten at the next one."""

@@ -31,6 +31,23 @@ class FlightGateConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SizeCheckConfig:
+    """Whether circles have the size of a ball at their depth. The paper has no such check: off with its detector."""
+
+    enabled: bool = True
+    """Drop circles of a wrong size, and look for the ball among the other circles of the window."""
+    smallest: float = setting(0.75, 0.0, 1.0)
+    """Least radius over the expected one (our measurement: shadows have 0.4 to 0.7)."""
+    largest: float = setting(1.7, 1.0, 10.0)
+    """Greatest; a fast ball's circle holds its motion too (our measurement: 1.65 at 9 m/s)."""
+    patience: int = setting(3, 1, 100)
+    """Windows in a row with a wrong circle and no other, before the whole sensor is searched (as after misses)."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ChainConfig:
     """Detector, triangulation, flight, prediction."""
 
@@ -38,6 +55,7 @@ class ChainConfig:
     """The detector."""
     detector: DetectorConfig = field(default_factory=DetectorConfig)
     triangulation: TriangulationConfig = field(default_factory=TriangulationConfig)
+    size: SizeCheckConfig = field(default_factory=SizeCheckConfig)
     flight: FlightGateConfig = field(default_factory=FlightGateConfig)
     predictor: PaperPredictorConfig = field(default_factory=PaperPredictorConfig)
     max_lag_ms: float = setting(6.0, 0.1, 100.0)

@@ -12,7 +12,7 @@ from core.detection import Detection
 
 
 class CommonTime:
-    """Remembers the last two detections of each camera and reads all at the latest time that two of them have reached."""
+    """Remembers the last two detections of each camera and reads all at the latest time that two have reached."""
 
     def __init__(self, names: tuple[str, ...], max_lag_us: int) -> None:
         self._names = names
@@ -41,6 +41,10 @@ class CommonTime:
             return None
         self._given_us = t_us
         return t_us, uvs
+
+    def replace(self, name: str, found: Detection) -> None:
+        """Put a better detection in the place of the camera's newest one."""
+        self._last[name] = [*self._last[name][:-1], found]
 
     def _read(self, name: str, t_us: int) -> NDArray[np.float64]:
         track = self._last[name]
