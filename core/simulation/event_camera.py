@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Final
 
 import numpy as np
@@ -48,6 +49,14 @@ class EventCamera:
     def now_us(self) -> int:
         """How far this camera has got."""
         return self._now_us
+
+    def set_noise(self, noise_hz: float) -> None:
+        """Background events per pixel and second from the next block on.
+
+        Raises:
+            ConfigError: if the rate is out of bounds.
+        """
+        self._config = dataclasses.replace(self._config, noise_hz=noise_hz)
 
     def advance(self, path: BallPath, end_us: int) -> Events:
         """The events from `now_us` up to, not including, `end_us`.

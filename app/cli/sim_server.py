@@ -1,0 +1,55 @@
+"""`rallyscope sim-server`: the live simulation as its own process."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import threading
+
+from app.cli.simulate import _cameras, _sensor
+from core.errors import CommandError
+from core.rally.link.server import ServerConfig, SimulationServer
+from core.rally.link.world import WorldConfig
+from core.simulation import SensorConfig, StereoConfig
+from core.simulation.physics.task import task_profile
+
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The verb's arguments."""
+    parser.add_argument(
+        "--bind",
+        default="tcp://127.0.0.1:5555",
+        metavar="tcp://HOST:PORT",
+        help="publish here and take commands on the next port (default: %(default)s; port 0 takes free ones)",
+    )
+    parser.add_argument("--cameras", default="side", metavar="PRESET|FILE", help="placement, or a calibration file")
+    parser.add_argument("--sensor", type=_sensor, metavar="WxH", help="of a placement's cameras (default: 1280x720)")
+    parser.add_argument("--noise-hz", type=float, default=0.1, metavar="HZ", help="background events (default: 0.1)")
+    parser.add_argument("--physics", default="paper", choices=("paper", "real"), help="default: %(default)s")
+    parser.add_argument("--auto-serve", type=float, default=0.0, metavar="MPS", help="serve by itself at 3 to 9 m/s")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of serves and events (default: 0)")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Serve until interrupted."""
+    if arguments.seed < 0:
+        raise CommandError("no such seed", expected="a whole number from 0", got=arguments.seed, where="--seed")
+    if arguments.auto_serve and not 3 <= arguments.auto_serve <= 9:
+        raise CommandError("no such serve", expected="3 to 9 m/s", got=arguments.auto_serve, where="--auto-serve")
+    world = WorldConfig(
+        task=task_profile(arguments.physics),
+        stereo=StereoConfig(sensor=SensorConfig(noise_hz=arguments.noise_hz)),
+    )
+    config = ServerConfig(world=world, auto_serve_mps=arguments.auto_serve)
+    cameras = _cameras(arguments.cameras, arguments.sensor)
+    server = SimulationServer(config, cameras, arguments.bind, seed=arguments.seed)
+    host = server.address.removeprefix("tcp://").rpartition(":")[0]
+    if host not in LOOPBACK:
+        print(f"Anyone who can reach {host} can command this simulation: it has no passwords.", flush=True)
+    ended = threading.Event()
+    signal.signal(signal.SIGTERM, lambda *_: ended.set())
+    signal.signal(signal.SIGINT, lambda *_: ended.set())
+    print(f"The simulation is at {server.address}   (Ctrl-C ends it)", flush=True)
+    server.run(ended.is_set)

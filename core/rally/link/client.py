@@ -1,0 +1,220 @@
+"""The other end: commands with time-outs, and everything that is published, handed to listeners as it arrives."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Final, Literal, Protocol
+
+import zmq
+
+from core.errors import LinkError
+from core.rally.link import messages as m
+
+logger = logging.getLogger(__name__)
+
+LOST_S: Final = 1.0
+"""Without a sign of life for so long, the server counts as lost; it beats ten times a second."""
+Status = Literal["connected", "lost"]
+
+
+class LinkListener(Protocol):
+    """Hears everything in the client's own thread, in order. `hear_session` comes before anything of a session."""
+
+    def hear_session(self, welcome: m.Reply) -> None: ...
+    def hear_events(self, batch: m.EventBatch) -> None: ...
+    def hear_state(self, state: m.State) -> None: ...
+    def hear_notice(self, notice: m.ServeNotice | m.OutcomeNotice) -> None: ...
+
+
+class SimulationClient:
+    """A connection to a simulation server. It survives the server's end and finds its successor by itself."""
+
+    def __init__(self, address: str, *, timeout_s: float = 3.0) -> None:
+        """Connect and shake hands.
+
+        Raises:
+            LinkError: if there is no server, or one of another version.
+        """
+        host, _, port = address.removeprefix("tcp://").rpartition(":")
+        if not address.startswith("tcp://") or not host or not port.isdigit() or not 0 < int(port) < 65535:
+            raise LinkError("not an address", expected="tcp://HOST:PORT", got=repr(address[:100]))
+        self.address = address
+        self._commands_address = f"tcp://{host}:{int(port) + 1}"
+        self._timeout_s = timeout_s
+        self._context = zmq.Context()
+        self._numbers = itertools.count(1)
+        self._asking, self._lock = threading.Lock(), threading.Lock()
+        self._socket: zmq.Socket | None = None
+        self._listeners: list[LinkListener] = []
+        self._stop = threading.Event()
+        self._heard_s = 0.0
+        self._last_seq = 0
+        self.lost_messages = self.rejected_messages = 0
+        """Published messages that never came; messages that came and were no messages."""
+        self.state: m.State | None = None
+        """The latest."""
+        try:
+            self.welcome = self.ask(lambda number: m.Hello(id=number))
+        except LinkError:
+            self._drop_socket()
+            self._context.destroy(linger=0)
+            raise
+        self._thread = threading.Thread(target=self._receive, name="simulation-link", daemon=True)
+        self._thread.start()
+
+    @property
+    def status(self) -> Status:
+        """Whether the server is there."""
+        return "connected" if time.monotonic() - self._heard_s < LOST_S else "lost"
+
+    def add_listener(self, listener: LinkListener) -> None:
+        """From now on; it hears of the present session at once."""
+        with self._lock:
+            listener.hear_session(self.welcome)
+            self._listeners.append(listener)
+
+    def remove_listener(self, listener: LinkListener) -> None:
+        """It hears nothing after this."""
+        with self._lock:
+            if listener in self._listeners:
+                self._listeners.remove(listener)
+
+    def serve(self, speed_mps: float = 5.0) -> m.Reply:
+        """Serve a ball drawn for a speed of 3 to 9 m/s."""
+        return self.ask(lambda number: m.Serve(id=number, speed_mps=speed_mps))
+
+    def launch(
+        self, p_m: tuple[float, ...], v_mps: tuple[float, ...], spin_radps: tuple[float, ...] = (0.0, 0.0, 0.0)
+    ) -> m.Reply:
+        """Serve a ball from exactly here, exactly so."""
+        return self.ask(lambda number: m.Serve(id=number, p_m=p_m, v_mps=v_mps, spin_radps=spin_radps))
+
+    def aim_racket(
+        self, p_m: tuple[float, ...], q_wxyz: tuple[float, ...], v_mps: tuple[float, ...], t_us: int
+    ) -> m.Reply:
+        """Send the middle of the racket's face to a pose with a velocity at a simulated time."""
+        return self.ask(lambda number: m.AimRacket(id=number, p_m=p_m, q_wxyz=q_wxyz, v_mps=v_mps, t_us=t_us))
+
+    def rest_racket(self) -> m.Reply:
+        """Send the racket back to rest."""
+        return self.ask(lambda number: m.RestRacket(id=number))
+
+    def pause(self) -> m.Reply:
+        """Stop the simulated clock."""
+        return self.ask(lambda number: m.Pause(id=number))
+
+    def resume(self) -> m.Reply:
+        """Let it run."""
+        return self.ask(lambda number: m.Resume(id=number))
+
+    def step(self, blocks: int = 1) -> m.Reply:
+        """Some blocks further, then pause."""
+        return self.ask(lambda number: m.SingleStep(id=number, blocks=blocks))
+
+    def set_speed(self, factor: float) -> m.Reply:
+        """Simulated seconds per second."""
+        return self.ask(lambda number: m.SetSpeed(id=number, factor=factor))
+
+    def set_noise(self, noise_hz: float) -> m.Reply:
+        """Background events per pixel and second."""
+        return self.ask(lambda number: m.SetNoise(id=number, noise_hz=noise_hz))
+
+    def auto_serve(self, speed_mps: float) -> m.Reply:
+        """Serve again and again at this speed; 0 stops."""
+        return self.ask(lambda number: m.AutoServe(id=number, speed_mps=speed_mps))
+
+    def reset(self, seed: int | None = None) -> m.Reply:
+        """Begin a new session."""
+        return self.ask(lambda number: m.Reset(id=number, seed=seed))
+
+    def ask(self, command: Callable[[int], object]) -> m.Reply:
+        """The answer to a command made for a number. Any thread may ask.
+
+        Raises:
+            LinkError: if the server refuses, is of another version, or does not answer in time.
+        """
+        with self._asking:
+            number = next(self._numbers)
+            if self._socket is None:
+                self._socket = self._context.socket(zmq.DEALER)
+                self._socket.setsockopt(zmq.LINGER, 0)
+                self._socket.setsockopt(zmq.MAXMSGSIZE, m.COMMAND_BYTES)
+                self._socket.connect(self._commands_address)
+            self._socket.send(m.encode(command(number)))
+            until_s = time.monotonic() + self._timeout_s
+            while self._socket.poll(max(0, round((until_s - time.monotonic()) * 1e3))):
+                reply = m.decode(self._socket.recv(), {"reply": m.Reply})
+                if reply.id not in (0, number):
+                    continue
+                if not reply.ok:
+                    raise LinkError(reply.error, where=self.address)
+                return reply
+            self._drop_socket()  # what was sent must not reach a later server
+        remedy = "start one with `rallyscope sim-server`"
+        raise LinkError("no answer from a simulation server", where=self.address, remedy=remedy)
+
+    def close(self) -> None:
+        """Hang up."""
+        self._stop.set()
+        self._thread.join()
+        with self._asking:
+            self._drop_socket()
+            self._context.destroy(linger=0)
+
+    def _drop_socket(self) -> None:
+        if self._socket is not None:
+            self._socket.close(0)
+            self._socket = None
+
+    def _receive(self) -> None:
+        socket = self._context.socket(zmq.SUB)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.RCVHWM, 1000)
+        socket.setsockopt(zmq.MAXMSGSIZE, m.MESSAGE_BYTES)
+        socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
+        socket.connect(self.address)
+        socket.subscribe(b"")
+        try:
+            while not self._stop.is_set():
+                if not socket.poll(100):
+                    continue
+                *_, data = socket.recv_multipart()
+                try:
+                    self._dispatch(m.decode(data, m.KINDS))
+                except LinkError as error:
+                    self.rejected_messages += 1
+                    logger.debug("ignored: %s", error)
+        finally:
+            socket.close(0)
+
+    def _dispatch(self, message: m.State | m.EventBatch | m.ServeNotice | m.OutcomeNotice) -> None:
+        if isinstance(message, m.Reply):
+            raise LinkError("a reply was published")
+        self._heard_s = time.monotonic()
+        welcome = self.welcome
+        fresh = message.session != welcome.session
+        if fresh:
+            welcome = self.ask(lambda number: m.Hello(id=number))
+            if welcome.session != message.session:
+                return  # left over from a session that is over
+        with self._lock:
+            if fresh:
+                self.welcome, self._last_seq = welcome, 0
+                for listener in self._listeners:
+                    listener.hear_session(welcome)
+            if self._last_seq:
+                self.lost_messages += max(0, message.seq - self._last_seq - 1)
+            self._last_seq = message.seq
+            for listener in self._listeners:
+                if isinstance(message, m.EventBatch):
+                    listener.hear_events(message)
+                elif isinstance(message, m.State):
+                    listener.hear_state(message)
+                else:
+                    listener.hear_notice(message)
+            if isinstance(message, m.State):
+                self.state = message

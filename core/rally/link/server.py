@@ -1,0 +1,324 @@
+"""The simulation as a server: publishes what happens, takes commands, keeps pace with the clock on the wall."""
+
+from __future__ import annotations
+
+import logging
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import zmq
+
+from core.cameras import Camera
+from core.config import check_settings, setting
+from core.errors import LinkError, RallyscopeError
+from core.rally.link import messages as m
+from core.rally.link.world import Block, JudgedBall, SimulatedWorld, WorldConfig
+from core.simulation.event_camera import BLOCK_US
+from core.simulation.physics.racket import RacketTarget
+
+logger = logging.getLogger(__name__)
+
+HEARTBEAT_S: Final = 0.1
+LATE_S: Final = 0.05
+"""A simulation that is later than this gives up what it missed instead of hurrying after it."""
+AUTO_SERVE_PAUSE_US: Final = 300_000
+TRIES: Final = 50
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServerConfig:
+    """The simulated world and how it is published."""
+
+    world: WorldConfig = field(default_factory=WorldConfig)
+    auto_serve_mps: float = setting(0.0, 0.0, 9.0)
+    """Serve by itself at this speed, 3 to 9 m/s; 0 waits for commands."""
+    queue_messages: int = setting(300, 10, 10_000)
+    """Messages kept for a slow subscriber, about one second; what is beyond is dropped, and shows in `seq`."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+def split_address(address: str) -> tuple[str, int]:
+    """Host and port of `tcp://HOST:PORT`.
+
+    Raises:
+        LinkError: if it is no such address.
+    """
+    host, _, port = address.removeprefix("tcp://").rpartition(":")
+    if not address.startswith("tcp://") or not host or not port.isdigit() or not 0 <= int(port) <= 65534:
+        raise LinkError("not an address", expected="tcp://HOST:PORT", got=repr(address[:100]))
+    return host, int(port)
+
+
+class SimulationServer:
+    """Publishes on a port and takes commands on the next one. `run` it in the thread that made it."""
+
+    def __init__(self, config: ServerConfig, cameras: Mapping[str, Camera], address: str, *, seed: int = 0) -> None:
+        """Port 0 takes any two free ports.
+
+        Raises:
+            LinkError: if the ports cannot be had.
+        """
+        self._config, self._cameras = config, dict(cameras)
+        self._context = zmq.Context()
+        self.rejected = 0
+        """Messages that were no command."""
+        self._speed, self._paused, self._steps = 1.0, False, 0
+        self._noise_hz = config.world.stereo.sensor.noise_hz
+        self._auto_mps = config.auto_serve_mps
+        try:
+            self.address = self._bind(address)
+        except LinkError:
+            self._context.destroy(linger=0)
+            raise
+        self._start_session(seed)
+
+    def run(self, stopped: Callable[[], bool]) -> None:
+        """Serve until `stopped`; looks at it at least ten times a second."""
+        try:
+            while not stopped():
+                self._turn()
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Give up the ports."""
+        self._world.close()
+        self._context.destroy(linger=0)
+
+    def _bind(self, address: str) -> str:
+        host, port = split_address(address)
+        problem: zmq.ZMQError | None = None
+        for _ in range(1 if port else TRIES):
+            self._published, self._commands = self._context.socket(zmq.PUB), self._context.socket(zmq.ROUTER)
+            self._published.setsockopt(zmq.SNDHWM, self._config.queue_messages)
+            self._commands.setsockopt(zmq.MAXMSGSIZE, 16 * m.COMMAND_BYTES)  # beyond this the sender is cut off
+            self._commands.setsockopt(zmq.RCVHWM, 1000)
+            for socket in (self._published, self._commands):
+                socket.setsockopt(zmq.LINGER, 0)
+            try:
+                self._published.bind(f"tcp://{host}:{port or '*'}")
+                bound = int(bytes(self._published.getsockopt_string(zmq.LAST_ENDPOINT), "ascii").rpartition(b":")[2])
+                self._commands.bind(f"tcp://{host}:{bound + 1}")
+                return f"tcp://{host}:{bound}"
+            except zmq.ZMQError as error:
+                problem = error
+                self._published.close(0)
+                self._commands.close(0)
+        remedy = "end what uses the ports (this one and the next), or choose others"
+        raise LinkError(f"cannot listen ({problem})", got=address, remedy=remedy) from problem
+
+    def _start_session(self, seed: int) -> None:
+        self._session = uuid.uuid4().hex
+        self._seq = self._served = self._returned = 0
+        self._world = SimulatedWorld(self._config.world, self._cameras, seed)
+        self._world.set_noise(self._noise_hz)
+        self._anchor()
+        self._quiet_since_us = -AUTO_SERVE_PAUSE_US
+        self._beat_s = 0.0
+        self._factor = 0.0
+
+    def _anchor(self) -> None:
+        """Let the simulated time be now."""
+        self._anchor_s, self._anchor_us = time.monotonic(), self._world.now_us
+
+    def _due_s(self, t_us: int) -> float:
+        return self._anchor_s + (t_us - self._anchor_us) * 1e-6 / self._speed
+
+    def _turn(self) -> None:
+        """One block, or a short wait for commands while paused. A block is computed while it lasts."""
+        if self._paused and not self._steps:
+            self._take_commands(time.monotonic() + HEARTBEAT_S / 2)
+            self._beat()
+            self._anchor()
+            return
+        self._take_commands(time.monotonic())
+        self._serve_by_itself()
+        session, began_s = self._session, time.monotonic()
+        block = self._world.advance()
+        spent_s = max(time.monotonic() - began_s, 1e-6)
+        self._factor = (
+            0.9 * self._factor + 0.1 * BLOCK_US * 1e-6 / spent_s if self._factor else BLOCK_US * 1e-6 / spent_s
+        )
+        if self._steps:
+            self._steps -= 1
+            self._anchor()
+        else:
+            while (due_s := self._due_s(block.end_us)) > time.monotonic() and not self._paused:
+                self._take_commands(min(due_s, time.monotonic() + HEARTBEAT_S))
+                if self._session != session:
+                    return
+                if due_s > time.monotonic() + HEARTBEAT_S:
+                    self._beat()
+            if time.monotonic() - due_s > LATE_S:
+                self._anchor()
+        self._publish(block)
+
+    def _serve_by_itself(self) -> None:
+        if self._world.ball_is_visible:
+            self._quiet_since_us = self._world.now_us
+        elif self._auto_mps and self._world.now_us - self._quiet_since_us >= AUTO_SERVE_PAUSE_US:
+            self._serve(m.Serve(id=0, speed_mps=self._auto_mps))
+
+    def _publish(self, block: Block) -> None:
+        for name, events in block.events.items():
+            circle = block.circles[name]
+            batch = m.EventBatch(
+                session=self._session,
+                seq=self._next(),
+                wall_ns=time.time_ns(),
+                camera=name,
+                start_us=block.start_us,
+                end_us=block.end_us,
+                width_px=events.sensor.width_px,
+                height_px=events.sensor.height_px,
+                since_us=(events.t_us - block.start_us).astype(np.uint32),
+                x_px=events.x_px,
+                y_px=events.y_px,
+                on=events.on.view(np.uint8),
+                truth_t_us=circle.t_us,
+                circle=np.column_stack([circle.u_px, circle.v_px, circle.r_px]),
+            )
+            self._send("events", batch)
+        for judged in block.outcomes:
+            self._returned += judged.outcome.case == 4
+            self._send("outcome", self._outcome(judged))
+        self._send("state", self._state(block))
+
+    def _outcome(self, judged: JudgedBall) -> m.OutcomeNotice:
+        outcome, serve = judged.outcome, judged.serve
+        return m.OutcomeNotice(
+            session=self._session,
+            seq=self._next(),
+            t_us=round(outcome.t_s * 1e6),
+            serve_us=round(serve.t_s * 1e6),
+            speed_mps=float(np.linalg.norm(serve.state[3:6])),
+            case=int(outcome.case),
+            arrival=tuple(judged.arrival.tolist()),
+            q_wxyz=tuple(judged.q_wxyz.tolist()),
+            landing_m=tuple(outcome.landing_m.tolist()),
+            landing_v_mps=tuple(outcome.landing_v_mps.tolist()),
+            net_z_m=float(outcome.net_z_m),
+        )
+
+    def _state(self, block: Block | None) -> m.State:
+        world, no_times = self._world, np.empty(0, np.int64)
+        ball = np.empty((0, 9)) if block is None else _ball_rows(block)
+        if not world.ball_is_visible:
+            phase = "idle"
+        else:
+            phase = "decided" if not world.pending else "return" if world.struck else "serve"
+        return m.State(
+            session=self._session,
+            seq=self._next(),
+            wall_ns=time.time_ns(),
+            start_us=world.now_us if block is None else block.start_us,
+            t_us=world.now_us if block is None else block.end_us,
+            phase=phase,
+            paused=self._paused,
+            speed_factor=self._speed,
+            noise_hz=self._noise_hz,
+            auto_serve_mps=self._auto_mps,
+            real_time_factor=self._factor,
+            served=self._served,
+            returned=self._returned,
+            ball_t_us=no_times if block is None else block.ball.t_us,
+            ball=ball,
+            ball_visible=np.empty(0, np.uint8) if block is None else block.ball.visible.view(np.uint8),
+            racket_t_us=no_times if block is None else block.racket_t_us,
+            racket=np.empty((0, 10)) if block is None else block.racket,
+        )
+
+    def _next(self) -> int:
+        self._seq += 1
+        return self._seq
+
+    def _send(self, topic: str, message: object) -> None:
+        self._published.send_multipart([topic.encode(), m.encode(message)])  # PUB drops, and never waits
+        self._beat_s = time.monotonic()
+
+    def _beat(self) -> None:
+        if time.monotonic() - self._beat_s >= HEARTBEAT_S:
+            # While a block waits for its time the world is ahead of what was published: no rows, only a sign of life.
+            self._published.send_multipart([b"alive", m.encode(self._state(None))])
+            self._beat_s = time.monotonic()
+
+    def _take_commands(self, until_s: float) -> None:
+        """Answer everything that is there, and what comes until a time."""
+        while self._commands.poll(max(0, round((until_s - time.monotonic()) * 1e3))):
+            *envelope, data = self._commands.recv_multipart()
+            reply = self._answer(data)
+            self._commands.send_multipart([*envelope, m.encode(reply)], zmq.NOBLOCK)
+
+    def _answer(self, data: bytes) -> m.Reply:
+        try:
+            command = m.decode(data, m.COMMANDS, m.COMMAND_BYTES)
+        except LinkError as error:
+            self.rejected += 1
+            return self._reply(0, str(error)[:1000])
+        try:
+            self._obey(command)
+        except RallyscopeError as error:
+            return self._reply(command.id, str(error)[:1000])
+        return self._reply(command.id, "", hello=isinstance(command, m.Hello))
+
+    def _reply(self, number: int, error: str, *, hello: bool = False) -> m.Reply:
+        cameras = tuple(m.CameraInfo.of(name, camera) for name, camera in self._cameras.items()) if hello else ()
+        world = self._world
+        return m.Reply(
+            id=number, ok=not error, error=error, session=self._session, t_us=world.now_us, block_us=BLOCK_US,
+            seed=world.seed, cameras=cameras,
+        )  # fmt: skip
+
+    def _obey(self, command: object) -> None:
+        match command:
+            case m.Serve():
+                self._serve(command)
+            case m.AimRacket():
+                p, q, v = (np.array(item) for item in (command.p_m, command.q_wxyz, command.v_mps))
+                self._world.aim(RacketTarget(p, q, v, command.t_us * 1e-6))
+            case m.RestRacket():
+                self._world.aim(None)
+            case m.Pause():
+                self._paused, self._steps = True, 0
+            case m.Resume():
+                self._paused, self._steps = False, 0
+                self._anchor()
+            case m.SingleStep():
+                self._paused, self._steps = True, command.blocks
+            case m.SetSpeed():
+                self._speed = command.factor
+                self._anchor()
+            case m.SetNoise():
+                self._world.set_noise(command.noise_hz)
+                self._noise_hz = command.noise_hz
+            case m.AutoServe():
+                self._auto_mps = command.speed_mps
+            case m.Reset():
+                seed = self._world.seed if command.seed is None else command.seed
+                self._world.close()
+                self._start_session(seed)
+
+    def _serve(self, command: m.Serve) -> None:
+        if command.p_m is None or command.v_mps is None:
+            event = self._world.draw_serve(command.speed_mps)
+        else:
+            event = self._world.serve(command.p_m, command.v_mps, command.spin_radps or (0.0, 0.0, 0.0))
+        self._served += 1
+        p, v, spin = (tuple(event.state[k : k + 3].tolist()) for k in (0, 3, 6))
+        speed = float(np.linalg.norm(event.state[3:6]))
+        t_us = round(event.t_s * 1e6)
+        notice = m.ServeNotice(
+            session=self._session, seq=self._next(), t_us=t_us, speed_mps=speed, p_m=p, v_mps=v, spin_radps=spin
+        )
+        self._send("serve_notice", notice)
+
+
+def _ball_rows(block: Block) -> m.Array:
+    ball = block.ball
+    return np.concatenate([ball.p_world_m, ball.v_world_mps, ball.spin_radps], axis=1)

@@ -1,0 +1,201 @@
+"""The simulated world of one session, block by block: rally, umpire, event cameras and truth on one clock."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.cameras import Camera
+from core.config import check_settings, setting
+from core.events import Events
+from core.rally.link.path import SINK_S, SampledPath
+from core.recordings import BallTruth, PixelTruth
+from core.simulation import StereoConfig, ball_truth, pixel_truth, truth_times
+from core.simulation.event_camera import BLOCK_US, EventCamera
+from core.simulation.physics import TaskConfig, draw_serves
+from core.simulation.physics.judge import BallOutcome, RallyJudge
+from core.simulation.physics.mujoco_rally import MujocoRally
+from core.simulation.physics.racket import RacketConfig, RacketTarget
+from core.simulation.physics.rally_events import RallyEvent
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldConfig:
+    """What is simulated."""
+
+    task: TaskConfig = field(default_factory=TaskConfig)
+    racket: RacketConfig = field(default_factory=RacketConfig)
+    stereo: StereoConfig = field(default_factory=StereoConfig)
+    step_ms: float = setting(2.0, 0.1, 10.0)
+    """Step of the physics. Impacts are exact at any step; this is how often the racket's path is sampled."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JudgedBall:
+    """An outcome with what led to it."""
+
+    outcome: BallOutcome
+    serve: RallyEvent
+    arrival: Array
+    """(6,) position and velocity at the hitting plane or the racket, NaN if it met neither."""
+    q_wxyz: Array
+    """(4,) of the racket at the hit, NaN without one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """All that happened in [start_us, end_us)."""
+
+    start_us: int
+    end_us: int
+    events: dict[str, Events]
+    circles: dict[str, PixelTruth]
+    ball: BallTruth
+    racket_t_us: NDArray[np.int64]
+    racket: Array
+    """(M, 10) position, orientation wxyz, velocity."""
+    outcomes: tuple[JudgedBall, ...]
+
+
+class SimulatedWorld:
+    """Advances in whole blocks. One thread at a time."""
+
+    def __init__(self, config: WorldConfig, cameras: Mapping[str, Camera], seed: int) -> None:
+        self.config = config
+        self.seed = seed
+        self.rally = MujocoRally(config.task, config.racket, dt_s=config.step_ms * 1e-3)
+        self._judge = RallyJudge(config.task)
+        self._rng, *camera_rngs = (
+            np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(len(cameras) + 1)
+        )
+        self._eyes = {
+            name: EventCamera(camera, config.stereo.scene, config.stereo.sensor, rng)
+            for (name, camera), rng in zip(cameras.items(), camera_rngs, strict=True)
+        }
+        self._pool = ThreadPoolExecutor(len(cameras), thread_name_prefix="event-camera")  # the kernels release the GIL
+        self.now_us = 0
+        self.struck = self.pending = False
+        self.gone_s: float | None = None
+        self._launch: RallyEvent | None = None
+        self._new_launch = False
+        self._arrival, self._q_hit = np.full(6, np.nan), np.full(4, np.nan)
+        self._unreported: list[JudgedBall] = []
+
+    def serve(self, p_m: ArrayLike, v_mps: ArrayLike, spin_radps: ArrayLike) -> RallyEvent:
+        """Put a ball into play now; one still in play counts as missed.
+
+        Raises:
+            ConfigError: if it is no possible serve.
+        """
+        event = self.rally.serve(p_m, v_mps, spin_radps)
+        self._unreported += self._judged([event])
+        self._launch, self._new_launch, self.gone_s = event, True, None
+        self.pending, self.struck = True, False
+        self._arrival, self._q_hit = np.full(6, np.nan), np.full(4, np.nan)
+        return event
+
+    def draw_serve(self, speed_mps: float) -> RallyEvent:
+        """Serve a ball drawn for a speed.
+
+        Raises:
+            ConfigError: if there is no legal serve of that speed.
+        """
+        drawn = draw_serves(speed_mps, 1, self.config.task, self._rng)
+        return self.serve(drawn.ps_m[0], drawn.vs_mps[0], drawn.spins_radps[0])
+
+    def aim(self, target: RacketTarget | None) -> None:
+        """Send the racket to a target, or to rest.
+
+        Raises:
+            ConfigError: if it is out of bounds.
+        """
+        self.rally.aim_racket(target)
+
+    def set_noise(self, noise_hz: float) -> None:
+        """Of all cameras."""
+        for eye in self._eyes.values():
+            eye.set_noise(noise_hz)
+
+    @property
+    def ball_is_visible(self) -> bool:
+        """Whether a ball is in play, or still disappearing."""
+        now = self.now_us * 1e-6
+        return self._launch is not None and (self.gone_s is None or now < self.gone_s + SINK_S)
+
+    def advance(self) -> Block:
+        """Simulate the next block."""
+        start_us, end_us = self.now_us, self.now_us + BLOCK_US
+        path, rows, outcomes = self._advance_rally(start_us, end_us)
+        running = {name: self._pool.submit(eye.advance, path, end_us) for name, eye in self._eyes.items()}
+        times_us = truth_times(path, start_us, end_us)
+        circles = {name: pixel_truth(eye.camera, path, times_us) for name, eye in self._eyes.items()}
+        ball = ball_truth(path, times_us)
+        events = {name: future.result() for name, future in running.items()}
+        self.now_us = end_us
+        racket_t_us = np.round(rows[:, 0] * 1e6).astype(np.int64)
+        return Block(start_us, end_us, events, circles, ball, racket_t_us, rows[:, 1:], outcomes)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+    def _advance_rally(self, start_us: int, end_us: int) -> tuple[SampledPath, Array, tuple[JudgedBall, ...]]:
+        path = SampledPath(start_us * 1e-6)
+        path.gone_s = self.gone_s
+        if self._launch is not None:
+            path.launch = (self._launch.t_s, self._launch.state)
+        if self._new_launch:
+            path.kink(start_us * 1e-6)
+            self._new_launch = False
+        outcomes, self._unreported = self._unreported, []
+        steps = math.ceil(BLOCK_US * 1e-3 / self.config.step_ms)
+        edges_s = np.linspace(start_us, end_us, steps + 1) * 1e-6
+        rows = []
+        for begin_s, end_s in itertools.pairwise(edges_s):
+            racket = self.rally.racket
+            rows.append(np.concatenate([[begin_s], racket.p_m, racket.q_wxyz, racket.v_mps]))
+            outcomes += self._step(path, float(begin_s), float(end_s))
+        return path, np.array(rows), tuple(outcomes)
+
+    def _step(self, path: SampledPath, begin_s: float, end_s: float) -> list[JudgedBall]:
+        visible = self._launch is not None and (self.gone_s is None or begin_s < self.gone_s + SINK_S)
+        at_s, state = begin_s, self.rally.ball
+        happened = self.rally.step(end_s - self.rally.time_s)
+        for event in happened:
+            self._note_contact(event)
+            if event.state is event.touched:
+                continue
+            path.add(at_s, state, event.t_s, event.touched)
+            path.kink(event.t_s)
+            at_s, state = event.t_s, event.state
+        if visible:
+            path.add(at_s, state, end_s, self.rally.ball)
+        if not self.rally.playing and self._launch is not None and self.gone_s is None:
+            self.gone_s = path.gone_s = at_s
+        return self._judged(happened)
+
+    def _note_contact(self, event: RallyEvent) -> None:
+        if event.kind in ("hit", "hit_plane") and np.isnan(self._arrival[0]):
+            self._arrival = event.touched[:6].copy()
+        if event.kind == "hit" and not self.struck:
+            self.struck = True
+            self._q_hit = self.rally.racket.q_wxyz.copy()
+
+    def _judged(self, happened: Sequence[RallyEvent]) -> list[JudgedBall]:
+        found = []
+        for outcome in self._judge.feed(happened):
+            assert self._launch is not None
+            found.append(JudgedBall(outcome, self._launch, self._arrival, self._q_hit))
+            self.pending = False
+        return found

@@ -1,0 +1,216 @@
+"""A real server process: served balls arrive, faults are survived."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import msgpack
+import numpy as np
+import pytest
+import zmq
+
+from core.errors import LinkError
+from core.rally.link import messages as m
+from core.rally.link.client import SimulationClient
+
+
+def start(bind: str = "tcp://127.0.0.1:0", *more: str) -> tuple[subprocess.Popen, str]:
+    command = [sys.executable, "-c", "from app.cli import main; main()", "sim-server", "--bind", bind]
+    process = subprocess.Popen(
+        [*command, "--sensor", "320x240", "--seed", "3", *more], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    assert "tcp://" in line, line
+    return process, line.split()[4]
+
+
+def wait_for(true, seconds: float = 10.0) -> None:
+    until = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < until, "it did not happen in time"
+        time.sleep(0.01)
+
+
+@pytest.fixture(scope="module")
+def address():
+    process, where = start()
+    yield where
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(5) == 0
+
+
+@pytest.fixture
+def client(address):
+    client = SimulationClient(address)
+    client.reset()
+    client.set_speed(1.0)
+    client.resume()
+    yield client
+    client.close()
+
+
+class Ear:
+    def __init__(self) -> None:
+        self.welcomes, self.batches, self.states, self.notices = [], [], [], []
+
+    def hear_session(self, welcome):
+        self.welcomes.append(welcome)
+
+    def hear_events(self, batch):
+        self.batches.append(batch)
+
+    def hear_state(self, state):
+        self.states.append(state)
+
+    def hear_notice(self, notice):
+        self.notices.append(notice)
+
+
+def outcomes(ear: Ear) -> list[m.OutcomeNotice]:
+    return [notice for notice in ear.notices if isinstance(notice, m.OutcomeNotice)]
+
+
+def test_a_served_ball_is_seen_by_both_cameras_and_judged(client):
+    ear = Ear()
+    client.add_listener(ear)
+    client.set_speed(4.0)
+    client.launch((1.0, 0.5, 0.3), (-5.0, 0.0, 1.0))
+    wait_for(lambda: outcomes(ear))
+    (outcome,) = outcomes(ear)
+    assert outcome.case == 5  # it passes beside the resting racket
+    assert outcome.speed_mps == pytest.approx(np.hypot(5, 1))
+    assert {batch.camera for batch in ear.batches} == {"left", "right"}
+    rows = np.concatenate([state.ball for state in ear.states])
+    visible = np.concatenate([state.ball_visible for state in ear.states]).astype(bool)
+    assert visible.any() and np.isfinite(rows[visible]).all()
+    assert 0.02 - 1e-6 < rows[visible][rows[visible][:, 0] > -1][:, 2].min() < 0.03  # it bounced on the table
+    assert sum(len(batch.since_us) for batch in ear.batches) > 1000
+
+
+def test_the_same_seed_gives_the_same_session_again(client):
+    def session() -> list[bytes]:
+        ear = Ear()
+        client.pause()
+        client.reset(5)
+        client.add_listener(ear)
+        client.serve(6.0)
+        client.step(12)
+        wait_for(lambda: ear.states and ear.states[-1].t_us == 120_000)
+        client.remove_listener(ear)
+        return [batch.x_px.tobytes() for batch in ear.batches if batch.session == ear.states[-1].session]
+
+    first = session()
+    assert len(first) == 24
+    assert session() == first
+
+
+def test_pause_single_step_and_slow_motion(client):
+    client.pause()
+    ear = Ear()
+    client.add_listener(ear)
+    t_us = client.ask(lambda number: m.Hello(id=number)).t_us
+    time.sleep(0.3)
+    assert client.ask(lambda number: m.Hello(id=number)).t_us == t_us
+    assert client.status == "connected"  # it beats while it pauses
+    client.step(3)
+    wait_for(lambda: ear.states and ear.states[-1].t_us == t_us + 30_000)
+    client.set_speed(0.1)
+    client.resume()
+    began, t_us = time.monotonic(), client.ask(lambda number: m.Hello(id=number)).t_us
+    time.sleep(0.5)
+    ran_us = client.ask(lambda number: m.Hello(id=number)).t_us - t_us
+    assert ran_us <= 1.2e5 * (time.monotonic() - began) + 20_000
+    assert ran_us > 0
+
+
+def test_commands_out_of_bounds_are_refused_and_nothing_happens(client):
+    with pytest.raises(LinkError, match="reach"):
+        client.aim_racket((4.0, 0.0, 0.2), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 10**6)
+    with pytest.raises(LinkError, match=r"speed_mps.*out of bounds"):
+        client.serve(50.0)
+    with pytest.raises(LinkError, match="factor"):
+        client.set_speed(0.0)
+    assert client.ask(lambda number: m.Hello(id=number)).ok
+
+
+def test_garbage_is_answered_with_an_error_and_the_server_lives(address, client):
+    rng = np.random.default_rng(2)
+    host, port = address.rsplit(":", 1)
+    with zmq.Context() as context, context.socket(zmq.DEALER) as socket:
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.connect(f"{host}:{int(port) + 1}")
+        for number in range(200):
+            socket.send(rng.bytes(number * 7))
+        socket.send(b"\0" * (m.COMMAND_BYTES + 1))
+        socket.send(msgpack.packb({"v": 99, "kind": "hello", "id": 1}))
+        replies = []
+        for _ in range(202):
+            assert socket.poll(5000)
+            replies.append(m.decode(socket.recv(), m.KINDS))
+        assert not any(reply.ok for reply in replies)
+        assert "another version" in replies[-1].error and "too long" in replies[-2].error
+        socket.send(b"\0" * (32 * m.COMMAND_BYTES))  # the sender is cut off
+        time.sleep(0.1)
+    assert client.ask(lambda number: m.Hello(id=number)).ok
+
+
+def test_a_server_of_another_version_is_refused_with_both_versions():
+    with zmq.Context() as context, context.socket(zmq.ROUTER) as socket:
+        port = socket.bind_to_random_port("tcp://127.0.0.1")
+
+        def answer() -> None:
+            who, _ = socket.recv_multipart()
+            socket.send_multipart([who, msgpack.packb({"v": 7, "kind": "reply"})])
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with pytest.raises(LinkError, match="expected version 1, got 7"):
+            SimulationClient(f"tcp://127.0.0.1:{port - 1}")
+        thread.join()
+
+
+def test_no_server_is_one_clear_error():
+    with pytest.raises(LinkError, match="rallyscope sim-server"):
+        SimulationClient("tcp://127.0.0.1:9", timeout_s=0.2)
+
+
+def test_a_subscriber_that_never_reads_does_not_slow_the_simulation(address, client):
+    with zmq.Context() as context, context.socket(zmq.SUB) as slow:
+        slow.setsockopt(zmq.RCVHWM, 1)
+        slow.setsockopt(zmq.LINGER, 0)
+        slow.connect(address)
+        slow.subscribe(b"")
+        client.set_noise(20.0)
+        t_us, began = client.ask(lambda number: m.Hello(id=number)).t_us, time.monotonic()
+        time.sleep(2.0)
+        ran_s = (client.ask(lambda number: m.Hello(id=number)).t_us - t_us) * 1e-6
+        assert ran_s > 0.5 * (time.monotonic() - began)
+        client.set_noise(0.1)
+
+
+def test_a_killed_server_is_noticed_and_its_successor_found():
+    process, address = start()
+    client = SimulationClient(address, timeout_s=1.0)
+    ear = Ear()
+    client.add_listener(ear)
+    wait_for(lambda: client.status == "connected" and ear.states)
+    process.kill()
+    process.wait()
+    wait_for(lambda: client.status == "lost")
+    with pytest.raises(LinkError, match="no answer"):
+        client.serve()
+    process, again = start(address)
+    try:
+        assert again == address
+        wait_for(lambda: client.status == "connected" and len(ear.welcomes) == 2)
+        assert ear.welcomes[0].session != ear.welcomes[1].session
+        assert client.serve().ok
+    finally:
+        client.close()
+        process.send_signal(signal.SIGTERM)
+        process.wait(5)
