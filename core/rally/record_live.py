@@ -1,0 +1,168 @@
+"""Write what is seen of the live rally to a recording that opens again like any other."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from core.errors import LinkError, RallyscopeError, RecordingError
+from core.rally.link import messages as m
+from core.rally.link.client import SimulationClient
+from core.recordings import BallTruth, PixelTruth, RecordingWriter
+
+QUEUE: Final = 3000
+"""Messages that may wait for the disk, about ten seconds."""
+FLUSH_BLOCKS: Final = 100
+Heard = m.EventBatch | m.State | m.OutcomeNotice | None
+
+
+class LiveRecorder:
+    """Records from the next whole block until `stop`, or until the session ends. Time starts at 0 again."""
+
+    def __init__(self, client: SimulationClient, path: Path, *, overwrite: bool = False) -> None:
+        """Begin.
+
+        Raises:
+            RecordingError: if the file exists and `overwrite` is not set, or it cannot be made.
+        """
+        self.path = Path(path)
+        self.error: RallyscopeError | None = None
+        """What ended the recording early; what was written until then is kept."""
+        welcome = client.welcome
+        self._client, self._session = client, welcome.session
+        cameras = {info.name: info.camera() for info in welcome.cameras}
+        sensors = {name: camera.sensor for name, camera in cameras.items()}
+        config = {"source": "live simulation", "session": welcome.session}
+        self._writer = RecordingWriter(
+            self.path, sensors, calibration=cameras, seed=welcome.seed, config=config, overwrite=overwrite
+        )
+        self._zero_us: int | None = None
+        self._blocks = 0
+        self._heard: queue.Queue[Heard] = queue.Queue(QUEUE)
+        self._ending = False
+        self._thread = threading.Thread(target=self._write, name="live-recorder", daemon=True)
+        self._thread.start()
+        client.add_listener(self)
+
+    @property
+    def recording(self) -> bool:
+        """Whether it still goes on."""
+        return self._thread.is_alive() and not self._ending
+
+    def stop(self) -> int:
+        """Finish the file; returns its duration in microseconds.
+
+        Raises:
+            RecordingError: if it could not be written to its end.
+        """
+        self._client.remove_listener(self)
+        self._end()
+        self._thread.join()
+        if self.error is not None:
+            raise RecordingError(str(self.error), where=self.path) from self.error
+        return self._writer.duration_us
+
+    def hear_session(self, welcome: m.Reply) -> None:
+        """Another session is another recording."""
+        if welcome.session != self._session:
+            self._end()
+
+    def hear_events(self, batch: m.EventBatch) -> None:
+        """Queue it."""
+        self._queue(batch)
+
+    def hear_state(self, state: m.State) -> None:
+        """Queue it, unless it is only a sign of life."""
+        if len(state.ball_t_us):
+            self._queue(state)
+
+    def hear_notice(self, notice: m.ServeNotice | m.OutcomeNotice) -> None:
+        """Outcomes become episodes."""
+        if isinstance(notice, m.OutcomeNotice):
+            self._queue(notice)
+
+    def _queue(self, message: Heard) -> None:
+        if self._ending:
+            return
+        try:
+            self._heard.put_nowait(message)
+        except queue.Full:
+            self.error = LinkError("the disk is too slow for the live rally", where=self.path)
+            self._ending = True
+
+    def _end(self) -> None:
+        if not self._ending:
+            self._ending = True
+            self._heard.put(None)
+
+    def _write(self) -> None:
+        try:
+            with self._writer:
+                while True:
+                    try:
+                        message = self._heard.get(timeout=0.5)
+                    except queue.Empty:
+                        if self._ending:
+                            return
+                        continue
+                    if message is None:
+                        return
+                    self._write_one(message)
+        except RallyscopeError as error:
+            self.error = self.error or error
+            self._ending = True
+
+    def _write_one(self, message: m.EventBatch | m.State | m.OutcomeNotice) -> None:
+        if self._zero_us is None:
+            if not isinstance(message, m.State):  # the first state ends the block that was joined in its middle
+                return
+            self._zero_us = message.t_us
+            return
+        if isinstance(message, m.EventBatch):
+            self._write_events(message, self._zero_us)
+        elif isinstance(message, m.State):
+            self._write_state(message, self._zero_us)
+        elif message.serve_us >= self._zero_us:
+            self._writer.append_rows("/episodes", _episode(message, self._zero_us))
+
+    def _write_events(self, batch: m.EventBatch, zero_us: int) -> None:
+        events, truth = batch.events(), batch.truth()
+        columns = (events.x_px, events.y_px, events.on, events.sensor)
+        self._writer.append(batch.camera, type(events).from_columns(events.t_us - zero_us, *columns))
+        shifted = PixelTruth(truth.t_us - zero_us, truth.u_px, truth.v_px, truth.r_px, truth.visible)
+        self._writer.write_truth(batch.camera, shifted)
+
+    def _write_state(self, state: m.State, zero_us: int) -> None:
+        ball = state.truth()
+        self._writer.write_ball(
+            BallTruth(ball.t_us - zero_us, ball.p_world_m, ball.v_world_mps, ball.spin_radps, ball.visible)
+        )
+        rows = state.racket
+        racket = {"p_world_m": rows[:, :3], "q_world_wxyz": rows[:, 3:7], "v_world_mps": rows[:, 7:10]}
+        self._writer.append_rows("/racket", {"t_us": state.racket_t_us - zero_us, **racket})
+        self._writer.extend_duration(state.t_us - zero_us)
+        self._blocks += 1
+        if self._blocks % FLUSH_BLOCKS == 0:
+            self._writer.flush()
+
+
+def _episode(notice: m.OutcomeNotice, zero_us: int) -> dict[str, np.ndarray]:
+    """One row of `/episodes`; goal, action and reward belong to a policy, which the simulation does not know."""
+    unknown = np.nan
+    return {
+        "serve_us": np.array([notice.serve_us - zero_us]),
+        "speed_mps": np.array([notice.speed_mps]),
+        "s": np.array([notice.arrival]),
+        "g": np.full((1, 2), unknown),
+        "a": np.full((1, 3), unknown),
+        "q_wxyz": np.array([notice.q_wxyz]),
+        "case": np.array([notice.case], np.int64),
+        "f": np.array([notice.landing_m]),
+        "s_next": np.array([notice.landing_m + notice.landing_v_mps]),
+        "reward": np.array([unknown]),
+        "policy": np.array([b"live"], "S16"),
+    }
