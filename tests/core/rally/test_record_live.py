@@ -44,8 +44,8 @@ def test_a_recorded_rally_plays_back_as_it_was_seen(client, tmp_path):
     live = LiveRecording()
     client.add_listener(live)
     recorder = LiveRecorder(client, tmp_path / "live.h5")
-    client.step(5)
-    wait_for(lambda: live.duration_us)
+    t_us = client.step(5).t_us
+    wait_for(lambda: live.duration_us >= t_us + 50_000)
     client.launch((1.0, 0.5, 0.3), (-5.0, 0.0, 1.0))
     t_us = client.step(120).t_us
     wait_for(lambda: live.duration_us >= t_us + 1_200_000)
