@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,12 +66,22 @@ class RacketCommand:
     target: RacketTarget
     stage: Stage
     """Of the prediction it answers."""
+    ball_m: Array
+    """(3,) where the ball's centre is expected at the impact."""
     action: Array
     """(3,) in [-1, 1]: the orientation as q = q_base qx qy qz, in units of the action limit."""
     landing_m: Array | None
     """(2,) expected landing point; None before the orientation is decided."""
     net_z_m: float | None
     """Expected height of the ball's centre over the net."""
+
+
+class Controller(Protocol):
+    """Answers a predicted ball with a racket command: the built-in one, or a learned policy."""
+
+    def command(self, t_c_s: float, p_c_m: ArrayLike, v_c_mps: ArrayLike, *, stage: Stage) -> RacketCommand | None:
+        """Where the racket goes for a ball that comes to the hitting plane at p_c with v_c at t_c; None: nowhere."""
+        ...
 
 
 class BuiltInController:
@@ -113,11 +123,11 @@ class BuiltInController:
         v_racket = np.array([stroke.speed_mps, 0.0, 0.0])
         if stage == "pre" and not self.config.orient_early:
             q = base_orientation(self.task.stroke)
-            return RacketCommand(target_for_ball(p, q, v_racket, t_c_s), stage, np.zeros(3), None, None)
+            return RacketCommand(target_for_ball(p, q, v_racket, t_c_s), stage, p, np.zeros(3), None, None)
         action = np.array([0.0, stroke.tilt_rad, stroke.turn_rad]) / self._limit
         q = orientations_from_actions(action, self.task.stroke)
         landing = np.array([stroke.landing_x_m, stroke.landing_y_m])
-        return RacketCommand(target_for_ball(p, q, v_racket, t_c_s), stage, action, landing, stroke.net_z_m)
+        return RacketCommand(target_for_ball(p, q, v_racket, t_c_s), stage, p, action, landing, stroke.net_z_m)
 
     def solve(self, ball: Array, target_m: ArrayLike) -> Stroke | None:
         """The stroke that sends a ball state (9,) to a landing point (2,) as nearly as the limits allow.

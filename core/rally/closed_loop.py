@@ -1,0 +1,143 @@
+"""Whole balls through perception: serve, events, detection, stereo, prediction, racket, outcome.
+
+Nothing of the truth reaches the racket. The world advances in blocks of 10 ms, and only then are its events seen: that
+is the delay of the perception here, on top of the window.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from core.detection.window import windows_between
+from core.errors import ConfigError
+from core.events import Events
+from core.rally.chain import ChainState, RallyChain
+from core.rally.config import ChainConfig
+from core.rally.controller import BuiltInController, ControllerConfig, RacketCommand
+from core.rally.link.world import Block, JudgedBall, SimulatedWorld, WorldConfig
+from core.simulation.physics.episode import Case
+
+logger = logging.getLogger(__name__)
+Array = NDArray[np.float64]
+
+LONGEST_BALL_S = 5.0
+"""No ball takes longer from the serve to its outcome; the simulation would be stuck."""
+REST_S = 0.15
+"""Quiet after an outcome, longer than the gap at which the chain forgets a flight."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlayedBall:
+    """One ball, and how the chain did with it."""
+
+    speed_mps: float
+    judged: JudgedBall
+    commands: tuple[RacketCommand, ...]
+    """As they were given; the last one is what the racket did."""
+    aim_error_m: float
+    """From where the ball crossed the hitting plane, or was hit, to where it was expected; NaN without a command."""
+
+    @property
+    def returned(self) -> bool:
+        """Case 4."""
+        return self.judged.outcome.case is Case.RETURNED
+
+    @property
+    def stage(self) -> str:
+        """Of the last command: none, pre or post."""
+        return self.commands[-1].stage if self.commands else "none"
+
+
+class ClosedLoop:
+    """A simulated world, and a chain and a controller that play in it."""
+
+    def __init__(
+        self,
+        world: WorldConfig,
+        cameras: Mapping[str, Camera],
+        *,
+        seed: int,
+        chain: ChainConfig | None = None,
+        controller: ControllerConfig | None = None,
+        window_us: int = 2000,
+    ) -> None:
+        """Raises CalibrationError if the cameras cannot see depth."""
+        self.world = SimulatedWorld(world, cameras, seed)
+        self.chain = RallyChain(cameras, chain, BuiltInController(world.task, controller))
+        self._window_us = window_us
+
+    def play(self, speed_mps: float) -> PlayedBall:
+        """Serve one ball of a speed and play it to its outcome.
+
+        Raises:
+            ConfigError: if there is no legal serve of that speed.
+        """
+        self.world.draw_serve(speed_mps)
+        self.chain.forget_flight()
+        commands: list[RacketCommand] = []
+        end_us = self.world.now_us + round(1e6 * LONGEST_BALL_S)
+        while self.world.now_us < end_us:
+            block = self.world.advance()
+            decided = [self._decide(state) for state in self._perceive(block)]
+            commands += [command for command in decided if command is not None]
+            if block.outcomes:
+                judged = block.outcomes[0]
+                self._rest()
+                return PlayedBall(speed_mps, judged, tuple(commands), _aim_error_m(judged, commands))
+        raise ConfigError("a ball without an outcome", got=f"{LONGEST_BALL_S} s after a {speed_mps:g} m/s serve")
+
+    def _rest(self) -> None:
+        """Let the ball roll out and the racket go back to its place."""
+        quiet_us = 0
+        while quiet_us < round(1e6 * REST_S):
+            block = self.world.advance()
+            for _ in self._perceive(block):
+                pass
+            quiet_us = 0 if self.world.ball_is_visible else quiet_us + block.end_us - block.start_us
+
+    def close(self) -> None:
+        """End the world's threads."""
+        self.world.close()
+
+    def _perceive(self, block: Block) -> Iterator[ChainState]:
+        names = list(block.events)
+        streams = [
+            windows_between(_BlockEvents(block.events[name]), block.start_us, block.end_us, self._window_us)
+            for name in names
+        ]
+        for windows in zip(*streams, strict=True):
+            yield self.chain.step(dict(zip(names, windows, strict=True)))
+
+    def _decide(self, state: ChainState) -> RacketCommand | None:
+        """Give the racket a command that a new prediction led to, if there is still time and it can go there."""
+        command = state.command
+        if command is None or not state.is_new or command.target.t_s <= self.world.now_us * 1e-6:
+            return None
+        try:
+            self.world.aim(command.target)
+        except ConfigError as error:
+            logger.info("racket target refused: %s", error)
+            return None
+        return command
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _BlockEvents:
+    """One camera's events of a block, as a source of windows."""
+
+    events: Events
+
+    def slice(self, start_us: int, end_us: int) -> Events:
+        return self.events.between(start_us, end_us)
+
+
+def _aim_error_m(judged: JudgedBall, commands: list[RacketCommand]) -> float:
+    if not commands:
+        return float("nan")
+    return float(np.linalg.norm(judged.arrival[1:3] - commands[-1].ball_m[1:3]))

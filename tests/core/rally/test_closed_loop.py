@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+
+from core.cameras import stereo_preset
+from core.rally.closed_loop import ClosedLoop, PlayedBall
+from core.rally.link.world import WorldConfig
+from core.simulation.physics.episode import Case
+
+BALLS = 2
+
+
+@pytest.fixture(scope="module")
+def played() -> tuple[list[PlayedBall], int]:
+    """Some balls at 5 m/s through perception, and the time they took in the world."""
+    loop = ClosedLoop(WorldConfig(), stereo_preset(), seed=5)
+    try:
+        return [loop.play(5.0) for _ in range(BALLS)], loop.world.now_us
+    finally:
+        loop.close()
+
+
+def test_balls_are_returned_through_perception_alone(played) -> None:
+    balls, _ = played
+    assert all(ball.returned for ball in balls)
+    assert all(ball.judged.outcome.case is Case.RETURNED for ball in balls)
+
+
+def test_the_racket_moves_early_and_is_corrected_after_the_bounce(played) -> None:
+    for ball in played[0]:
+        stages = [command.stage for command in ball.commands]
+        assert stages == sorted(stages, reverse=True), "pre comes before post"
+        assert stages.count("pre") >= 5 and stages.count("post") >= 1
+        first_post = stages.index("post")
+        assert not any(command.action.any() for command in ball.commands[:first_post])
+        assert ball.commands[-1].action.any()
+        assert ball.stage == "post"
+
+
+def test_the_last_command_expects_the_ball_where_it_comes(played) -> None:
+    for ball in played[0]:
+        assert ball.aim_error_m < 0.03
+        assert abs(ball.commands[-1].ball_m[0] + 1.42) < 1e-9
+        assert ball.aim_error_m == np.linalg.norm(ball.judged.arrival[1:3] - ball.commands[-1].ball_m[1:3])
+
+
+def test_a_world_without_enough_light_misses_every_ball_and_says_so() -> None:
+    """A ball as dark as the room makes no events: the chain finds nothing, and no command is given."""
+    from core.simulation import SceneConfig, StereoConfig
+
+    dark = SceneConfig(ball=0.12, table=0.12, line=0.12, floor=0.12, wall=0.12, net=0.12, ambient=1.0, shadow=0.0)
+    loop = ClosedLoop(WorldConfig(stereo=StereoConfig(scene=dark)), stereo_preset(), seed=1)
+    try:
+        ball = loop.play(5.0)
+    finally:
+        loop.close()
+    assert ball.judged.outcome.case is Case.MISSED
+    assert ball.commands == () and ball.stage == "none" and np.isnan(ball.aim_error_m)
