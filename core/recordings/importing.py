@@ -91,15 +91,18 @@ def import_recording(
     sensors = {feed.name: feed.source.sensor for feed in feeds}
     if frames is not None:
         sensors[FRAME_CAMERA] = first_image_size(frames.images)
-    writer = RecordingWriter(
-        destination,
-        sensors,
-        calibration=_match_calibration(calibration or {}, list(sensors)),
-        time_offsets_us={feed.name: zero_us - feed.clock_us for feed in feeds},
-        uuid=source_uuid(sources, list(sensors), str(sensor), offset_us),
-        overwrite=overwrite,
-    )
+    matched = _match_calibration(calibration or {}, list(sensors))
+    uuid = source_uuid(sources, list(sensors), str(sensor), offset_us)
+    writer: RecordingWriter | None = None
     try:
+        writer = RecordingWriter(
+            destination,
+            sensors,
+            calibration=matched,
+            time_offsets_us={feed.name: zero_us - feed.clock_us for feed in feeds},
+            uuid=uuid,
+            overwrite=overwrite,
+        )
         done = _copy_events(writer, feeds, zero_us, progress, cancelled)
         if done and frames is not None:
             _copy_frames(writer, frames, zero_us)
@@ -108,8 +111,11 @@ def import_recording(
             return None
         notes = _write_notes(writer, feeds, sources)
         writer.close()
-    except BaseException:
-        if writer.failed:  # the disk is full: what is there may be of use
+    except BaseException as error:
+        if writer is None:
+            if isinstance(error, KeyboardInterrupt):  # while the file was being made
+                destination.unlink(missing_ok=True)
+        elif writer.failed:  # the disk is full: what is there may be of use
             writer.close()
         else:
             writer.discard()
