@@ -2,15 +2,5 @@
 
 from core.rally.chain import BallPoint, ChainState, RallyChain
 from core.rally.config import ChainConfig
-from core.rally.controller import BuiltInController, Controller, ControllerConfig, RacketCommand
 
-__all__ = [
-    "BallPoint",
-    "BuiltInController",
-    "ChainConfig",
-    "ChainState",
-    "Controller",
-    "ControllerConfig",
-    "RacketCommand",
-    "RallyChain",
-]
+__all__ = ["BallPoint", "ChainConfig", "ChainState", "RallyChain"]

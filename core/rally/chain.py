@@ -1,4 +1,4 @@
-"""The chain: the windows of all cameras -> detections -> one point in space -> the prediction of its flight -> racket.
+"""The chain: the windows of all cameras -> detections -> one point in space -> the prediction of its flight.
 
 One object for the live rally, recordings and learning; it knows nothing of where the windows come from.
 """
@@ -17,7 +17,6 @@ from core.detection import Detection, Detector, make_detector
 from core.errors import RecordingError
 from core.events import Window
 from core.rally.config import ChainConfig
-from core.rally.controller import Controller, RacketCommand
 from core.rally.flight_gate import FlightGate, Verdict
 from core.rally.one_time import CommonTime
 from core.rally.size_check import SizeCheck
@@ -46,12 +45,11 @@ class StageSeconds:
     """All cameras together."""
     triangulate: float
     predict: float
-    control: float
 
     @property
     def total(self) -> float:
         """The whole step."""
-        return self.detect + self.triangulate + self.predict + self.control
+        return self.detect + self.triangulate + self.predict
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,21 +70,15 @@ class ChainState:
     """Whether the prediction was made in this step."""
     bounces_us: tuple[int, ...]
     """Bounces seen in this flight."""
-    command: RacketCommand | None
-    """The newest of this flight, decided anew with every prediction of the hitting plane; None without a controller."""
     seconds: StageSeconds
 
 
 class RallyChain:
     """Follows one ball with two or more calibrated cameras."""
 
-    def __init__(
-        self, cameras: Mapping[str, Camera], config: ChainConfig | None = None, controller: Controller | None = None
-    ) -> None:
+    def __init__(self, cameras: Mapping[str, Camera], config: ChainConfig | None = None) -> None:
         """Raises CalibrationError if the cameras cannot see depth."""
         self.config = config or ChainConfig()
-        self.controller = controller
-        self._command: RacketCommand | None = None
         self.rig = StereoRig(cameras, self.config.triangulation)
         self._detectors: dict[str, Detector] = {
             name: make_detector(self.config.method, camera.sensor, self.config.detector)
@@ -111,7 +103,6 @@ class RallyChain:
         """Expect a new ball; the detectors go on as they are."""
         self._gate.reset()
         self._predictor.reset()
-        self._command = None
 
     def step(self, windows: Mapping[str, Window]) -> ChainState:
         """Take the next window of each camera (or of some of them), in order of time.
@@ -130,12 +121,7 @@ class RallyChain:
         triangulated = time.perf_counter()
         verdict = None if point is None else self._gate.judge(point.t_us, point.p_world_m)
         fresh = self._follow(point, verdict)
-        predicted = time.perf_counter()
-        self._command = self._decide(fresh)
-        decided = time.perf_counter()
-        seconds = StageSeconds(
-            detected - started, triangulated - detected, predicted - triangulated, decided - predicted
-        )
+        seconds = StageSeconds(detected - started, triangulated - detected, time.perf_counter() - triangulated)
         return ChainState(
             t_us=max(window.end_us for window in windows.values()),
             detections=detections,
@@ -144,7 +130,6 @@ class RallyChain:
             prediction=self._predictor.latest,
             is_new=fresh is not None,
             bounces_us=self._predictor.bounces_us,
-            command=self._command,
             seconds=seconds,
         )
 
@@ -198,13 +183,3 @@ class RallyChain:
         if verdict != "same flight":
             self._predictor.reset()
         return None if verdict == "struck" else self._predictor.add(point.t_us, point.p_world_m)
-
-    def _decide(self, fresh: Prediction | None) -> RacketCommand | None:
-        """What the racket is to do: the present command, or another one after a new prediction."""
-        if self.controller is None or self._predictor.latest is None:
-            return None
-        if fresh is None or fresh.hit_plane is None:
-            return self._command
-        hit = fresh.hit_plane
-        answer = self.controller.command(hit.t_s, hit.p_world_m, hit.v_world_mps, stage=hit.stage)
-        return answer or self._command

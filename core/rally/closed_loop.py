@@ -17,10 +17,11 @@ from core.cameras import Camera
 from core.detection.window import windows_between
 from core.errors import ConfigError
 from core.events import Events
-from core.rally.chain import ChainState, RallyChain
+from core.rally.chain import RallyChain
 from core.rally.config import ChainConfig
 from core.rally.controller import BuiltInController, ControllerConfig, RacketCommand
 from core.rally.link.world import Block, JudgedBall, SimulatedWorld, WorldConfig
+from core.rally.player import Player, PlayerState
 from core.simulation.physics.episode import Case
 
 logger = logging.getLogger(__name__)
@@ -69,7 +70,7 @@ class ClosedLoop:
     ) -> None:
         """Raises CalibrationError if the cameras cannot see depth."""
         self.world = SimulatedWorld(world, cameras, seed)
-        self.chain = RallyChain(cameras, chain, BuiltInController(world.task, controller))
+        self.player = Player(RallyChain(cameras, chain), BuiltInController(world.task, controller))
         self._window_us = window_us
 
     def play(self, speed_mps: float) -> PlayedBall:
@@ -79,7 +80,7 @@ class ClosedLoop:
             ConfigError: if there is no legal serve of that speed.
         """
         self.world.draw_serve(speed_mps)
-        self.chain.forget_flight()
+        self.player.forget_flight()
         commands: list[RacketCommand] = []
         end_us = self.world.now_us + round(1e6 * LONGEST_BALL_S)
         while self.world.now_us < end_us:
@@ -105,16 +106,16 @@ class ClosedLoop:
         """End the world's threads."""
         self.world.close()
 
-    def _perceive(self, block: Block) -> Iterator[ChainState]:
+    def _perceive(self, block: Block) -> Iterator[PlayerState]:
         names = list(block.events)
         streams = [
             windows_between(_BlockEvents(block.events[name]), block.start_us, block.end_us, self._window_us)
             for name in names
         ]
         for windows in zip(*streams, strict=True):
-            yield self.chain.step(dict(zip(names, windows, strict=True)))
+            yield self.player.step(dict(zip(names, windows, strict=True)))
 
-    def _decide(self, state: ChainState) -> RacketCommand | None:
+    def _decide(self, state: PlayerState) -> RacketCommand | None:
         """Give the racket a command that a new prediction led to, if there is still time and it can go there."""
         command = state.command
         if command is None or not state.is_new or command.target.t_s <= self.world.now_us * 1e-6:

@@ -1,0 +1,63 @@
+"""The chain with a controller behind it: every prediction of the hitting plane is answered with a racket command."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from core.events import Window
+from core.rally.chain import ChainState, RallyChain
+from core.rally.controller import Controller, RacketCommand
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlayerState:
+    """What is known and decided after one step."""
+
+    chain: ChainState
+    command: RacketCommand | None
+    """The newest of this flight, maybe of an earlier step; None before there is one."""
+    is_new: bool
+    """Whether it was decided in this step."""
+    control_s: float
+    """Wall time of deciding; the chain's stages tell their own."""
+
+
+class Player:
+    """Sees and decides; what carries out the commands is somebody else's."""
+
+    def __init__(self, chain: RallyChain, controller: Controller) -> None:
+        self.chain = chain
+        self.controller = controller
+        self._command: RacketCommand | None = None
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.chain.reset()
+        self._command = None
+
+    def forget_flight(self) -> None:
+        """Expect a new ball."""
+        self.chain.forget_flight()
+        self._command = None
+
+    def step(self, windows: Mapping[str, Window]) -> PlayerState:
+        """Take the next window of each camera, in order of time.
+
+        Raises:
+            RecordingError: for a camera that the chain does not have.
+        """
+        state = self.chain.step(windows)
+        started = time.perf_counter()
+        answer = self._answer(state)
+        if state.prediction is None:
+            self._command = None
+        self._command = answer or self._command
+        return PlayerState(state, self._command, answer is not None, time.perf_counter() - started)
+
+    def _answer(self, state: ChainState) -> RacketCommand | None:
+        if not state.is_new or state.prediction is None or state.prediction.hit_plane is None:
+            return None
+        hit = state.prediction.hit_plane
+        return self.controller.command(hit.t_s, hit.p_world_m, hit.v_world_mps, stage=hit.stage)
