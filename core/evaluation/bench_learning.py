@@ -6,7 +6,7 @@ An interrupted bench goes on where it was; `write_report` can be called at any t
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numba
@@ -15,13 +15,14 @@ import torch
 
 from core.evaluation.learning_plan import Counts, Experiment, plan
 from core.evaluation.learning_report import write_report
-from core.evaluation.learning_runs import SeedResult, train_experiment
+from core.evaluation.learning_runs import SeedResult, load_results, train_seed
 from core.learning.summary import number, spread_of
 
 Progress = Callable[[float], None]
 
 FOLDER = Path("rallyscope-data/bench-learning")
 REPORT = Path("docs/learning-report.md")
+SEEDS_AT_A_TIME = 5
 
 
 def run(
@@ -30,27 +31,41 @@ def run(
     """A row per training, the report's place, and the machine."""
     counts = counts or Counts()
     experiments = plan(counts)
-    results: dict[str, list[SeedResult]] = {}
-    total = sum(experiment.config.episodes * experiment.config.seeds for experiment in experiments)
-    done = 0
-    for experiment in experiments:
-        work = experiment.config.episodes * experiment.config.seeds
-        start = done
-
-        def show(share: float, start: int = start, work: int = work) -> None:
-            progress((start + share * work) / total)
-
-        results[experiment.name] = train_experiment(experiment, folder, show)
-        done += work
     machine = describe_machine()
     if report == REPORT and not report.parent.is_dir():
         report = folder / REPORT.name  # not in a source checkout
+    total = sum(experiment.config.episodes * experiment.config.seeds for experiment in experiments)
+    done = 0
+    for batch in batches(experiments):
+        trained = 0
+        for experiment, seed in batch:
+            trained += train_seed(experiment, folder, seed)
+            done += experiment.config.episodes
+            progress(done / total)
+        if trained:
+            # A batch may take a quarter of an hour: what there is can be read meanwhile.
+            write_report(report, experiments, load_all(experiments, folder), counts, machine)
+    results = load_all(experiments, folder)
     write_report(report, experiments, results, counts, machine)
     return {
         "rows": [_row(experiment, results[experiment.name]) for experiment in experiments],
         "report": str(report),
         "machine": machine,
     }
+
+
+def batches(experiments: Sequence[Experiment]) -> list[list[tuple[Experiment, int]]]:
+    """All trainings, in batches of a few seeds of everything: whenever it is interrupted, every row has its share."""
+    found: dict[int, list[tuple[Experiment, int]]] = {}
+    for experiment in experiments:
+        for k in range(experiment.config.seeds):
+            found.setdefault(k // SEEDS_AT_A_TIME, []).append((experiment, experiment.config.first_seed + k))
+    return [found[number] for number in sorted(found)]
+
+
+def load_all(experiments: Sequence[Experiment], folder: Path) -> dict[str, list[SeedResult]]:
+    """What there is of every experiment."""
+    return {experiment.name: load_results(experiment, folder) for experiment in experiments}
 
 
 def describe_machine() -> str:

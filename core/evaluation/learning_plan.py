@@ -25,6 +25,8 @@ from core.learning.config import (
     environment_profile,
 )
 
+Exploration = Literal["default", "matched"]
+EXPLORATIONS: tuple[Exploration, ...] = ("default", "matched")
 RIVALS: tuple[AgentName, ...] = ("ppo", "a2c", "trpo", "td3", "sac")
 REWARDS: tuple[RewardKind, ...] = ("simple", "case", "cdta")
 MINOR = ("variant", "beta", "reward-slow", "model-hard-9", "model-shaky", "model-biased", "model-privileged")
@@ -143,6 +145,7 @@ def _variants() -> list[Experiment]:
         Experiment("variant-fixed-target", paper(climb, environment=fixed)),
         Experiment("variant-true-state", paper(climb, environment=truth)),
     ]
+    found.append(Experiment("variant-climb", paper(ladder((3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), (600,) + (300,) * 6))))
     slow = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
     found.append(Experiment("variant-slow", paper(climb, ddpg=slow)))
     found.append(Experiment("variant-equal-rates", paper(climb, ddpg=DdpgConfig(actor_rate=1e-3, critic_rate=1e-3))))
@@ -160,21 +163,25 @@ def _variants() -> list[Experiment]:
 
 
 def _rivals() -> list[Experiment]:
-    found = []
-    for exploration in ("matched", "default"):
-        for name, curriculum in (
-            ("4", ladder((4.0,), (1000,), "retain")),
-            ("5", ladder((5.0,), (1700,), "retain")),
-            ("ladder", ladder((3.0, 5.0), (800, 900), "retain")),
-        ):
-            found += [
-                Experiment(f"rival-{name}-{exploration}-{agent}", _rival(agent, exploration, curriculum))
-                for agent in RIVALS
-            ]
-    return found
+    found = {}
+    for name, curriculum in (
+        ("5", ladder((5.0,), (1700,), "retain")),
+        ("4", ladder((4.0,), (1000,), "retain")),
+        ("ladder", ladder((3.0, 5.0), (800, 900), "retain")),
+    ):
+        for exploration in EXPLORATIONS:
+            for agent in RIVALS:
+                training = rival_training(name, exploration, agent)
+                found[training] = Experiment(training, _rival(agent, exploration, curriculum))
+    return list(found.values())
 
 
-def _rival(agent: AgentName, exploration: Literal["default", "matched"], curriculum: CurriculumConfig) -> RunConfig:
+def rival_training(name: str, exploration: Exploration, agent: AgentName) -> str:
+    """The experiment of a rival. TD3's default exploration and rate are the matched ones: it is trained once."""
+    return f"rival-{name}-{'matched' if agent == 'td3' else exploration}-{agent}"
+
+
+def _rival(agent: AgentName, exploration: Exploration, curriculum: CurriculumConfig) -> RunConfig:
     return dataclasses.replace(default_run(agent), curriculum=curriculum, rival=RivalConfig(exploration=exploration))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from core.evaluation.learning_plan import RIVALS, RULES, Counts, Experiment
+from core.evaluation.learning_plan import EXPLORATIONS, RIVALS, RULES, Counts, Experiment, rival_training
 from core.evaluation.learning_runs import SeedResult
 from core.evaluation.learning_tables import at, binomial_interval, curve, millimetres, paired, percent, table
 from core.evaluation.learning_targets import targets_table
@@ -156,9 +156,9 @@ def _against_rivals(results: Results) -> str:
         ("ladder", "5 m/s; everybody 800 episodes at 3 m/s, then 900", "replay-threshold", 1700, 5.0),
     ):
         rows = [_rival_row("**paper's agent (DDPG, CDTA)**", results.get(ours, ()), episode, speed)]
-        for exploration in ("default", "matched"):
+        for exploration in EXPLORATIONS:
             for agent in RIVALS:
-                found = results.get(f"rival-{name}-{exploration}-{agent}", ())
+                found = results.get(rival_training(name, exploration, agent), ())
                 rows.append(_rival_row(f"{agent.upper()}, {exploration}", found, episode, speed))
         if name != "4":
             rows.append(_rival_row("landing model (beyond the paper)", results.get("model-5", ()), 1700, 5.0))

@@ -6,7 +6,7 @@ import hashlib
 import math
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,8 +19,6 @@ from core.learning.config import RunConfig
 from core.learning.run_files import create_run, load_policy, read_lines, seed_files
 from core.learning.running import run_training
 from core.learning.scoring import Examiner, five_best_mm
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,15 +56,13 @@ class SeedResult:
         return five_best_mm([e.error_mm for e in self.evaluations if e.speed_mps == speed_mps])
 
 
-def train_experiment(experiment: Experiment, folder: Path, progress: Progress) -> list[SeedResult]:
-    """All seeds; those that are in the folder already are not trained again."""
-    config = experiment.config
-    for k in range(config.seeds):
-        path = _path(experiment, folder, config.first_seed + k)
-        if not path.exists():
-            write_json(path, _train_seed(experiment, config.first_seed + k, path.with_suffix(".run")))
-        progress((k + 1) / config.seeds)
-    return load_results(experiment, folder)
+def train_seed(experiment: Experiment, folder: Path, seed: int) -> bool:
+    """One seed; False if it is in the folder already and was not trained again."""
+    path = _path(experiment, folder, seed)
+    if path.exists():
+        return False
+    write_json(path, _train_seed(experiment, seed, path.with_suffix(".run")))
+    return True
 
 
 def load_results(experiment: Experiment, folder: Path) -> list[SeedResult]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from core.evaluation.learning_plan import RIVALS
+from core.evaluation.learning_plan import EXPLORATIONS, RIVALS, Exploration, rival_training
 from core.evaluation.learning_runs import SeedResult, values_at
 from core.evaluation.learning_tables import paired
 from core.learning.baselines import trusting_actions
@@ -43,16 +43,16 @@ def verdicts(results: Results) -> str:
     a, b = results.get("replay-threshold", ()), results.get("replay-scratch", ())
     lines.append(f"- The stage at 3 m/s helps against 1,700 episodes at 5 m/s, mm: {paired(a, b, 1700, 'error_mm')}.")
     for speed, ours, episode, percent in MARGINS:
-        for exploration in ("default", "matched"):
+        for exploration in EXPLORATIONS:
             lines.append(_margin(results, speed, exploration, ours, episode, percent))
     return "\n".join(lines) + NOTE
 
 
-def _margin(results: Results, speed: str, exploration: str, ours: str, episode: int, percent: float) -> str:
+def _margin(results: Results, speed: str, exploration: Exploration, ours: str, episode: int, percent: float) -> str:
     own = spread_of(values_at(results.get(ours, ()), episode, "error_mm")).mean
     parts, reached = [], []
     for agent in RIVALS:
-        theirs = spread_of(values_at(results.get(f"rival-{speed}-{exploration}-{agent}", ()), episode, "error_mm"))
+        theirs = spread_of(values_at(results.get(rival_training(speed, exploration, agent), ()), episode, "error_mm"))
         if theirs.count and own == own:
             nearer = 100 * (1 - own / theirs.mean)
             parts.append(f"{agent.upper()} {nearer:+.0f} %")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from core.evaluation import bench_learning, learning_runs
-from core.evaluation.learning_plan import Counts, plan
+from core.evaluation.learning_plan import EXPLORATIONS, RIVALS, Counts, plan, rival_training
 from core.evaluation.learning_tables import binomial_interval, paired
 from core.evaluation.learning_targets import TARGETS
 from core.evaluation.line_chart import Line, line_chart
@@ -34,6 +34,23 @@ def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monke
 
     monkeypatch.setattr(learning_runs, "run_training", never)
     assert bench_learning.run(lambda share: None, **where)["rows"] == rows  # type: ignore[arg-type]
+
+
+def test_a_batch_holds_a_few_seeds_of_every_training_and_all_batches_every_seed_once() -> None:
+    experiments = plan(Counts())
+    found = bench_learning.batches(experiments)
+    assert {e.name for e, _ in found[0]} == {e.name for e in experiments}
+    assert {seed for _, seed in found[0]} == set(range(bench_learning.SEEDS_AT_A_TIME))
+    flat = [(e.name, seed) for batch in found for e, seed in batch]
+    assert len(flat) == len(set(flat)) == sum(e.config.seeds for e in experiments)
+
+
+def test_td3_is_not_trained_twice_for_an_exploration_that_is_its_default() -> None:
+    names = {e.name for e in plan(Counts())}
+    for exploration in EXPLORATIONS:
+        assert {rival_training("5", exploration, agent) for agent in RIVALS} <= names
+    assert rival_training("5", "default", "td3") == rival_training("5", "matched", "td3")
+    assert rival_training("5", "default", "sac") != rival_training("5", "matched", "sac")
 
 
 def test_every_figure_aimed_at_is_the_episode_of_an_evaluation_of_a_planned_training() -> None:
