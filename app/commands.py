@@ -13,7 +13,7 @@ from typing import Protocol
 from app.pictures.event_picture import RENDERINGS, Rendering
 from app.pictures.palette import POLARITY_COLOURS, PolarityColours
 from app.playback import STEPS_US
-from app.state import ARRANGEMENTS, MODES, OVERLAYS, SLOTS, Arrangement, ClientState, Configs, Mode, Overlay, Slot
+from app.state import ARRANGEMENTS, MODES, OVERLAYS, SLOTS, Arrangement, ClientState, Configs, ModeName, Overlay, Slot
 from core.config import replace_setting
 from core.detection import DetectorConfig
 
@@ -29,7 +29,7 @@ class Command(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SetMode:
-    mode: Mode
+    mode: ModeName
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         return replace(state, mode=self.mode) if self.mode in MODES else state

@@ -17,7 +17,7 @@ from app.panels.score import ScorePanel
 from app.panels.settings import SettingsPanel
 from app.panels.transport import TransportPanel
 from app.panels.tune_view import TuneViewPanel
-from app.state import MODES, ClientState
+from app.state import ClientState
 from app.views import Answer
 from app.widgets import Choice, Listing
 
@@ -39,8 +39,15 @@ class Actions(Protocol):
 class Interface:
     """Builds the controls once; `show` makes them follow the state."""
 
-    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None], actions: Actions) -> None:
-        self._mode = Choice(gui, "Mode", MODES, lambda mode: send(SetMode(mode)))  # type: ignore[arg-type]
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        send: Callable[[Command], None],
+        send_key: Callable[[Command], None],
+        actions: Actions,
+        modes: tuple[str, ...],
+    ) -> None:
+        self._mode = Choice(gui, "Mode", modes, lambda mode: send(SetMode(mode)))  # type: ignore[arg-type]
         self._recording = Listing(gui, "Recording", actions.open_recording, hint="Recordings of the workspace")
         self._transport = TransportPanel(gui, send)
         self._tune_folder = gui.add_folder(None, visible=False)
@@ -60,16 +67,18 @@ class Interface:
             with panel.add_tab("Keys", viser.Icon.KEYBOARD):
                 gui.add_html(keys_html())
             panel.float(x=PANEL_X_PX, y=PANEL_Y_PX, width=PANEL_SIZE_PX[0], height=PANEL_SIZE_PX[1])
-        add_keys(gui, send, actions.reframe)
+        add_keys(gui, send_key, actions.reframe)
 
-    def show(self, state: ClientState, now_us: int) -> None:
+    def show(self, state: ClientState, now_us: int, *, uses_recording: bool, shows_events: bool) -> None:
         """Make every control follow the state."""
         tuning = state.mode == "Tune"
+        self._recording.visible = self._transport.visible = uses_recording
+        self._picture.visible = uses_recording
         self._mode.show(state.mode)
         self._recording.show(state.recording)
         self._tune_folder.visible = tuning
         self._results.visible = tuning
-        self._info.panel.visible = not tuning
+        self._info.panel.visible = shows_events and not tuning
         self._transport.show(state, now_us)
         self._picture.show(state)
         self._tune_view.show(state)

@@ -28,10 +28,12 @@ class PicturePlane:
         self._images: list[viser.ImageHandle] = []
         self._framed: tuple[float, ...] | None = None
         self._sheet = Sheet((), 16, 9)
+        self._visible = True
 
         async def clicked(event: viser.SceneClickEvent) -> None:  # async: in the order of the clicks
-            x, y = sheet_point(np.array(event.ray_origin), np.array(event.ray_direction))
-            on_click(x, y)
+            if self._visible:
+                x, y = sheet_point(np.array(event.ray_origin), np.array(event.ray_direction))
+                on_click(x, y)
 
         client.scene.on_click()(clicked)  # pyright: ignore[reportArgumentType]
 
@@ -44,6 +46,16 @@ class PicturePlane:
         """What is shown now."""
         return self._sheet
 
+    def set_visible(self, visible: bool) -> None:
+        """Whether it is what the middle of the window shows; shown again, it is framed again."""
+        if visible == self._visible:
+            return
+        self._visible = visible
+        with self._client.atomic():
+            for image, _ in zip(self._images, self._sheet.pictures, strict=False):
+                image.visible = visible
+        self.frame(again=True)
+
     def show(self, sheet: Sheet) -> None:
         """Replace what is shown; frames it anew when its shape changed."""
         self._sheet = sheet
@@ -55,13 +67,15 @@ class PicturePlane:
                 centre = (picture.x + picture.width / 2, picture.y + picture.height / 2)
                 image.position = (centre[0] * UNIT, centre[1] * UNIT, 0.0)
                 set_png(image, picture.png)
-                image.visible = True
+                image.visible = self._visible
             for image in self._images[len(sheet.pictures) :]:
                 image.visible = False
         self.frame()
 
     def frame(self, *, again: bool = False) -> None:
         """Put the camera where the whole sheet fits above the lower panel; `again` also when nothing changed."""
+        if not self._visible:
+            return
         aspect = self._client.camera.aspect
         wanted = (float(self._sheet.width), float(self._sheet.height), round(aspect, 3))
         if wanted == self._framed and not again:

@@ -10,16 +10,18 @@ from dataclasses import replace
 
 import viser
 
-from app.commands import Command, LookAt, TogglePlay, UseConfig
+from app.commands import Command, LookAt, SetMode, TogglePlay, UseConfig
 from app.history import History
 from app.interface import Interface
 from app.jobs import Job
 from app.library import Library
+from app.modes import FACTORIES, Mode
 from app.panels.recording_info import RecordingInfo, gather_info
 from app.plane import PicturePlane
 from app.playback import Playhead
+from app.scene.world import World
 from app.sheet import Sheet
-from app.state import ClientState, Configs
+from app.state import MODES, ClientState, Configs
 from app.views import Answer, TuneRequest, WatchRequest, answer_request
 from app.worker import LatestWins
 from app.workspace import Workspace
@@ -32,6 +34,8 @@ from core.recordings import Recording
 logger = logging.getLogger(__name__)
 TIME_SHOWN_EVERY_S = 0.1
 NOTE_SECONDS = 8.0
+OWN_MODES = ("Watch", "Tune")
+"""Modes whose pictures the session makes itself."""
 
 
 class Session:
@@ -46,9 +50,10 @@ class Session:
         wake: Callable[[], None],
         config: DetectorConfig,
     ) -> None:
-        self._client = client
-        self._library = library
-        self._workspace = workspace
+        self.client = client
+        self.library = library
+        self.workspace = workspace
+        self.pool = pool
         self._wake = wake
         self._first_config = config
         self._inbox: queue.SimpleQueue[Command | Callable[[], None]] = queue.SimpleQueue()
@@ -61,14 +66,27 @@ class Session:
         self._requested: object = None
         self._time_shown_s = 0.0
         self._autoplay = False
-        self._plane = PicturePlane(client, self._clicked)
-        self._interface = Interface(client.gui, self.send, self)
+        self.plane = PicturePlane(client, self._clicked)
+        self.world = World(client)
+        offered = tuple(name for name in MODES if name in OWN_MODES or name in FACTORIES)
+        self._interface = Interface(client.gui, self.send, self._send_key, self, offered)
+        self._modes: dict[str, Mode] = {name: FACTORIES[name](self) for name in offered if name in FACTORIES}
+        self._active: str | None = None
 
     # What the browser asks for, from viser's event loop ---------------------------------------------------------
 
     def send(self, command: Command) -> None:
         """Enqueue a command."""
         self._enqueue(command)
+
+    def later(self, act: Callable[[], None]) -> None:
+        """Call `act` in the loop."""
+        self._enqueue(act)
+
+    def _send_key(self, command: Command) -> None:
+        mode = None if self._state is None else self._modes.get(self._state.mode)
+        if mode is None or not mode.takes_keys or isinstance(command, SetMode):
+            self.send(command)
 
     def open_recording(self, name: str) -> None:
         """Open another recording of the library."""
@@ -96,12 +114,10 @@ class Session:
 
     def reframe(self) -> None:
         """Put the picture back into the middle."""
-        self._enqueue(lambda: self._plane.frame(again=True))
+        self._enqueue(lambda: self.plane.frame(again=True))
 
     def _clicked(self, x: float, y: float) -> None:
-        point = self._plane.sheet.sensor_point(x, y)
-        if point is not None and self._state is not None and self._state.mode == "Tune":
-            self.send(LookAt(point))
+        self._enqueue(lambda: self._apply_click(x, y))
 
     # The loop -----------------------------------------------------------------------------------------------------
 
@@ -115,20 +131,43 @@ class Session:
                 elif self._state is not None:
                     self._state = item.apply(self._state, wall_s)
             except RallyscopeError as error:
-                self._report(error)
+                self.report(error)
         if self._state is None or self._recording is None:
             return
         self._state = replace(self._state, playhead=self._state.playhead.settle(wall_s))
         now_us = self._state.playhead.position_us(wall_s)
+        mode = self._choose_mode(self._state)
         if self._state != self._shown:
             self._shown = self._state
-            with self._client.atomic():
-                self._interface.show(self._state, now_us)
+            with self.client.atomic():
+                self._interface.show(
+                    self._state,
+                    now_us,
+                    uses_recording=mode is None or mode.uses_recording,
+                    shows_events=mode is None or mode.middle == "events",
+                )
         if wall_s - self._time_shown_s >= TIME_SHOWN_EVERY_S:
             self._time_shown_s = wall_s
             self._interface.show_time(self._state, now_us)
             self._show_score_progress()
-        self._request_picture(self._state, self._recording, now_us)
+        middle = "events" if mode is None else mode.middle
+        self.world.show(middle == "world")
+        self.plane.set_visible(middle != "world")
+        if middle == "events":
+            self._request_picture(self._state, self._recording, now_us)
+        if mode is not None:
+            mode.tick(self._state, now_us, wall_s)
+
+    def _choose_mode(self, state: ClientState) -> Mode | None:
+        """The mode that is chosen; tells the one before that it is over."""
+        if state.mode != self._active:
+            self._requested = None
+            for name in (self._active, state.mode):
+                if name in self._modes:
+                    with self.client.atomic():
+                        self._modes[name].show(name == state.mode)
+            self._active = state.mode
+        return self._modes.get(state.mode)
 
     @property
     def state(self) -> ClientState | None:
@@ -136,14 +175,23 @@ class Session:
         return self._state
 
     @property
+    def recording(self) -> Recording | None:
+        """The one that is open."""
+        return self._recording
+
+    @property
     def sheet(self) -> Sheet:
         """What it shows now."""
-        return self._plane.sheet
+        return self.plane.sheet
 
     @property
     def restless(self) -> bool:
         """Something moves by itself: the loop must not sleep long."""
-        return self._state is not None and (self._state.playhead.playing or self._score is not None)
+        if self._state is None:
+            return False
+        mode = self._modes.get(self._state.mode)
+        moving = mode is not None and mode.restless
+        return moving or self._state.playhead.playing or self._score is not None
 
     def offer(self, recordings: tuple[str, ...], configs: tuple[str, ...]) -> None:
         """What the workspace holds now; called by the loop."""
@@ -154,6 +202,8 @@ class Session:
         """The browser is gone."""
         self._pictures.close()
         self._openings.close()
+        for mode in self._modes.values():
+            mode.close()
         if self._score is not None:
             self._score.cancel()
 
@@ -178,22 +228,23 @@ class Session:
 
     def _show_answer(self, request: WatchRequest | TuneRequest, answer: Answer) -> None:
         assert self._state is not None
-        if isinstance(request, TuneRequest) != (self._state.mode == "Tune"):
+        mode = self._modes.get(self._state.mode)
+        if isinstance(request, TuneRequest) != (self._state.mode == "Tune") or (mode and mode.middle != "events"):
             return  # the mode changed meanwhile; the next answer is on its way
-        self._plane.show(answer.sheet)
+        self.plane.show(answer.sheet)
         if isinstance(request, TuneRequest):
             names = tuple(name for name, _ in request.configs)
             edited = names.index(request.view.slot)
-            with self._client.atomic():
+            with self.client.atomic():
                 self._interface.show_answer(answer, names, edited)
 
     # Recordings and configs ---------------------------------------------------------------------------------------
 
     def _open(self, name: str) -> tuple[Recording, RecordingInfo]:
-        recording = self._library.open(name)
+        recording = self.library.open(name)
         if not recording.cameras:
             raise RecordingError("no cameras in this recording", where=name, remedy="choose another")
-        return recording, gather_info(self._library, name)
+        return recording, gather_info(self.library, name)
 
     def _opened(self, name: str, answer: tuple[Recording, RecordingInfo]) -> None:
         self._enqueue(lambda: self._use_recording(name, *answer))
@@ -212,20 +263,22 @@ class Session:
                 self._state, recording=name, cameras=cameras, camera=cameras[0], playhead=playhead, tune=view
             )
         self._interface.show_info(info)
+        for mode in self._modes.values():
+            mode.use_recording(recording)
         if self._autoplay:
             self._autoplay = False
             self.send(TogglePlay())
 
     def _save_config(self, name: str) -> None:
         assert self._state is not None
-        path = self._workspace.config_path(name)
+        path = self.workspace.config_path(name)
         save_config(self._state.config, path)
-        self._interface.show_configs(self._workspace.config_names())
-        self._note("Config saved", f"{path.stem}: `rallyscope detect --config {path}` takes it", "green")
+        self._interface.show_configs(self.workspace.config_names())
+        self.note("Config saved", f"{path.stem}: `rallyscope detect --config {path}` takes it", "green")
 
     def _load_config(self, name: str) -> None:
-        if name in self._workspace.config_names():
-            self.send(UseConfig(load_config(DetectorConfig, self._workspace.config_path(name))))
+        if name in self.workspace.config_names():
+            self.send(UseConfig(load_config(DetectorConfig, self.workspace.config_path(name))))
 
     # The score ----------------------------------------------------------------------------------------------------
 
@@ -249,7 +302,7 @@ class Session:
     def _score_failed(self, error: Exception) -> None:
         self._score = None
         self._interface.score.show_running(False)
-        self._report(error)
+        self.report(error)
 
     def _cancel_score(self) -> None:
         if self._score is not None:
@@ -267,16 +320,27 @@ class Session:
         self._inbox.put(item)
         self._wake()
 
-    def _failed(self, error: Exception) -> None:
-        self._enqueue(lambda: self._report(error))
+    def _apply_click(self, x: float, y: float) -> None:
+        if self._state is None:
+            return
+        mode = self._modes.get(self._state.mode)
+        if mode is not None:
+            mode.clicked(x, y)
+        elif (point := self.plane.sheet.sensor_point(x, y)) is not None and self._state.mode == "Tune":
+            self.send(LookAt(point))
 
-    def _report(self, error: Exception) -> None:
+    def _failed(self, error: Exception) -> None:
+        self._enqueue(lambda: self.report(error))
+
+    def report(self, error: Exception) -> None:
+        """Show what went wrong; in the loop."""
         self._shown = None  # the control that asked shows the old value again
         if isinstance(error, RallyscopeError):
-            self._note("That does not work", str(error), "red")
+            self.note("That does not work", str(error), "red")
         else:
             logger.error("unexpected error", exc_info=error)
-            self._note("Something went wrong", "This is a bug; the terminal shows where.", "red")
+            self.note("Something went wrong", "This is a bug; the terminal shows where.", "red")
 
-    def _note(self, title: str, body: str, color: str) -> None:
-        self._client.add_notification(title, body, color=color, auto_close_seconds=NOTE_SECONDS)  # type: ignore[arg-type]
+    def note(self, title: str, body: str, color: str) -> None:
+        """Show a message that goes away by itself."""
+        self.client.add_notification(title, body, color=color, auto_close_seconds=NOTE_SECONDS)  # type: ignore[arg-type]

@@ -11,8 +11,8 @@ from app.pictures.palette import PolarityColours
 from app.playback import Playhead
 from core.detection import DetectorConfig
 
-Mode = Literal["Watch", "Tune"]
-MODES: Final[tuple[Mode, ...]] = get_args(Mode)
+ModeName = Literal["Watch", "Tune", "Label", "Train", "Export"]
+MODES: Final[tuple[ModeName, ...]] = get_args(ModeName)
 Arrangement = Literal["side by side", "stacked"]
 ARRANGEMENTS: Final[tuple[Arrangement, ...]] = get_args(Arrangement)
 Overlay = Literal["raw", "denoised", "clusters", "polarity", "geometry", "result"]
@@ -72,7 +72,7 @@ class ClientState:
     """The one that Tune looks at."""
     playhead: Playhead
     configs: History[Configs]
-    mode: Mode = "Watch"
+    mode: ModeName = "Watch"
     step_us: int = 1_000
     look: Look = field(default_factory=Look)
     tune: TuneView = field(default_factory=TuneView)

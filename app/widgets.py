@@ -43,6 +43,15 @@ class Listing:
         when_changed(self._dropdown, lambda value: choose(str(value)) if value != NOTHING else None)
 
     @property
+    def visible(self) -> bool:
+        """Whether it is shown."""
+        return self._dropdown.visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._dropdown.visible = visible
+
+    @property
     def chosen(self) -> str | None:
         """The chosen option; None while there are none."""
         return None if self._dropdown.value == NOTHING else self._dropdown.value

@@ -20,7 +20,7 @@ KEYS: Final[tuple[tuple[str, str, Command], ...]] = (
     ("R", "Redo a slider", Redo()),
     ("B", "Zoomed view follows the ball", LookAt(None)),
     *((str(number), f"Stage: {overlay}", SetOverlay(overlay)) for number, overlay in enumerate(OVERLAYS, start=1)),
-    *((key, f"Mode: {mode}", SetMode(mode)) for key, mode in zip("MT", MODES, strict=True)),
+    *((key, f"Mode: {mode}", SetMode(mode)) for key, mode in zip("MTLJO", MODES, strict=True)),
 )
 """Hotkey, what it does, the command. W A S D Q E and the arrows are left out: viser's camera uses them."""
 

@@ -48,6 +48,15 @@ class TransportPanel:
             else:
                 send(Step(int(go)))
 
+    @property
+    def visible(self) -> bool:
+        """Whether it is shown."""
+        return self._folder.visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._folder.visible = visible
+
     def show(self, state: ClientState, now_us: int) -> None:
         """Follow the state; the slider is made anew when the recording's length changes."""
         head = state.playhead

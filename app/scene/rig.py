@@ -21,9 +21,10 @@ class RigActors:
 
     def __init__(self, scene: viser.SceneApi, root: str, cameras: dict[str, Camera]) -> None:
         blank = np.zeros((2, 2, 3), np.uint8)
+        self._frame = scene.add_frame(root, show_axes=False)
         self._frusta = {
             name: scene.add_camera_frustum(
-                f"{root}/cameras/{name}",
+                f"{root}/{number}",
                 fov=vertical_fov_rad(camera),
                 aspect=camera.sensor.width_px / camera.sensor.height_px,
                 scale=FRUSTUM_SCALE,
@@ -34,13 +35,22 @@ class RigActors:
                 wxyz=quaternion_from_matrix(camera.T_world_camera[:3, :3]),
                 position=camera.T_world_camera[:3, 3],
             )
-            for name, camera in cameras.items()
+            for number, (name, camera) in enumerate(cameras.items())
         }
+
+    def set_visible(self, visible: bool) -> None:
+        """All of them."""
+        self._frame.visible = visible
+
+    def remove(self) -> None:
+        """Take them out of the scene."""
+        self._frame.remove()
 
     def show(self, pngs: dict[str, bytes]) -> None:
         """New pictures in the frusta."""
         for name, png in pngs.items():
-            set_frustum_png(self._frusta[name], png)
+            if name in self._frusta:
+                set_frustum_png(self._frusta[name], png)
 
 
 def vertical_fov_rad(camera: Camera) -> float:

@@ -1,0 +1,12 @@
+"""The modes of the app, one file each; Tune is the session's own."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from app.modes.mode import Host, Mode, ModeFactory
+
+FACTORIES: Final[dict[str, ModeFactory]] = {}
+"""Name of the mode -> what makes it for one browser."""
+
+__all__ = ["FACTORIES", "Host", "Mode", "ModeFactory"]

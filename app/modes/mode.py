@@ -1,0 +1,106 @@
+"""What a mode of the app is, and what a browser's session lends to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from typing import Literal, Protocol
+
+import viser
+
+from app.commands import Command
+from app.library import Library
+from app.plane import PicturePlane
+from app.scene.world import World
+from app.state import ClientState
+from app.workspace import Workspace
+from core.recordings import Recording
+
+Middle = Literal["events", "sheet", "world"]
+
+
+class Host(Protocol):
+    """The session of one browser, as a mode sees it. Callbacks of controls must do their work in `later`."""
+
+    @property
+    def client(self) -> viser.ClientHandle: ...
+    @property
+    def library(self) -> Library: ...
+    @property
+    def workspace(self) -> Workspace: ...
+    @property
+    def pool(self) -> Executor: ...
+    @property
+    def plane(self) -> PicturePlane:
+        """Flat pictures in the middle of the window; visible while `middle` is "events" or "sheet"."""
+        ...
+
+    @property
+    def world(self) -> World:
+        """The 3D scene in the middle of the window; visible while `middle` is "world"."""
+        ...
+
+    @property
+    def state(self) -> ClientState | None: ...
+    @property
+    def recording(self) -> Recording | None:
+        """The one that is open."""
+        ...
+
+    def send(self, command: Command) -> None:
+        """Enqueue a change of the state; from any thread."""
+        ...
+
+    def later(self, act: Callable[[], None]) -> None:
+        """Call `act` in the loop, in order; from any thread. Its RallyscopeErrors are shown to the person."""
+        ...
+
+    def report(self, error: Exception) -> None:
+        """Show what went wrong; in the loop."""
+        ...
+
+    def note(self, title: str, body: str, color: str) -> None:
+        """Show a message that goes away by itself."""
+        ...
+
+
+class Mode(Protocol):
+    """One mode in one browser. It is made once, with its controls hidden; all methods are called by the loop."""
+
+    uses_recording: bool
+    """Whether the list of recordings, the time controls and the look of the pictures are shown."""
+    takes_keys: bool
+    """Whether the keys of Watch and Tune do nothing here, but for those that choose a mode: it has its own."""
+
+    @property
+    def middle(self) -> Middle:
+        """What the middle of the window shows: the session's event pictures, a sheet of the mode's own, or 3D."""
+        ...
+
+    @property
+    def restless(self) -> bool:
+        """Something moves by itself: `tick` should come at 60 Hz instead of when something happened."""
+        ...
+
+    def show(self, active: bool) -> None:
+        """Show the controls of the mode, or hide them."""
+        ...
+
+    def use_recording(self, recording: Recording) -> None:
+        """Another recording was opened; whether or not the mode is active."""
+        ...
+
+    def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
+        """While active: make what is shown follow the state. `now_us` is the time cursor."""
+        ...
+
+    def clicked(self, x: float, y: float) -> None:
+        """While active: a click on the sheet of pictures, in sheet pixels."""
+        ...
+
+    def close(self) -> None:
+        """The browser is gone."""
+        ...
+
+
+ModeFactory = Callable[[Host], Mode]

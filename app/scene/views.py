@@ -1,0 +1,66 @@
+"""From where the 3D scene is looked at."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from app.scene.rig import vertical_fov_rad
+from core.cameras import Camera
+
+Array = NDArray[np.float64]
+View = Literal["Broadcast", "Side", "Top", "Robot", "Follow ball"]
+FOV_RAD: Final = math.radians(40)
+
+
+@dataclass(frozen=True, slots=True)
+class Viewpoint:
+    """World frame, metres."""
+
+    position: tuple[float, float, float]
+    look_at: tuple[float, float, float]
+    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    fov_rad: float = FOV_RAD
+
+
+VIEWPOINTS: Final[dict[str, Viewpoint]] = {
+    "Broadcast": Viewpoint((2.9, -3.5, 2.0), (-0.15, 0.0, 0.05)),
+    "Side": Viewpoint((0.0, -5.0, 0.6), (0.0, 0.0, 0.15)),
+    "Top": Viewpoint((-0.1, 0.0, 5.2), (-0.1, 0.0, 0.0), up=(0.0, 1.0, 0.0)),
+    "Robot": Viewpoint((-3.6, -0.5, 1.1), (0.4, 0.0, 0.1)),
+    "Follow ball": Viewpoint((1.9, -2.6, 1.3), (0.0, 0.0, 0.2)),
+}
+
+
+def viewpoint_of_camera(camera: Camera) -> Viewpoint:
+    """Where a camera stands, looking as it looks."""
+    position, forward, down = camera.T_world_camera[:3, 3], camera.T_world_camera[:3, 2], camera.T_world_camera[:3, 1]
+    return Viewpoint(
+        tuple(position.tolist()),
+        tuple((position + 2.0 * forward).tolist()),
+        tuple((-down).tolist()),
+        vertical_fov_rad(camera),
+    )
+
+
+def look(client: viser.ClientHandle, viewpoint: Viewpoint) -> None:
+    """Put a browser's camera there."""
+    camera = client.camera
+    with client.atomic():
+        camera.fov = viewpoint.fov_rad
+        camera.up_direction = viewpoint.up
+        camera.near, camera.far = 0.05, 60.0
+        camera.position = viewpoint.position  # before look_at: setting it moves the look-at point along
+        camera.look_at = viewpoint.look_at
+    client.flush()
+
+
+def follow(client: viser.ClientHandle, p_world_m: Array, share: float) -> None:
+    """Turn the browser's camera some way towards a point."""
+    camera = client.camera
+    camera.look_at = np.asarray(camera.look_at) * (1 - share) + p_world_m * share
