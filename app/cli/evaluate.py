@@ -8,6 +8,9 @@ from pathlib import Path
 
 from app.cli.arguments import positive_int
 from app.cli.bench import format_table
+from app.cli.courts import open_court
+from app.cli.progress import progress_bar
+from core.learning.run_files import read_run
 from core.learning.summary import evaluate_run
 
 
@@ -23,7 +26,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Evaluate and print."""
-    rows = evaluate_run(arguments.run_folder, balls=arguments.balls, which="best" if arguments.best else "last")
+    which = "best" if arguments.best else "last"
+    with open_court(read_run(arguments.run_folder), None) as court:
+        if court is None:
+            rows = evaluate_run(arguments.run_folder, balls=arguments.balls, which=which)
+        else:
+            with progress_bar("Playing before the cameras") as progress:
+                rows = evaluate_run(
+                    arguments.run_folder, balls=arguments.balls, which=which, court=court, progress=progress
+                )
     if arguments.json:
         print(json.dumps(rows))
         return

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import get_args
 
 from app.cli.arguments import positive_int
+from app.cli.courts import open_court
 from app.cli.progress import progress_bar
 from core.config import load_config
-from core.errors import CommandError, NotBuiltError
+from core.errors import CommandError
 from core.learning.config import (
     AgentName,
     CurriculumConfig,
@@ -26,9 +27,11 @@ from core.learning.config import (
 )
 from core.learning.run_files import create_run, read_run, seed_files
 
-OPTIONS = ("config", "agent", "speeds", "episodes", "advance", "reward", "replay", "seeds", "first_seed", "source")
+OPTIONS = ("config", "agent", "speeds", "episodes", "advance", "reward", "replay", "seeds", "first_seed")
 OPTIONS += ("state_source", "physics", "serves")
 """What describes a new run, and so cannot stand beside --resume."""
+BALLS_BEFORE_CAMERAS = 100
+"""Fixed balls of an evaluation with states from events: each takes a second to be seen, once per training."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,14 +50,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--state-source", choices=get_args(StateSource), help="how arriving balls are perceived")
     parser.add_argument("--physics", choices=("paper", "real"), help="default: paper")
     parser.add_argument("--serves", choices=("standard", "hard"), help="default: standard")
-    parser.add_argument("--source", metavar="tcp://HOST:PORT", help="play in a simulation server (not built yet)")
+    parser.add_argument(
+        "--source", metavar="tcp://HOST:PORT", help="play every ball in a simulation server (its outcomes are the same)"
+    )
     parser.add_argument("--json", action="store_true", help="print a summary as JSON")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Train until the end, or until interrupted: then the run can be resumed."""
-    if arguments.source is not None:
-        raise NotBuiltError("`--source` is not built yet", remedy="train without it: the simulator is the same")
     folder: Path = arguments.out
     if arguments.resume:
         given = [name for name in OPTIONS if getattr(arguments, name) is not None]
@@ -64,14 +67,16 @@ def run(arguments: argparse.Namespace) -> None:
         config = read_run(folder)
     else:
         config = requested_run(arguments)
-        create_run(folder, config)
-    from core.learning.running import run_training  # late: torch takes a second, a mistake should not
+    with open_court(config, arguments.source) as court:
+        if not arguments.resume:
+            create_run(folder, config)
+        from core.learning.running import run_training  # late: torch takes a second, a mistake should not
 
-    ended = threading.Event()
-    for name in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(name, lambda *_: ended.set())
-    with progress_bar(f"Training {config.agent}") as progress:
-        state = run_training(folder, progress=progress, stopped=ended.is_set)
+        ended = threading.Event()
+        for name in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(name, lambda *_: ended.set())
+        with progress_bar(f"Training {config.agent}") as progress:
+            state = run_training(folder, progress=progress, stopped=ended.is_set, court=court)
     _report(folder, config, state, as_json=arguments.json)
 
 
@@ -89,6 +94,8 @@ def requested_run(arguments: argparse.Namespace) -> RunConfig:
     if arguments.state_source:
         environment = dataclasses.replace(config.environment, state_source=arguments.state_source)
         config = dataclasses.replace(config, environment=environment)
+    if config.environment.state_source == "events" and not arguments.config:
+        config = dataclasses.replace(config, evaluation_balls=BALLS_BEFORE_CAMERAS)
     if arguments.reward:
         config = dataclasses.replace(config, reward=dataclasses.replace(config.reward, kind=arguments.reward))
     counts = {"seeds": arguments.seeds, "first_seed": arguments.first_seed}

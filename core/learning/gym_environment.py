@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.learning.config import EnvironmentConfig, RewardConfig
-from core.learning.environment import Deliveries, deliver, play
+from core.learning.court import ClosedFormCourt, Court
+from core.learning.environment import Deliveries, deliver
 from core.learning.episode_record import landing_errors_mm
 from core.learning.normalise import normal_goals, normal_states
 from core.learning.reward import episode_rewards, reward_weights
@@ -36,8 +37,12 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         environment: EnvironmentConfig | None = None,
         reward: RewardConfig | None = None,
         deliveries: Deliveries | None = None,
+        court: Court | None = None,
     ) -> None:
-        """With `deliveries` exactly these balls are played, in this order, again from the first after the last."""
+        """With `deliveries` exactly these balls are played, in this order, again from the first after the last.
+
+        A `court` serves, shows and plays them elsewhere than in the closed-form simulator.
+        """
         self.environment = environment if environment is not None else EnvironmentConfig(state_source="truth")
         self.reward = reward if reward is not None else RewardConfig(kind="case")
         self.speed_mps = speed_mps
@@ -45,6 +50,9 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
         self.episodes = 0
         """Begun so far; the time-weighted reward counts them."""
+        self.outcome: Outcomes | None = None
+        """Of the last episode."""
+        self._court = court or ClosedFormCourt(self.environment)
         self._fixed = deliveries
         self._dealt = deliveries
         self._next = 0
@@ -55,10 +63,12 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         super().reset(seed=seed)
         if seed is not None and self._fixed is None:
             self._dealt = None
+        if seed is not None:
+            self._court.begin(seed)
         if self._dealt is None or self._next >= len(self._dealt):
             self._dealt = self._fixed or deliver(self.speed_mps, BATCH, self.environment, self.np_random)
             self._next = 0
-        self._now = self._dealt[self._next : self._next + 1]
+        self._now = self._court.meet(self._dealt[self._next : self._next + 1])
         self._next += 1
         return self._observation(), {}
 
@@ -71,11 +81,16 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         if self._now is None:
             raise RuntimeError("step before reset")
         now = self._now
-        outcome = play(now, np.asarray(action, np.float64).reshape(1, 3), self.environment)
+        outcome = self._court.play(now, np.asarray(action, np.float64).reshape(1, 3))
+        self.outcome = outcome
         weights = reward_weights(self.episodes, self.reward)
         reward = float(episode_rewards(outcome, now.goals_m, weights, self.reward)[0])
         self.episodes += 1
         return self._observation(), reward, True, False, self._about(now, outcome)
+
+    def close(self) -> None:
+        """End the court."""
+        self._court.close()
 
     def _observation(self) -> Floats:
         assert self._now is not None

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import NotBuiltError
 from core.learning.config import EnvironmentConfig
 from core.learning.five_points import predict_serves
 from core.simulation.physics.episode import Arrivals, Serves
@@ -30,11 +29,7 @@ class Perceived:
 
 
 def perceive(serves: Serves, arrivals: Arrivals, config: EnvironmentConfig, rng: np.random.Generator) -> Perceived:
-    """The arriving balls through the configured source.
-
-    Raises:
-        NotBuiltError: if the source is not there yet.
-    """
+    """The arriving balls through the configured source; of `events` nothing is known before cameras have seen them."""
     truth = arrivals.observations
     n = len(truth)
     if config.state_source == "truth":
@@ -52,4 +47,4 @@ def perceive(serves: Serves, arrivals: Arrivals, config: EnvironmentConfig, rng:
         states, t_s = predict_serves(serves, arrivals, config.step_s, config.task)
         seen = np.isfinite(t_s)
         return Perceived(seen, np.nan_to_num(states), states[:, :3].copy(), t_s)
-    raise NotBuiltError("the state source 'events' is not built yet", remedy="use predicted, truth or truth+noise")
+    return Perceived(np.zeros(n, np.bool_), np.zeros((n, 6)), np.full((n, 3), np.nan), np.full(n, np.nan))

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from core.errors import ConfigError
 from core.learning.agent import Losses
 from core.learning.config import RunConfig
-from core.learning.environment import Deliveries, deliver, play
+from core.learning.court import Court
+from core.learning.environment import Deliveries, deliver
 from core.learning.episode_record import episode_line
 from core.learning.gym_environment import OneStepReturn
 from core.learning.policy import Policy, save_policy
@@ -89,7 +90,7 @@ class Rival:
                 return rival.after_episode(environment)
 
         ladder = self.config.curriculum
-        environment = RivalEnvironment(self.config, self.seed, stage, self.episode)
+        environment = RivalEnvironment(self.config, self.seed, stage, self.episode, self.process.court)
         if self._model is None:
             self._model = make_model(self.config, environment, self.seed)
         else:
@@ -121,12 +122,14 @@ class Rival:
 class RivalEnvironment(OneStepReturn):
     """The environment of a stage, dealing the balls that our agents get with this seed, and writing them down."""
 
-    def __init__(self, config: RunConfig, seed: int, stage: int, first_episode: int) -> None:
+    def __init__(
+        self, config: RunConfig, seed: int, stage: int, first_episode: int, court: Court | None = None
+    ) -> None:
         ladder = config.curriculum
         rng = np.random.default_rng([seed, BALLS, stage])
         speed = ladder.speeds_mps[stage]
         dealt = deliver(speed, ladder.episodes[stage], config.environment, rng)
-        super().__init__(speed, config.environment, config.reward, dealt)
+        super().__init__(speed, config.environment, config.reward, dealt, court)
         self.stage = stage
         self.stage_episode = 0
         self._first_episode = first_episode
@@ -140,7 +143,8 @@ class RivalEnvironment(OneStepReturn):
         assert delivery is not None
         wanted = np.asarray(action, np.float64).reshape(1, 3)
         weights = reward_weights(self.stage_episode, self.reward)
-        outcome = play(delivery, wanted, self.environment)
+        outcome = self.outcome
+        assert outcome is not None
         self.line = episode_line(
             episode=self._first_episode + self.stage_episode,
             stage=self.stage,

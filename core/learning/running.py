@@ -20,6 +20,7 @@ from core.learning.control import (
     write_control,
     write_status,
 )
+from core.learning.court import Court
 from core.learning.policy import Policy, save_policy
 from core.learning.run_files import SeedFiles, read_lines, read_run, seed_files
 from core.learning.scoring import Examiner
@@ -31,11 +32,12 @@ STATUS_EVERY_S = 0.2
 """How often the status is written, and how late a plot may be."""
 
 
-def run_training(run: Path, *, progress: Progress, stopped: Callable[[], bool]) -> State:
+def run_training(run: Path, *, progress: Progress, stopped: Callable[[], bool], court: Court | None = None) -> State:
     """Train every seed of a run that `create_run` made, or go on where it ended; returns how it ended.
 
     `progress` hears the share that is done, `stopped` is asked before every episode. Whatever happens, the run can be
-    gone on with from its last checkpoint, and gives the same numbers as if nothing had happened.
+    gone on with from its last checkpoint, and gives the same numbers as if nothing had happened. A `court` plays the
+    balls elsewhere than in the closed-form simulator; what its cameras see after a kill is seen with other noise.
 
     Raises:
         ConfigError: if there is no such run, or another process trains it.
@@ -44,7 +46,7 @@ def run_training(run: Path, *, progress: Progress, stopped: Callable[[], bool]) 
     with hold_run(run):
         if read_control(run).wish != "run":
             write_control(run, replace(read_control(run), wish="run"))
-        process = RunProcess(run, config, progress, stopped)
+        process = RunProcess(run, config, progress, stopped, court)
         try:
             return process.train()
         except BaseException as error:
@@ -55,10 +57,18 @@ def run_training(run: Path, *, progress: Progress, stopped: Callable[[], bool]) 
 class RunProcess:
     """The process side of a run: how far it is, what it was asked for."""
 
-    def __init__(self, run: Path, config: RunConfig, progress: Progress, stopped: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        run: Path,
+        config: RunConfig,
+        progress: Progress,
+        stopped: Callable[[], bool],
+        court: Court | None = None,
+    ) -> None:
         self.run = run
         self.config = config
-        self.examiner = Examiner(config.environment, config.evaluation_balls)
+        self.court = court
+        self.examiner = Examiner(config.environment, config.evaluation_balls, court)
         self._progress = progress
         self._stopped = stopped
         self._started_s = time.monotonic()
@@ -86,7 +96,7 @@ class RunProcess:
     def _train_seed(self, seed: int) -> bool:
         """Whether the seed is finished (not stopped on the way)."""
         files = seed_files(self.run, seed)
-        training = resume(files, self.config, seed)
+        training = resume(files, self.config, seed, self.court)
         with SeedWriter(files) as writer:
             while not training.finished:
                 if not self.may_go_on(seed, training.episode, training.share, training.speed_mps, writer):
@@ -169,18 +179,18 @@ class RunProcess:
         self._told_s = time.monotonic()
 
 
-def resume(files: SeedFiles, config: RunConfig, seed: int) -> Training:
+def resume(files: SeedFiles, config: RunConfig, seed: int, court: Court | None = None) -> Training:
     """The training of a seed from its checkpoint, or from the start; lines written after the checkpoint are cut off."""
     files.folder.mkdir(parents=True, exist_ok=True)
     if not files.checkpoint.exists():
         files.metrics.unlink(missing_ok=True)
         files.evaluations.unlink(missing_ok=True)
-        return Training(config, seed)
+        return Training(config, seed, court)
     arrays, about = load_checkpoint(files.checkpoint)
     for path, name in ((files.metrics, "metrics_bytes"), (files.evaluations, "evaluations_bytes")):
         if path.exists():
             os.truncate(path, int(about[name]))  # type: ignore[call-overload]
-    return Training.from_checkpoint(config, seed, arrays, about)
+    return Training.from_checkpoint(config, seed, arrays, about, court)
 
 
 class SeedWriter:

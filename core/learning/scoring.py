@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.learning.config import EnvironmentConfig
+from core.learning.court import ClosedFormCourt, Court, meet_all
 from core.learning.environment import Deliveries, evaluation_balls, play
 from core.learning.episode_record import landing_errors_mm
 from core.learning.policy import Controller
@@ -47,15 +48,18 @@ class Score:
 class Examiner:
     """Evaluates policies on the fixed balls of an environment, which are made once."""
 
-    def __init__(self, config: EnvironmentConfig, balls: int) -> None:
+    def __init__(self, config: EnvironmentConfig, balls: int, court: Court | None = None) -> None:
+        """A court shows the balls, once; the strokes are played in closed form, by a racket that is there in time."""
         self._config = config
+        self._court = court or ClosedFormCourt(config)
         self._count = balls
         self._balls: dict[float, Deliveries] = {}
 
     def balls(self, speed_mps: float) -> Deliveries:
         """The fixed balls of a speed."""
         if speed_mps not in self._balls:
-            self._balls[speed_mps] = evaluation_balls(speed_mps, self._count, self._config)
+            balls = evaluation_balls(speed_mps, self._count, self._config)
+            self._balls[speed_mps] = meet_all(self._court, balls) if self._config.state_source == "events" else balls
         return self._balls[speed_mps]
 
     def score(self, controller: Controller, speed_mps: float) -> Score:
@@ -68,6 +72,19 @@ class Examiner:
         balls = self.balls(speed_mps)
         outcomes = play(balls, actions, self._config)
         return Score(speed_mps, outcomes.returned, landing_errors_mm(outcomes, balls.goals_m))
+
+
+def score_played(
+    court: Court, controller: Controller, balls: Deliveries, progress: Callable[[float], None] = lambda share: None
+) -> Score:
+    """A policy on balls that the court itself serves, shows and plays out, one after another."""
+    returned, errors_mm = np.zeros(len(balls), np.bool_), np.full(len(balls), np.nan)
+    for i in range(len(balls)):
+        ball = court.meet(balls[i : i + 1])
+        outcome = court.play(ball, controller(ball.states, ball.racket_speeds_mps, ball.goals_m))
+        returned[i], errors_mm[i] = outcome.returned[0], landing_errors_mm(outcome, ball.goals_m)[0]
+        progress((i + 1) / len(balls))
+    return Score(balls.speed_mps, returned, errors_mm)
 
 
 def five_best_mm(errors_mm: Sequence[float]) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -15,8 +16,10 @@ from scipy import stats
 from core.errors import ConfigError
 from core.learning.baselines import score_baselines
 from core.learning.config import EnvironmentConfig
+from core.learning.court import Court
+from core.learning.environment import evaluation_balls
 from core.learning.run_files import load_policy, read_run, seeds_of
-from core.learning.scoring import Examiner, Score
+from core.learning.scoring import Examiner, Score, score_played
 
 Array = NDArray[np.float64]
 
@@ -53,10 +56,13 @@ def evaluate_run(
     which: Literal["last", "best"] = "last",
     environment: EnvironmentConfig | None = None,
     baselines: bool = True,
+    court: Court | None = None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> list[dict[str, object]]:
     """A row per speed: the contract of `rallyscope evaluate --json`.
 
-    By default at the speeds, with the balls and in the environment that the run was trained for.
+    By default at the speeds, with the balls and in the environment that the run was trained for. On a `court` every
+    policy plays every ball there to its end.
 
     Raises:
         ConfigError: if there is no trained policy.
@@ -67,12 +73,28 @@ def evaluate_run(
         raise ConfigError("a run without a policy", where=run, remedy="train it first")
     policies = [load_policy(run, seed, which) for seed in seeds]
     environment = environment or config.environment
-    examiner = Examiner(environment, balls or config.evaluation_balls)
+    speeds = speeds_mps or sorted(set(config.curriculum.speeds_mps))
+    # Baselines know the truth anyway, and nobody has to see their balls.
+    known = environment if court is None else dataclasses.replace(environment, state_source="truth")
+    examiner = Examiner(known, balls or config.evaluation_balls)
+    done, steps = 0, len(speeds) * len(policies)
     rows = []
-    for speed in speeds_mps or sorted(set(config.curriculum.speeds_mps)):
-        row = summarise_scores([examiner.score(policy, speed) for policy in policies])
+    for speed in speeds:
+        scores = []
+        for policy in policies:
+
+            def show(share: float, done: int = done) -> None:
+                progress((done + share) / steps)
+
+            if court is None:
+                scores.append(examiner.score(policy, speed))
+            else:
+                dealt = evaluation_balls(speed, balls or config.evaluation_balls, environment)
+                scores.append(score_played(court, policy, dealt, show))
+            done += 1
+        row = summarise_scores(scores)
         if baselines:
-            row["baselines"] = baseline_row(examiner, speed, environment)
+            row["baselines"] = baseline_row(examiner, speed, known)
         rows.append(row)
     return rows
 

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from core.errors import ConfigError
 from core.learning.agent import Agent, Losses, Moment
 from core.learning.config import RunConfig
+from core.learning.court import ClosedFormCourt, Court
 from core.learning.ddpg import DdpgAgent
-from core.learning.environment import Deliveries, deliver, play
+from core.learning.environment import Deliveries, deliver
 from core.learning.episode_record import episode_line, transition_of
 from core.learning.landing_model import LandingModelAgent
 from core.learning.policy import Policy
@@ -28,11 +29,13 @@ BALLS, CHOICES = 0, 1
 class Training:
     """A seed of a run, always between two episodes."""
 
-    def __init__(self, config: RunConfig, seed: int) -> None:
+    def __init__(self, config: RunConfig, seed: int, court: Court | None = None) -> None:
         # Small matrices: a second thread costs more than it gives, and one thread always adds in the same order.
         torch.set_num_threads(1)
         self.config = config
         self.seed = seed
+        self._court = court or ClosedFormCourt(config.environment)
+        self._court.begin(seed)
         self._rng = np.random.default_rng([seed, CHOICES])
         self._agent = make_agent(config, self._rng)
         self._buffer = ReplayBuffer(config.episodes)
@@ -72,9 +75,9 @@ class Training:
         explore, ladder = self.config.exploration, self.config.curriculum
         noise = max(explore.smallest, explore.scale * explore.decay**n)
         is_random = self.episode < explore.random_episodes
-        delivery = self._deliveries[n : n + 1]
+        delivery = self._court.meet(self._deliveries[n : n + 1])
         action = self._explore(delivery, noise, is_random)
-        outcome = play(delivery, action, self.config.environment)
+        outcome = self._court.play(delivery, action)
         weights = reward_weights(n, self.config.reward)
         reward = float(episode_rewards(outcome, delivery.goals_m, weights, self.config.reward)[0])
         losses = Losses(float("nan"), float("nan"))
@@ -151,14 +154,19 @@ class Training:
 
     @classmethod
     def from_checkpoint(
-        cls, config: RunConfig, seed: int, arrays: dict[str, NDArray[np.generic]], about: dict[str, object]
+        cls,
+        config: RunConfig,
+        seed: int,
+        arrays: dict[str, NDArray[np.generic]],
+        about: dict[str, object],
+        court: Court | None = None,
     ) -> Training:
         """The training that gave the checkpoint.
 
         Raises:
             ConfigError: if it is another run's.
         """
-        training = cls(config, seed)
+        training = cls(config, seed, court)
         try:
             training._restore(arrays, about)
         except (KeyError, ValueError, TypeError, RuntimeError) as error:

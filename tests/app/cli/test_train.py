@@ -1,11 +1,18 @@
 """`rallyscope train` and `evaluate` as a user types them."""
 
 import json
+import queue
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from app.cli import main
+from core.cameras import stereo_preset
+from core.events import SensorSize
+from core.learning.run_files import read_lines, seed_files
+from core.rally.link.server import ServerConfig, SimulationServer
 
 SHORT = ["--agent", "landing-model", "--state-source", "truth"]
 
@@ -40,7 +47,8 @@ def test_a_run_is_trained_refused_twice_and_evaluated(tmp_path: Path, capsys: py
         (["--speeds", "3,5,7", "--episodes", "10,20"], "one number of episodes per speed"),
         (["--episodes", "0"], "whole numbers above 0"),
         (["--agent", "dqn"], "invalid choice"),
-        (["--source", "http://x"], "source"),
+        (["--source", "http://x"], "tcp://HOST:PORT"),
+        (["--source", "tcp://127.0.0.1:9", "--state-source", "events"], "without --source"),
         (["--resume", "--seeds", "3"], "keeps its settings"),
         (["--resume"], "not a training run"),
         (["--config", "nowhere.toml"], "cannot read the config"),
@@ -58,3 +66,35 @@ def test_a_bad_argument_gets_one_clear_line(
 def test_evaluate_needs_a_trained_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["evaluate", str(tmp_path)]) == 2
     assert "not a training run" in capsys.readouterr().err
+
+
+@pytest.fixture
+def server() -> Iterator[str]:
+    """A simulation server with small cameras; its address."""
+    cameras = stereo_preset("side", SensorSize(320, 240))
+    addresses: queue.SimpleQueue[str] = queue.SimpleQueue()
+    ended = threading.Event()
+
+    def serve() -> None:
+        server = SimulationServer(ServerConfig(), cameras, "tcp://127.0.0.1:0")
+        addresses.put(server.address)
+        server.run(ended.is_set)
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    yield addresses.get(timeout=30)
+    ended.set()
+    thread.join()
+
+
+@pytest.mark.parametrize("state_source", ["truth", "predicted"])
+def test_a_simulation_server_gives_the_same_training(state_source: str, server: str, tmp_path: Path) -> None:
+    options = ["--agent", "landing-model", "--episodes", "4", "--state-source", state_source, "--out"]
+    assert main(["train", *options, str(tmp_path / "home")]) == 0
+    assert main(["train", "--source", server, *options, str(tmp_path / "away")]) == 0
+    home, away = (read_lines(seed_files(tmp_path / name, 0).metrics)[0] for name in ("home", "away"))
+    assert len(home) == len(away) == 4
+    for ours, theirs in zip(home, away, strict=True):
+        assert ours["case"] == theirs["case"] and ours["serve"] == theirs["serve"]
+        assert theirs["landing_m"] == pytest.approx(ours["landing_m"], abs=1e-3)
+        assert theirs["action"] == pytest.approx(ours["action"], abs=1e-3)
