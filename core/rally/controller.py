@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, Protocol
 
 import numpy as np
@@ -84,6 +84,28 @@ class Controller(Protocol):
         ...
 
 
+class LiveController(Controller, Protocol):
+    """One that can be chosen, and aimed elsewhere, while a rally goes on."""
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        ...
+
+    @property
+    def goal_m(self) -> Array:
+        """(2,) where balls are to land."""
+        ...
+
+    def aimed_at(self, goal_m: ArrayLike) -> LiveController:
+        """The same with another goal (2,).
+
+        Raises:
+            ConfigError: if it cannot aim there.
+        """
+        ...
+
+
 class BuiltInController:
     """Moves early on the first prediction and corrects on the second. Holds no state: an answer per prediction."""
 
@@ -93,6 +115,25 @@ class BuiltInController:
         self._air = air_from_config(self.task.physics)._replace(step_s=STEP_S)
         self._table, self._rubber = surfaces_from_config(self.task.physics)
         self._limit = math.radians(self.task.stroke.action_limit_deg)
+
+    @property
+    def name(self) -> str:
+        """What it is called among the controllers."""
+        return "built-in"
+
+    @property
+    def goal_m(self) -> Array:
+        """(2,) the configured landing point."""
+        return np.array([self.config.target_x_m, self.config.target_y_m])
+
+    def aimed_at(self, goal_m: ArrayLike) -> BuiltInController:
+        """The same with another landing point (2,).
+
+        Raises:
+            ConfigError: if it is beyond the bounds of the configuration.
+        """
+        x, y = (float(value) for value in np.asarray(goal_m, np.float64))
+        return BuiltInController(self.task, replace(self.config, target_x_m=x, target_y_m=y))
 
     def command(
         self,

@@ -166,6 +166,10 @@ class OutcomeNotice:
     net_z_m: float = number(-1000.0, 1000.0, nan=True)
 
 
+Notice = ServeNotice | OutcomeNotice
+"""What a listener hears besides events and states."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraInfo:
     """A simulated camera."""
