@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.detection.window import windows_between
 from core.errors import ConfigError
-from core.events import Events
+from core.rally.block_windows import block_windows
 from core.rally.chain import RallyChain
 from core.rally.config import ChainConfig
-from core.rally.controller import BuiltInController, ControllerConfig, RacketCommand
+from core.rally.controller import BuiltInController, Controller, RacketCommand
 from core.rally.link.world import Block, JudgedBall, SimulatedWorld, WorldConfig
 from core.rally.player import Player, PlayerState
 from core.simulation.physics.episode import Case
@@ -65,12 +64,16 @@ class ClosedLoop:
         *,
         seed: int,
         chain: ChainConfig | None = None,
-        controller: ControllerConfig | None = None,
+        controller: Controller | None = None,
         window_us: int = 2000,
     ) -> None:
-        """Raises CalibrationError if the cameras cannot see depth."""
+        """The built-in controller plays if there is no other.
+
+        Raises:
+            CalibrationError: if the cameras cannot see depth.
+        """
         self.world = SimulatedWorld(world, cameras, seed)
-        self.player = Player(RallyChain(cameras, chain), BuiltInController(world.task, controller))
+        self.player = Player(RallyChain(cameras, chain), controller or BuiltInController(world.task))
         self._window_us = window_us
 
     def play(self, speed_mps: float) -> PlayedBall:
@@ -107,13 +110,8 @@ class ClosedLoop:
         self.world.close()
 
     def _perceive(self, block: Block) -> Iterator[PlayerState]:
-        names = list(block.events)
-        streams = [
-            windows_between(_BlockEvents(block.events[name]), block.start_us, block.end_us, self._window_us)
-            for name in names
-        ]
-        for windows in zip(*streams, strict=True):
-            yield self.player.step(dict(zip(names, windows, strict=True)))
+        for windows in block_windows(block.events, block.start_us, block.end_us, self._window_us):
+            yield self.player.step(windows)
 
     def _decide(self, state: PlayerState) -> RacketCommand | None:
         """Give the racket a command that a new prediction led to, if there is still time and it can go there."""
@@ -126,16 +124,6 @@ class ClosedLoop:
             logger.info("racket target refused: %s", error)
             return None
         return command
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _BlockEvents:
-    """One camera's events of a block, as a source of windows."""
-
-    events: Events
-
-    def slice(self, start_us: int, end_us: int) -> Events:
-        return self.events.between(start_us, end_us)
 
 
 def _aim_error_m(judged: JudgedBall, commands: list[RacketCommand]) -> float:
