@@ -42,6 +42,19 @@ class Workspace:
         """Folder of the detector configs."""
         return self._folder("configs")
 
+    @property
+    def runs(self) -> Path:
+        """Folder of the trainings; each is a folder of its own."""
+        return self._folder("runs")
+
+    def run_path(self, name: str) -> Path:
+        """Where the training of this name is or will be."""
+        return self.runs / slug_from(name)
+
+    def run_names(self) -> tuple[str, ...]:
+        """Names of the trainings, in no order that means anything."""
+        return tuple(path.parent.name for path in self.runs.glob("*/config.toml") if _SLUG.fullmatch(path.parent.name))
+
     def config_path(self, name: str) -> Path:
         """Where the config of this name is or will be."""
         return self.configs / f"{slug_from(name)}.toml"

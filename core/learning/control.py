@@ -61,6 +61,18 @@ def hold_run(run: Path) -> Iterator[None]:
         yield
 
 
+def is_held(run: Path) -> bool:
+    """Whether a process trains this run now; a number of a process alone may be another's after a restart."""
+    try:
+        with (run / ".lock").open() as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return False
+
+
 def write_control(run: Path, control: Control) -> None:
     """Ask the process that trains this run to go on, pause, stop or slow down; it looks before every episode."""
     write_json(run / "control.json", dataclasses.asdict(control))
