@@ -50,6 +50,8 @@ class Interface:
         self._mode = Choice(gui, "Mode", modes, lambda mode: send(SetMode(mode)))  # type: ignore[arg-type]
         self._recording = Listing(gui, "Recording", actions.open_recording, hint="Recordings of the workspace")
         self._transport = TransportPanel(gui, send)
+        self.modes_folder = gui.add_folder(None)
+        """Where the modes put their controls."""
         self._tune_folder = gui.add_folder(None, visible=False)
         with self._tune_folder:
             self._tune_view = TuneViewPanel(gui, send)

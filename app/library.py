@@ -22,6 +22,7 @@ class Library:
     def __init__(self, workspace: Workspace) -> None:
         self._workspace = workspace
         self._guests: dict[str, Path] = {}
+        self._live: dict[str, Recording] = {}
         self._open: dict[str, Recording] = {}
         self._health: dict[tuple[str, str], Health] = {}
         self._lock = threading.Lock()
@@ -34,9 +35,13 @@ class Library:
         self._guests[name] = path
         return name
 
+    def add_live(self, name: str, recording: Recording) -> None:
+        """Offer a recording that grows; it stays its owner's to close."""
+        self._live[name] = recording
+
     def names(self) -> tuple[str, ...]:
-        """What can be opened now, in alphabetical order."""
-        return tuple(sorted({*self._guests, *self._workspace_names()}))
+        """What can be opened now: what is live, then the others in alphabetical order."""
+        return (*self._live, *sorted({*self._guests, *self._workspace_names()} - set(self._live)))
 
     def open(self, name: str) -> Recording:
         """The recording of that name.
@@ -44,6 +49,8 @@ class Library:
         Raises:
             RecordingError: if there is none or it cannot be read.
         """
+        if name in self._live:
+            return self._live[name]
         with self._lock:
             recording = self._open.get(name)
             if recording is None:

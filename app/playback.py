@@ -20,22 +20,39 @@ class Playhead:
     anchor_wall_s: float = 0.0
     playing: bool = False
     speed: float = 0.05
+    start_us: int = 0
+    """What is older is forgotten; above 0 in a live recording only."""
+    live: bool = False
+    """The recording grows: at its end the cursor goes on with it instead of stopping."""
+    following: bool = False
+    """The cursor is at the end of a live recording and stays there."""
 
     def position_us(self, wall_s: float) -> int:
-        """Position at a wall-clock time, in [0, duration]."""
+        """Position at a wall-clock time, in [start, duration]."""
+        if self.following:
+            return self.duration_us
         moved = self.speed * (wall_s - self.anchor_wall_s) * 1e6 if self.playing else 0.0
-        return int(min(max(self.anchor_us + moved, 0), self.duration_us))
+        return self._inside(self.anchor_us + moved)
+
+    def grown(self, start_us: int, duration_us: int) -> Playhead:
+        """The same cursor in a live recording that has gone on."""
+        return replace(self, start_us=start_us, duration_us=duration_us)
 
     def seek(self, t_us: int, wall_s: float) -> Playhead:
         """The same cursor elsewhere; it goes on playing if it did."""
-        return replace(self, anchor_us=int(min(max(t_us, 0), self.duration_us)), anchor_wall_s=wall_s)
+        return replace(self, anchor_us=self._inside(t_us), anchor_wall_s=wall_s, following=False)
+
+    def _inside(self, t_us: float) -> int:
+        return int(min(max(t_us, self.start_us), self.duration_us))
 
     def step(self, by_us: int, wall_s: float) -> Playhead:
         """Paused, `by_us` further."""
         return replace(self, playing=False).seek(self.position_us(wall_s) + by_us, wall_s)
 
     def play(self, wall_s: float) -> Playhead:
-        """Playing; from the start if it stood at the end."""
+        """Playing; from the start if it stood at the end, or on with a live recording unless in slow motion."""
+        if self.live and (self.speed >= 1 or self.position_us(wall_s) >= self.duration_us):
+            return replace(self, playing=True, following=True)
         start_us = self.position_us(wall_s)
         if start_us >= self.duration_us:
             start_us = 0
@@ -52,6 +69,7 @@ class Playhead:
         return replace(self.seek(self.position_us(wall_s), wall_s), speed=speed)
 
     def settle(self, wall_s: float) -> Playhead:
-        """Paused once it has run to the end."""
-        at_end = self.playing and self.position_us(wall_s) >= self.duration_us
-        return self.pause(wall_s) if at_end else self
+        """Paused once it has run to the end; in a live recording it follows from there on."""
+        if not self.playing or self.following or self.position_us(wall_s) < self.duration_us:
+            return self
+        return replace(self, following=True) if self.live else self.pause(wall_s)

@@ -16,6 +16,8 @@ import viser
 from app.library import Library
 from app.session import Session
 from app.theme import apply_theme
+from app.watch.live import LIVE, LiveRally
+from app.watch.rallies import Rallies
 from app.workspace import Workspace
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
 from core.detection.fast_cluster import grid_labels
@@ -42,13 +44,17 @@ class Lab:
         port: int,
         config: DetectorConfig | None = None,
         autoplay: bool = False,
+        live: LiveRally | None = None,
     ) -> None:
-        """`config` is what every browser's detector starts with."""
+        """`config` is what every browser's detector starts with; `live` is closed with the app."""
         self._workspace = workspace
         self._library = library
         self._first_recording = first_recording
         self._config = config or DetectorConfig()
         self._autoplay = autoplay
+        self._rallies = Rallies(live)
+        if live is not None:
+            library.add_live(LIVE, live.recording)
         self._sessions: dict[int, Session] = {}
         self._lock = threading.Lock()
         self._awake = threading.Event()
@@ -95,10 +101,13 @@ class Lab:
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
         self._pool.shutdown(wait=True, cancel_futures=True)
+        self._rallies.close()
         self._library.close()
 
     def _connect(self, client: viser.ClientHandle) -> None:
-        session = Session(client, self._library, self._workspace, self._pool, self._awake.set, self._config)
+        session = Session(
+            client, self._library, self._workspace, self._pool, self._rallies, self._awake.set, self._config
+        )
         session.offer(self._library.names(), self._workspace.config_names())
         session.open_recording(self._first_recording)
         if self._autoplay:

@@ -23,12 +23,14 @@ from app.scene.world import World
 from app.sheet import Sheet
 from app.state import MODES, ClientState, Configs
 from app.views import Answer, TuneRequest, WatchRequest, answer_request
+from app.watch.rallies import Rallies
 from app.worker import LatestWins
 from app.workspace import Workspace
 from core.config import load_config, save_config
 from core.detection import DetectorConfig
 from core.errors import RallyscopeError, RecordingError
 from core.evaluation import Score, score_recording
+from core.rally.live import LiveRecording
 from core.recordings import Recording
 
 logger = logging.getLogger(__name__)
@@ -47,6 +49,7 @@ class Session:
         library: Library,
         workspace: Workspace,
         pool: Executor,
+        rallies: Rallies,
         wake: Callable[[], None],
         config: DetectorConfig,
     ) -> None:
@@ -54,6 +57,7 @@ class Session:
         self.library = library
         self.workspace = workspace
         self.pool = pool
+        self.rallies = rallies
         self._wake = wake
         self._first_config = config
         self._inbox: queue.SimpleQueue[Command | Callable[[], None]] = queue.SimpleQueue()
@@ -66,11 +70,13 @@ class Session:
         self._requested: object = None
         self._time_shown_s = 0.0
         self._autoplay = False
+        self._live_uuid = ""
         self.plane = PicturePlane(client, self._clicked)
         self.world = World(client)
         offered = tuple(name for name in MODES if name in OWN_MODES or name in FACTORIES)
         self._interface = Interface(client.gui, self.send, self._send_key, self, offered)
-        self._modes: dict[str, Mode] = {name: FACTORIES[name](self) for name in offered if name in FACTORIES}
+        with self._interface.modes_folder:
+            self._modes: dict[str, Mode] = {name: FACTORIES[name](self) for name in offered if name in FACTORIES}
         self._active: str | None = None
 
     # What the browser asks for, from viser's event loop ---------------------------------------------------------
@@ -134,11 +140,14 @@ class Session:
                 self.report(error)
         if self._state is None or self._recording is None:
             return
+        if isinstance(self._recording, LiveRecording):
+            self._grow(self._recording)
         self._state = replace(self._state, playhead=self._state.playhead.settle(wall_s))
         now_us = self._state.playhead.position_us(wall_s)
         mode = self._choose_mode(self._state)
-        if self._state != self._shown:
-            self._shown = self._state
+        shown = self._state.without_growth()
+        if shown != self._shown:
+            self._shown = shown
             with self.client.atomic():
                 self._interface.show(
                     self._state,
@@ -157,6 +166,13 @@ class Session:
             self._request_picture(self._state, self._recording, now_us)
         if mode is not None:
             mode.tick(self._state, now_us, wall_s)
+
+    def _grow(self, recording: LiveRecording) -> None:
+        assert self._state is not None
+        if recording.uuid != self._live_uuid:  # another session of the simulation: another clock, maybe other cameras
+            self._use_recording(self._state.recording, recording, None)
+        head = self._state.playhead.grown(recording.start_us, recording.duration_us)
+        self._state = replace(self._state, playhead=head)
 
     def _choose_mode(self, state: ClientState) -> Mode | None:
         """The mode that is chosen; tells the one before that it is over."""
@@ -240,19 +256,22 @@ class Session:
 
     # Recordings and configs ---------------------------------------------------------------------------------------
 
-    def _open(self, name: str) -> tuple[Recording, RecordingInfo]:
+    def _open(self, name: str) -> tuple[Recording, RecordingInfo | None]:
         recording = self.library.open(name)
         if not recording.cameras:
             raise RecordingError("no cameras in this recording", where=name, remedy="choose another")
-        return recording, gather_info(self.library, name)
+        return recording, None if isinstance(recording, LiveRecording) else gather_info(self.library, name)
 
-    def _opened(self, name: str, answer: tuple[Recording, RecordingInfo]) -> None:
+    def _opened(self, name: str, answer: tuple[Recording, RecordingInfo | None]) -> None:
         self._enqueue(lambda: self._use_recording(name, *answer))
 
-    def _use_recording(self, name: str, recording: Recording, info: RecordingInfo) -> None:
+    def _use_recording(self, name: str, recording: Recording, info: RecordingInfo | None) -> None:
         self._recording = recording
         cameras = tuple(recording.cameras)
         playhead = Playhead(recording.duration_us)
+        if isinstance(recording, LiveRecording):
+            self._live_uuid = recording.uuid
+            playhead = replace(playhead, live=True, following=True, playing=True, speed=1.0)
         if self._state is None:
             configs = History(Configs(self._first_config, self._first_config))
             self._state = ClientState(name, cameras, cameras[0], playhead, configs)
@@ -262,10 +281,11 @@ class Session:
             self._state = replace(
                 self._state, recording=name, cameras=cameras, camera=cameras[0], playhead=playhead, tune=view
             )
-        self._interface.show_info(info)
+        if info is not None:
+            self._interface.show_info(info)
         for mode in self._modes.values():
             mode.use_recording(recording)
-        if self._autoplay:
+        if self._autoplay and not playhead.live:
             self._autoplay = False
             self.send(TogglePlay())
 

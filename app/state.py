@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal, get_args
 
 from app.history import History
@@ -49,6 +49,16 @@ class TuneView:
 
 
 @dataclass(frozen=True, slots=True)
+class WatchView:
+    """How Watch shows a rally."""
+
+    in_space: bool = True
+    """In 3D where the recording is stereo; else the flat pictures."""
+    hidden: frozenset[str] = frozenset()
+    """Layers that are switched off."""
+
+
+@dataclass(frozen=True, slots=True)
 class Configs:
     """The two detector configs of a browser."""
 
@@ -76,8 +86,13 @@ class ClientState:
     step_us: int = 1_000
     look: Look = field(default_factory=Look)
     tune: TuneView = field(default_factory=TuneView)
+    watch: WatchView = field(default_factory=WatchView)
 
     @property
     def config(self) -> DetectorConfig:
         """The config that the sliders change."""
         return self.configs.present.of(self.tune.slot)
+
+    def without_growth(self) -> ClientState:
+        """The state but for how far a live recording has grown: that alone changes no control."""
+        return replace(self, playhead=self.playhead.grown(0, 0)) if self.playhead.live else self

@@ -14,16 +14,21 @@ from app.library import Library
 from app.workspace import Workspace
 from core.config import load_config
 from core.detection import DetectorConfig
-from core.errors import NotBuiltError
+from core.errors import CommandError
 
 DEMO = "demo"
+LIVE = "live"
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's arguments."""
     parser.add_argument("recording", nargs="?", type=Path, metavar="RECORDING", help="a recording or an event file")
-    parser.add_argument("--source", metavar="live|tcp://HOST:PORT", help="watch a simulation (not built yet)")
+    parser.add_argument(
+        "--source",
+        metavar="live|tcp://HOST:PORT",
+        help="watch a live simulation: one of its own, or one that runs there (default without a recording: live)",
+    )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s, this machine)")
     parser.add_argument("--port", type=int, default=8080, help="port to listen on (default: %(default)s)")
     parser.add_argument("--data", type=Path, default=Path("rallyscope-data"), help="workspace (default: %(default)s)")
@@ -33,24 +38,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Serve until interrupted."""
-    if arguments.source is not None:
-        raise NotBuiltError("`--source` is not built yet", remedy="open a recording")
+    source = _check_source(arguments.source, arguments.recording)
     config = load_config(DetectorConfig, arguments.config) if arguments.config else DetectorConfig()
     workspace = Workspace(arguments.data)
     library = Library(workspace)
-    first = _first_recording(arguments.recording, workspace, library)
+    process = None
+    if source == LIVE:
+        _ensure_demo(workspace)
+        from app.watch.simulation_process import SimulationProcess  # it comes up while the app is loaded
+
+        process = SimulationProcess("--auto-serve", "5")
+    first = LIVE if source is not None else _open_recording(arguments.recording, library)
     from app.server import Lab  # after the recording: a mistake in the arguments is answered at once
+    from app.watch.live import LiveRally
 
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # broken connections of browsers are not our news
-    lab = Lab(
-        workspace,
-        library,
-        first,
-        host=arguments.host,
-        port=arguments.port,
-        config=config,
-        autoplay=first == DEMO,
-    )
+    live = None
+    if source is not None:
+        with progress_bar("Starting the simulation") as progress:
+            live = LiveRally(source if process is None else process.wait(), process=process)
+            progress(1.0)
+    try:
+        lab = Lab(workspace, library, first, host=arguments.host, port=arguments.port, config=config, live=live)
+    except CommandError:
+        if live is not None:
+            live.close()
+        raise
     url = f"http://{'127.0.0.1' if arguments.host == '0.0.0.0' else arguments.host}:{lab.port}"
     if arguments.host not in LOCAL_HOSTS:
         print(f"Anyone who can reach {arguments.host} can use this app: it has no passwords.", flush=True)
@@ -64,14 +77,31 @@ def run(arguments: argparse.Namespace) -> None:
     lab.stop()
 
 
-def _first_recording(path: Path | None, workspace: Workspace, library: Library) -> str:
-    """Name of the recording to begin with; made or imported first if need be."""
-    if path is None:
-        from core.simulation import ensure_demo
+def _check_source(source: str | None, recording: Path | None) -> str | None:
+    """The source of the live rally; None for a recording.
 
-        with progress_bar("Simulating the demo recording (only the first time)") as progress:
-            ensure_demo(workspace.recording_path(DEMO), progress)
-        return DEMO
+    Raises:
+        CommandError: if both are given, or it is not a source.
+    """
+    if source is None:
+        return LIVE if recording is None else None
+    if recording is not None:
+        raise CommandError("a recording and a source", expected="one of them", got=f"{recording} and {source}")
+    if source != LIVE and not source.startswith("tcp://"):
+        raise CommandError("not a source", expected="live or tcp://HOST:PORT", got=repr(source), where="--source")
+    return source
+
+
+def _ensure_demo(workspace: Workspace) -> None:
+    """A recording to tune and label with is always there."""
+    from core.simulation import ensure_demo
+
+    with progress_bar("Simulating the demo recording (only the first time)") as progress:
+        ensure_demo(workspace.recording_path(DEMO), progress)
+
+
+def _open_recording(path: Path, library: Library) -> str:
+    """Name of the recording to begin with; imported first if need be."""
     name = library.add_guest(path)
     with progress_bar(f"Opening {path.name}") as progress:
         library.open(name)

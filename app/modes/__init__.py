@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 from app.modes.mode import Host, Mode, ModeFactory
+from app.modes.watch import WatchMode
 
-FACTORIES: Final[dict[str, ModeFactory]] = {}
+FACTORIES: Final[dict[str, ModeFactory]] = {"Watch": WatchMode}
 """Name of the mode -> what makes it for one browser."""
 
 __all__ = ["FACTORIES", "Host", "Mode", "ModeFactory"]

@@ -13,6 +13,7 @@ from app.library import Library
 from app.plane import PicturePlane
 from app.scene.world import World
 from app.state import ClientState
+from app.watch.rallies import Rallies
 from app.workspace import Workspace
 from core.recordings import Recording
 
@@ -38,6 +39,11 @@ class Host(Protocol):
     @property
     def world(self) -> World:
         """The 3D scene in the middle of the window; visible while `middle` is "world"."""
+        ...
+
+    @property
+    def rallies(self) -> Rallies:
+        """What all browsers watch."""
         ...
 
     @property

@@ -12,6 +12,8 @@ from app.state import ClientState
 from app.widgets import when_changed, when_clicked
 
 SLIDER_STEP_S = 0.001
+LIVE_LENGTH_US = 20_000_000
+"""The slider of a live recording spans the last 20 s, which is what it remembers."""
 
 
 class TransportPanel:
@@ -32,6 +34,7 @@ class TransportPanel:
                 )
         self._slider: viser.GuiSliderHandle[float] | None = None
         self._slider_length_us = -1
+        self._behind_us = 0
         self._shown_playing = False
         when_clicked(self._play, lambda: send(TogglePlay()))
         when_changed(self._step, lambda value: send(SetStep(_lookup(STEPS_US, step_label, value))))
@@ -60,26 +63,29 @@ class TransportPanel:
     def show(self, state: ClientState, now_us: int) -> None:
         """Follow the state; the slider is made anew when the recording's length changes."""
         head = state.playhead
-        if head.duration_us != self._slider_length_us:
-            self._make_slider(head.duration_us)
+        length_us = LIVE_LENGTH_US if head.live else head.duration_us
+        self._behind_us = max(0, head.duration_us - length_us)
+        if length_us != self._slider_length_us:
+            self._make_slider(length_us, "Last 20 s" if head.live else "Time [s]")
         assert self._slider is not None
         if head.playing != self._shown_playing:
             self._shown_playing = head.playing
             self._play.label = "Pause" if head.playing else "Play"
             self._play.icon = viser.Icon.PLAYER_PAUSE if head.playing else viser.Icon.PLAYER_PLAY
-        self._slider.value = min(round(now_us / 1e6 / SLIDER_STEP_S) * SLIDER_STEP_S, self._slider.max)
+        at_s = max(0, now_us - self._behind_us) / 1e6
+        self._slider.value = min(round(at_s / SLIDER_STEP_S) * SLIDER_STEP_S, self._slider.max)
         self._number.value = now_us
         self._step.value = step_label(state.step_us)
         self._speed.value = speed_label(min(SPEEDS, key=lambda speed: abs(speed - head.speed)))
 
-    def _make_slider(self, duration_us: int) -> None:
+    def _make_slider(self, duration_us: int, label: str) -> None:
         if self._slider is not None:
             self._slider.remove()
         self._slider_length_us = duration_us
         length_s = max(duration_us / 1e6, SLIDER_STEP_S)
         with self._folder:
-            self._slider = self._gui.add_slider("Time [s]", 0.0, length_s, SLIDER_STEP_S, 0.0, order=0)
-        when_changed(self._slider, lambda value: self._send(Seek(round(float(str(value)) * 1e6))))
+            self._slider = self._gui.add_slider(label, 0.0, length_s, SLIDER_STEP_S, 0.0, order=0)
+        when_changed(self._slider, lambda value: self._send(Seek(self._behind_us + round(float(str(value)) * 1e6))))
 
 
 def step_label(step_us: int) -> str:

@@ -29,6 +29,8 @@ CASE_NAMES: Final[dict[Case, str]] = {
 TARGET_RGB: Final = (255, 90, 10)
 SPOTS: Final = 500
 """As many as are shown; the newest are kept."""
+SPOT_ABOVE_M: Final = 0.018
+"""Spots are discs that face the eye: lower, half of them would be in the table."""
 REACH_M: Final = 4.0
 """A spot farther from the middle than this is not drawn."""
 
@@ -56,5 +58,5 @@ class LandingActors:
         near = [spot for spot in spots[-SPOTS:] if max(abs(spot.x_m), abs(spot.y_m)) < REACH_M]
         self._spots.visible = bool(near)
         if near:
-            self._spots.points = np.array([(spot.x_m, spot.y_m, 2 * ABOVE_M) for spot in near], np.float32)
+            self._spots.points = np.array([(spot.x_m, spot.y_m, SPOT_ABOVE_M) for spot in near], np.float32)
             self._spots.colors = np.array([CASE_RGB[spot.case] for spot in near], np.uint8)

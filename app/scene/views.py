@@ -29,9 +29,9 @@ class Viewpoint:
 
 
 VIEWPOINTS: Final[dict[str, Viewpoint]] = {
-    "Broadcast": Viewpoint((2.9, -3.5, 2.0), (-0.15, 0.0, 0.05)),
-    "Side": Viewpoint((0.0, -5.0, 0.6), (0.0, 0.0, 0.15)),
-    "Top": Viewpoint((-0.1, 0.0, 5.2), (-0.1, 0.0, 0.0), up=(0.0, 1.0, 0.0)),
+    "Broadcast": Viewpoint((2.6, -4.6, 2.3), (-0.12, 0.0, 0.0)),
+    "Side": Viewpoint((-0.1, -6.0, 0.7), (-0.1, 0.0, 0.15)),
+    "Top": Viewpoint((0.0, -0.01, 6.2), (0.0, 0.0, 0.0)),
     "Robot": Viewpoint((-3.6, -0.5, 1.1), (0.4, 0.0, 0.1)),
     "Follow ball": Viewpoint((1.9, -2.6, 1.3), (0.0, 0.0, 0.2)),
 }

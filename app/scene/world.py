@@ -66,6 +66,11 @@ class World:
             self.look_from(self._view)
 
     @property
+    def view(self) -> str:
+        """Name of the point of view that was chosen."""
+        return self._view
+
+    @property
     def views(self) -> tuple[str, ...]:
         """Names of the points of view: fixed ones, and one a camera."""
         return (*VIEWPOINTS, *self._cameras)

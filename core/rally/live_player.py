@@ -93,6 +93,7 @@ class LivePlayer:
         self._meter = LiveMeter()
         self._flight = LiveFlight()
         self._listeners: tuple[StateListener, ...] = ()
+        self._step_listeners: tuple[StateListener, ...] = ()
         self._sender = CommandSender(client)
         self._number = itertools.count(1)
         self._snapshot = self._flight.snapshot(0, "", self._controller, playing, self._meter, NOBODY)
@@ -144,6 +145,10 @@ class LivePlayer:
     def add_listener(self, listener: StateListener) -> None:
         """Hear of every new prediction in the player's thread: session, state, and the decision if one was made."""
         self._listeners = (*self._listeners, listener)
+
+    def add_step_listener(self, listener: StateListener) -> None:
+        """Hear of every step, also of one without a new prediction."""
+        self._step_listeners = (*self._step_listeners, listener)
 
     def remove_listener(self, listener: StateListener) -> None:
         """Hear no more."""
@@ -265,6 +270,8 @@ class LivePlayer:
         decision = self._flight.follow(state, self._controller.goal_m, playing=playing)
         if decision is not None and playing:
             self._sender.put(self._order(decision, heard))
+        for listener in self._step_listeners:
+            listener(self._session, state, decision)
         if state.chain.is_new:
             for listener in self._listeners:
                 listener(self._session, state, decision)

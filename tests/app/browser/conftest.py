@@ -15,6 +15,7 @@ from playwright.sync_api import Browser, Locator, Page, sync_playwright
 from app.library import Library
 from app.server import Lab
 from app.session import Session
+from app.watch.commands import ShowSpace
 from app.workspace import Workspace
 
 FLAGS = [
@@ -47,7 +48,7 @@ def chromium() -> Iterator[Browser]:
 class Window:
     """One browser window, with the session that the app keeps for it."""
 
-    def __init__(self, page: Page, lab: Lab) -> None:
+    def __init__(self, page: Page, lab: Lab, *, in_space: bool = False) -> None:
         self.page = page
         before = set(lab.sessions)
         page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr=1")
@@ -55,7 +56,10 @@ class Window:
         page.add_style_tag(content="[class*=mantine-Notification] { pointer-events: none !important; }")
         wait_for(lambda: set(lab.sessions) - before, "the browser to connect")
         (self.session,) = set(lab.sessions) - before
-        wait_for(lambda: self.session.sheet.pictures, "the first picture")
+        wait_for(lambda: self.session.state, "the recording to be open")
+        if not in_space:
+            self.session.send(ShowSpace(False))
+            wait_for(lambda: self.session.sheet.pictures, "the first picture")
 
     @property
     def state(self):

@@ -1,0 +1,148 @@
+"""Watch: the rally in 3D with the cameras' pictures beside it, live or recorded; or the pictures alone, large."""
+
+from __future__ import annotations
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+
+from app.modes.mode import Host, Middle
+from app.scene.world import LAYERS
+from app.state import ClientState
+from app.watch.camera_pictures import CameraPicturesRequest, render_camera_pictures
+from app.watch.cameras_panel import CamerasPanel
+from app.watch.history import Moment
+from app.watch.live import positions
+from app.watch.rallies import WatchedRally
+from app.watch.simulation_panel import SimulationPanel
+from app.watch.status import live_html, moment_html
+from app.watch.view_panel import ViewPanel
+from app.worker import LatestWins
+from core.recordings import Recording
+from core.simulation.physics import TaskConfig
+
+DRAW_EVERY_S = 1 / 40
+PICTURES_EVERY_S = 1 / 15
+STATUS_EVERY_S = 0.15
+ACTION_LIMIT_DEG = TaskConfig().stroke.action_limit_deg
+
+
+class WatchMode:
+    """Of one browser."""
+
+    uses_recording = True
+    takes_keys = False
+
+    def __init__(self, host: Host) -> None:
+        self._host = host
+        self._rally: WatchedRally | None = None
+        self._positions: dict[str, NDArray[np.float64]] = {}
+        self._active = False
+        gui = host.client.gui
+        self._folder = gui.add_folder(None, visible=False)
+        with self._folder:
+            self._view = ViewPanel(gui, host.send, self._look_from, host.world.views)
+            live = host.rallies.live
+            self._simulation = None if live is None else SimulationPanel(gui, live, host)
+        self._cameras = CamerasPanel(gui)
+        self._pictures = LatestWins(host.pool, render_camera_pictures, self._pictures_done, self._failed)
+        self._drawn: object = None
+        self._drawn_s = self._pictures_s = self._status_s = 0.0
+
+        again = gui.add_command("Look again from the chosen view", hotkey="V")
+
+        @again.on_trigger
+        async def _(_: viser.CommandEvent) -> None:
+            host.later(lambda: host.world.look_from(host.world.view) if self._active else None)
+
+    @property
+    def middle(self) -> Middle:
+        """3D for a stereo recording, unless the pictures are wanted."""
+        state = self._host.state
+        return "world" if self._rally is not None and state is not None and state.watch.in_space else "events"
+
+    @property
+    def restless(self) -> bool:
+        """A live rally moves; a recording that is being followed may soon know more."""
+        return self._rally is not None and self._rally.live is not None
+
+    def show(self, active: bool) -> None:
+        """Show the controls or hide them."""
+        self._active = active
+        self._folder.visible = active
+        self._cameras.panel.visible = active and self.middle == "world"
+        self._drawn = None
+
+    def use_recording(self, recording: Recording) -> None:
+        """Another recording was opened."""
+        self._rally = self._host.rallies.of(recording)
+        self._drawn = None
+        if self._rally is not None:
+            self._positions = positions(self._rally.cameras)
+            self._host.world.use_cameras(self._rally.cameras)
+
+    def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
+        """Draw what changed, at most forty times a second."""
+        in_space = self.middle == "world"
+        self._cameras.panel.visible = in_space
+        self._view.show(state, is_stereo=self._rally is not None, views=self._host.world.views)
+        live = None if self._rally is None else self._rally.live
+        if self._simulation is not None:
+            self._simulation.set_visible(live is not None)
+        if self._rally is None or not in_space or wall_s - self._drawn_s < DRAW_EVERY_S:
+            return
+        history = self._rally.history
+        if state.playhead.following:
+            now_us = min(now_us, history.followed_us)
+        key = (now_us, state.watch, state.look, history.followed_us >= now_us, history.outcome_count)
+        if key == self._drawn:
+            return
+        self._drawn, self._drawn_s = key, wall_s
+        moment = history.at(now_us, self._positions)
+        self._host.world.layers = frozenset(LAYERS) - state.watch.hidden
+        self._host.world.draw(moment.picture)
+        self._request_pictures(state, moment, wall_s)
+        self._show_status(moment, live is not None, wall_s)
+
+    def clicked(self, x: float, y: float) -> None:
+        """Nothing is chosen by clicks."""
+
+    def close(self) -> None:
+        """The browser is gone."""
+        self._pictures.close()
+
+    def _request_pictures(self, state: ClientState, moment: Moment, wall_s: float) -> None:
+        recording = self._host.recording
+        if recording is None or (state.playhead.playing and wall_s - self._pictures_s < PICTURES_EVERY_S):
+            return
+        self._pictures_s = wall_s
+        circles = {} if moment.step is None or moment.step.t_us < moment.t_us - 10_000 else moment.step.circles
+        self._pictures.submit(
+            CameraPicturesRequest(recording, moment.t_us, state.look, circles, "True ball" not in state.watch.hidden)
+        )
+
+    def _pictures_done(self, request: CameraPicturesRequest, pngs: dict[str, bytes]) -> None:
+        self._host.later(lambda: self._show_pictures(pngs))
+
+    def _show_pictures(self, pngs: dict[str, bytes]) -> None:
+        if self._active and self.middle == "world":
+            with self._host.client.atomic():
+                self._cameras.show(pngs)
+                self._host.world.show_camera_pictures(pngs)
+
+    def _show_status(self, moment: Moment, is_live: bool, wall_s: float) -> None:
+        if wall_s - self._status_s < STATUS_EVERY_S and is_live:
+            return
+        self._status_s = wall_s
+        figures, live = "", self._host.rallies.live
+        if is_live and live is not None and live.state is not None and self._simulation is not None:
+            pace = live.state.real_time_factor, live.state.speed_factor
+            figures = live_html(live.player.snapshot, *pace, live.client.status)
+            self._simulation.show(live.state)
+        self._cameras.show_figures(moment_html(moment, ACTION_LIMIT_DEG), figures)
+
+    def _look_from(self, view: str) -> None:
+        self._host.later(lambda: self._host.world.look_from(view))
+
+    def _failed(self, error: Exception) -> None:
+        self._host.later(lambda: self._host.report(error))

@@ -1,0 +1,113 @@
+"""The chain over a recording, in the background: its history grows while it is watched."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+import numpy as np
+
+from app.scene.rally_picture import LandingSpot
+from app.watch.history import Outcome, RallyHistory
+from core.cameras import Camera
+from core.detection.window import windows_between
+from core.rally.chain import RallyChain
+from core.rally.config import ChainConfig
+from core.rally.controller import BuiltInController
+from core.rally.follow import calibrated_cameras
+from core.rally.player import Player
+from core.recordings import Recording
+from core.recordings.reader import FileRecording
+from core.simulation.physics.episode import Case
+
+logger = logging.getLogger(__name__)
+WINDOW_US = 2_000
+TRUTH_EVERY_US = 1_000
+
+
+def is_stereo(recording: Recording) -> bool:
+    """Whether the ball can be found in space: two cameras or more, all calibrated."""
+    streams = recording.cameras.values()
+    return len(streams) > 1 and all(stream.calibration is not None for stream in streams)
+
+
+class Following:
+    """One pass over one stereo recording. What the file itself knows of racket and outcomes is there at once."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.history = RallyHistory()
+        self.cameras: dict[str, Camera] = calibrated_cameras(recording)
+        self.share = 0.0
+        """Of the recording that has been followed."""
+        self._recording = recording
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="following", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Give up."""
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            self._add_known()
+            self._follow()
+        except Exception:
+            logger.exception("the chain failed on a recording")
+
+    def _add_known(self) -> None:
+        truth = self._recording.ball
+        if truth is not None:
+            self.history.add_truth(truth)
+        if not isinstance(self._recording, FileRecording):
+            return
+        rackets = self._recording.read_rows("/racket")
+        if rackets is not None:
+            t_us, ps, qs = (np.asarray(rackets[name]) for name in ("t_us", "p_world_m", "q_world_wxyz"))
+            self.history.add_rackets(t_us, ps, qs)
+        episodes = self._recording.read_rows("/episodes")
+        if episodes is not None:
+            for serve_us, speed, case, landing in zip(
+                *(np.asarray(episodes[name]) for name in ("serve_us", "speed_mps", "case", "f")), strict=True
+            ):
+                spot = LandingSpot(float(landing[0]), float(landing[1]), Case(int(case)))
+                self.history.add_outcome(Outcome(int(serve_us), int(serve_us), float(speed), spot))
+
+    def _follow(self) -> None:
+        player = Player(RallyChain(self.cameras, ChainConfig()), BuiltInController())
+        names = list(self.cameras)
+        streams = [
+            windows_between(self._recording.cameras[name], 0, self._recording.duration_us, WINDOW_US) for name in names
+        ]
+        for windows in zip(*streams, strict=True):
+            if self._stop.is_set():
+                return
+            self.history.add_step(player.step(dict(zip(names, windows, strict=True))))
+            self.share = windows[0].end_us / max(1, self._recording.duration_us)
+        self.share = 1.0
+
+
+class Followings:
+    """One Following a recording, shared by all browsers."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._found: dict[str, Following] = {}
+
+    def of(self, recording: Recording) -> Following | None:
+        """The one of a recording, begun now if need be; None if it is not stereo."""
+        if not is_stereo(recording):
+            return None
+        with self._lock:
+            found = self._found.get(recording.uuid)
+            if found is None:
+                found = self._found[recording.uuid] = Following(recording)
+            return found
+
+    def close(self) -> None:
+        """Give up all."""
+        with self._lock:
+            for following in self._found.values():
+                following.stop()
+            self._found.clear()

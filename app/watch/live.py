@@ -1,0 +1,148 @@
+"""The live rally of this app: one simulation, one player, shared by all browsers."""
+
+from __future__ import annotations
+
+import threading
+import time
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.scene.rally_picture import LandingSpot
+from app.watch.history import Outcome, RallyHistory
+from app.watch.simulation_process import SimulationProcess
+from core.cameras import Camera
+from core.errors import LinkError, RecordingError
+from core.rally.link import messages as m
+from core.rally.link.client import SimulationClient
+from core.rally.live import LiveConfig, LiveRecording
+from core.rally.live_player import LivePlayer
+from core.rally.live_snapshot import Decision
+from core.rally.player import PlayerState
+from core.rally.record_live import LiveRecorder
+from core.simulation.physics.episode import Case
+
+LIVE: Final = "live"
+"""Its name in the list of recordings."""
+REMEMBERED_S: Final = 20.0
+FORGET_EVERY_US: Final = 1_000_000
+
+
+class LiveRally:
+    """Listens, remembers, plays. All methods may be called from any thread."""
+
+    def __init__(self, address: str, *, process: SimulationProcess | None = None) -> None:
+        """Join the simulation at an address; `process` is ended with the rally.
+
+        Raises:
+            LinkError: if there is no simulation, or one of another version.
+        """
+        self._process = process
+        try:
+            self.client = SimulationClient(address)
+        except LinkError:
+            if process is not None:
+                process.stop()
+            raise
+        self.recording = LiveRecording(LiveConfig(seconds=REMEMBERED_S))
+        self.history = RallyHistory()
+        self._session = ""
+        self._recorder: LiveRecorder | None = None
+        self._recorded_since_s = 0.0
+        self._recording_lock = threading.Lock()
+        self._forgotten_us = 0
+        self.client.add_listener(self.recording)
+        self.client.add_listener(self)
+        self.player = LivePlayer(self.client)
+        self.player.add_step_listener(self._hear_step)
+
+    @property
+    def cameras(self) -> dict[str, Camera]:
+        """Of the present session."""
+        return {name: stream.calibration for name, stream in self.recording.cameras.items() if stream.calibration}
+
+    @property
+    def state(self) -> m.State | None:
+        """The simulation's latest."""
+        return self.client.state
+
+    @property
+    def recorded(self) -> Path | None:
+        """The file that is being written."""
+        return None if self._recorder is None else self._recorder.path
+
+    @property
+    def recorded_s(self) -> float:
+        """Wall time since it was begun."""
+        return 0.0 if self._recorder is None else time.monotonic() - self._recorded_since_s
+
+    def record(self, path: Path) -> None:
+        """Write the rally to a file from now on.
+
+        Raises:
+            RecordingError: if one is being written already, or it cannot be made.
+        """
+        with self._recording_lock:
+            if self._recorder is not None:
+                raise RecordingError("the rally is being recorded already", where=self._recorder.path)
+            self._recorded_since_s = time.monotonic()
+            self._recorder = LiveRecorder(self.client, path)
+
+    def stop_recording(self) -> int:
+        """Finish the file; returns its duration in microseconds, 0 if none was being written.
+
+        Raises:
+            RecordingError: if it could not be written to its end.
+        """
+        with self._recording_lock:
+            recorder, self._recorder = self._recorder, None
+            return 0 if recorder is None else recorder.stop()
+
+    def close(self) -> None:
+        """Leave it; what is being recorded is finished."""
+        self.stop_recording()
+        self.player.close()
+        self.client.close()
+        self.recording.close()
+        if self._process is not None:
+            self._process.stop()
+
+    # What the link says, in its thread.
+
+    def hear_session(self, welcome: m.Reply) -> None:
+        """Begin anew."""
+        self.history.clear()
+        self._session, self._forgotten_us = welcome.session, 0
+
+    def hear_events(self, batch: m.EventBatch) -> None:
+        """Kept by the recording."""
+
+    def hear_state(self, state: m.State) -> None:
+        """Where racket and ball really were."""
+        if not len(state.racket_t_us):
+            return
+        self.history.add_rackets(state.racket_t_us, state.racket[:, :3], state.racket[:, 3:7])
+        if len(state.ball_t_us):
+            self.history.add_truth(state.truth())
+        if state.t_us - self._forgotten_us > FORGET_EVERY_US:
+            self._forgotten_us = state.t_us
+            self.history.forget_before(state.t_us - round(REMEMBERED_S * 1e6))
+
+    def hear_notice(self, notice: m.Notice) -> None:
+        """Outcomes become spots."""
+        if isinstance(notice, m.OutcomeNotice):
+            x, y, _ = notice.landing_m
+            spot = LandingSpot(x, y, Case(notice.case))
+            self.history.add_outcome(Outcome(notice.t_us, notice.serve_us, notice.speed_mps, spot))
+
+    def _hear_step(self, session: str, state: PlayerState, decision: Decision | None) -> None:
+        """In the player's thread."""
+        if session == self._session:
+            self.history.add_step(state)
+
+
+def positions(cameras: dict[str, Camera]) -> dict[str, NDArray[np.float64]]:
+    """Where cameras stand (3,), by name."""
+    return {name: camera.T_world_camera[:3, 3] for name, camera in cameras.items()}

@@ -1,0 +1,42 @@
+"""What all browsers of the app watch: the live rally if there is one, and the recordings that have been followed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from app.watch.following import Followings
+from app.watch.history import RallyHistory
+from app.watch.live import LiveRally
+from core.cameras import Camera
+from core.recordings import Recording
+
+
+@dataclass(slots=True)
+class Rallies:
+    """Owned by the app."""
+
+    live: LiveRally | None = None
+    followings: Followings = field(default_factory=Followings)
+
+    def of(self, recording: Recording) -> WatchedRally | None:
+        """The rally in a recording; None if it cannot be seen in space."""
+        if self.live is not None and recording is self.live.recording:
+            return WatchedRally(self.live.history, self.live.cameras, self.live)
+        following = self.followings.of(recording)
+        return None if following is None else WatchedRally(following.history, following.cameras, None)
+
+    def close(self) -> None:
+        """End everything."""
+        self.followings.close()
+        if self.live is not None:
+            self.live.close()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WatchedRally:
+    """One rally in space."""
+
+    history: RallyHistory
+    cameras: dict[str, Camera]
+    live: LiveRally | None
+    """None for a recording."""

@@ -1,0 +1,131 @@
+"""The rally in figures, as HTML."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections import Counter
+
+import numpy as np
+
+from app import theme
+from app.scene.landing import CASE_NAMES, CASE_RGB
+from app.watch.history import Moment, Outcome, Step
+from core.rally.controller import RacketCommand
+from core.rally.live_snapshot import RallySnapshot
+from core.simulation.physics.episode import Case
+from core.trajectory.prediction import HitPlane
+
+
+def moment_html(moment: Moment, action_limit_deg: float) -> str:
+    """Ball, predictions and racket at one time."""
+    step = moment.step
+    command = step.command if step is not None else None
+    rows = [
+        ("Ball", "-" if moment.speed_mps is None else f"{moment.speed_mps:.2f} m/s"),
+        ("Contact in", _contact(step, moment.t_us)),
+        ("Residual", _residual(step)),
+        ("Before bounce", _hit(step.before.hit if step and step.before else None)),
+        ("After bounce", _hit(step.after.hit if step and step.after else None)),
+        ("Racket action", _action(command, action_limit_deg)),
+        ("Quaternion", "-" if command is None else " ".join(f"{value:+.3f}" for value in command.target.q_wxyz)),
+        ("Aims at", _target(command)),
+        ("Last ball", _last(moment.outcomes)),
+        ("Balls", _balls(moment.outcomes)),
+    ]
+    return _table(rows)
+
+
+def live_html(snapshot: RallySnapshot, real_time_factor: float, speed_factor: float, status: str) -> str:
+    """How well the live rally is followed."""
+    health = snapshot.health
+    slow = real_time_factor < 0.95 * speed_factor
+    pace = f"{min(real_time_factor, speed_factor):.2f} x real time"
+    colour = theme.BAD if slow or status != "connected" else theme.GOOD
+    rows = [
+        ("Simulation", f"<span style='color:{colour}'>{html.escape(status)}, {pace}</span>"),
+        ("State", f"{health.state_hz:.0f} Hz, {_ms(health.step.p50_ms)} / {_ms(health.step.p99_ms)} ms a step"),
+        ("Window to racket", f"{_ms(health.window_to_sent.p50_ms)} / {_ms(health.window_to_sent.p99_ms)} ms p50 / p99"),
+        ("Controller", html.escape(snapshot.controller)),
+    ]
+    if health.blocks_dropped:
+        rows.append(("Dropped", f"<span style='color:{theme.BAD}'>{health.blocks_dropped} blocks</span>"))
+    if snapshot.problem:
+        rows.append(("Problem", f"<span style='color:{theme.BAD}'>{html.escape(snapshot.problem)}</span>"))
+    return _table(rows)
+
+
+def legend_html() -> str:
+    """Colours of the landing spots."""
+    spots = " &nbsp; ".join(
+        f"<span style='color:rgb{CASE_RGB[case]}'>&#9679;</span> {CASE_NAMES[case]}" for case in Case
+    )
+    return f"<div style='font-size:12px;color:{theme.MUTED};padding:2px 12px'>{spots}</div>"
+
+
+def _table(rows: list[tuple[str, str]]) -> str:
+    cells = "".join(
+        f"<tr><td style='color:{theme.MUTED};padding-right:10px;white-space:nowrap'>{name}</td><td>{value}</td></tr>"
+        for name, value in rows
+    )
+    return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'><table>{cells}</table></div>"
+
+
+def _contact(step: Step | None, t_us: int) -> str:
+    hit = _newest_hit(step)
+    if hit is None or hit.t_s * 1e6 < t_us:
+        return "-"
+    return f"<b style='color:{theme.GOOD}'>{(hit.t_s * 1e6 - t_us) / 1e3:.0f} ms</b>"
+
+
+def _newest_hit(step: Step | None) -> HitPlane | None:
+    if step is None:
+        return None
+    expected = step.after or step.before
+    return None if expected is None else expected.hit
+
+
+def _residual(step: Step | None) -> str:
+    if step is None or step.point is None:
+        return "-"
+    sigma_mm = 1e3 * float(np.sqrt(np.trace(step.point.covariance_m2) / 3))
+    return f"{step.point.residual_px:.2f} px, sigma {sigma_mm:.1f} mm"
+
+
+def _hit(hit: HitPlane | None) -> str:
+    if hit is None:
+        return "-"
+    _, y, z = hit.p_world_m
+    return f"y {y:+.3f}, z {z:+.3f} m, {float(np.linalg.norm(hit.v_world_mps)):.2f} m/s"
+
+
+def _action(command: RacketCommand | None, limit_deg: float) -> str:
+    if command is None:
+        return "-"
+    return ", ".join(f"{angle * limit_deg:+.1f}&deg;" for angle in command.action) + f" ({command.stage}-bounce)"
+
+
+def _target(command: RacketCommand | None) -> str:
+    if command is None or command.landing_m is None:
+        return "-"
+    return f"x {command.landing_m[0]:.2f}, y {command.landing_m[1]:+.2f} m"
+
+
+def _last(outcomes: tuple[Outcome, ...]) -> str:
+    if not outcomes:
+        return "-"
+    last = outcomes[-1]
+    where = f", {last.spot.x_m:.2f} / {last.spot.y_m:+.2f} m" if math.isfinite(last.spot.x_m) else ""
+    return f"<span style='color:rgb{CASE_RGB[last.spot.case]}'>{CASE_NAMES[last.spot.case]}</span>{where}"
+
+
+def _balls(outcomes: tuple[Outcome, ...]) -> str:
+    if not outcomes:
+        return "-"
+    counts = Counter(outcome.spot.case for outcome in outcomes)
+    returned = counts[Case.RETURNED]
+    return f"{returned} of {len(outcomes)} returned ({returned / len(outcomes):.0%})"
+
+
+def _ms(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.1f}"
