@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import signal
+import sys
 import threading
 
 from app.cli.simulate import _cameras, _sensor
@@ -29,6 +30,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--noise-hz", type=float, default=0.1, metavar="HZ", help="background events (default: 0.1)")
     parser.add_argument("--physics", default="paper", choices=("paper", "real"), help="default: %(default)s")
     parser.add_argument("--auto-serve", type=float, default=0.0, metavar="MPS", help="serve by itself at 3 to 9 m/s")
+    parser.add_argument(
+        "--until-eof", action="store_true", help="end when standard input ends, as a child process should"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of serves and events (default: 0)")
 
 
@@ -51,5 +55,7 @@ def run(arguments: argparse.Namespace) -> None:
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
     signal.signal(signal.SIGINT, lambda *_: ended.set())
+    if arguments.until_eof:
+        threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
     print(f"The simulation is at {server.address}   (Ctrl-C ends it)", flush=True)
     server.run(ended.is_set)

@@ -17,8 +17,10 @@ class SimulationProcess:
     """Starts at once; `wait` gives its address."""
 
     def __init__(self, *arguments: str) -> None:
-        command = [sys.executable, "-m", "app.cli", "sim-server", "--bind", "tcp://127.0.0.1:0", *arguments]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        command = [sys.executable, "-m", "app.cli", "sim-server", "--bind", "tcp://127.0.0.1:0", "--until-eof"]
+        self._process = subprocess.Popen(  # its input ends with this process, however that ends, and so does it
+            [*command, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
         self._address = ""
         self._told = threading.Event()
         threading.Thread(target=self._read, name="simulation-process", daemon=True).start()

@@ -46,6 +46,24 @@ def test_it_serves_a_page_and_ends_calmly(serve_recording, tmp_path, stop) -> No
     assert "serve" in said and "Traceback" not in said and "viser" not in said
 
 
+def test_without_a_recording_it_shows_a_live_rally_whose_simulation_ends_with_it(serve_recording, tmp_path) -> None:
+    recordings = tmp_path / "data" / "recordings"
+    recordings.mkdir(parents=True)
+    shutil.copy(serve_recording, recordings / "demo.h5")  # else it would be simulated first
+    process, _ = start(["--port", "0", "--data", str(tmp_path / "data")], tmp_path / "log")
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    try:
+        assert "'live'" in (tmp_path / "log").read_text()
+        assert len(children) == 1
+    finally:
+        process.kill()  # no time to say goodbye
+    process.wait(30)
+    deadline = time.monotonic() + 20
+    while Path(f"/proc/{children[0]}/cmdline").exists() and Path(f"/proc/{children[0]}/cmdline").read_bytes():
+        assert time.monotonic() < deadline, "the simulation outlived the app"
+        time.sleep(0.1)
+
+
 def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -60,7 +78,9 @@ def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> N
     ("arguments", "message"),
     [
         (["no-such-file.raw"], "no-such-file.raw"),
-        (["--source", "live"], "not built yet"),
+        (["--source", "udp://127.0.0.1:1"], "not a source"),
+        (["--source", "tcp://127.0.0.1:1"], "no answer from a simulation server"),
+        (["demo.h5", "--source", "live"], "a recording and a source"),
         (["--config", "no-such.toml"], "no-such.toml"),
         (["--port", "99999999"], "cannot listen"),
         (["--port", "http"], "invalid int value"),
