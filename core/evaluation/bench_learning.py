@@ -5,6 +5,7 @@ An interrupted bench goes on where it was; `write_report` can be called at any t
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,7 +14,7 @@ import numba
 import numpy as np
 import torch
 
-from core.evaluation.learning_plan import Counts, Experiment, plan
+from core.evaluation.learning_plan import Counts, Experiment, is_minor, plan
 from core.evaluation.learning_report import write_report
 from core.evaluation.learning_runs import SeedResult, load_results, train_seed
 from core.learning.summary import number, spread_of
@@ -55,11 +56,15 @@ def run(
 
 
 def batches(experiments: Sequence[Experiment]) -> list[list[tuple[Experiment, int]]]:
-    """All trainings, in batches of a few seeds of everything: whenever it is interrupted, every row has its share."""
-    found: dict[int, list[tuple[Experiment, int]]] = {}
+    """All trainings, in batches of a few seeds of everything: whenever it is interrupted, every row has its share.
+
+    What figures are aimed at is completed before the further seeds of variants.
+    """
+    found: dict[float, list[tuple[Experiment, int]]] = {}
     for experiment in experiments:
         for k in range(experiment.config.seeds):
-            found.setdefault(k // SEEDS_AT_A_TIME, []).append((experiment, experiment.config.first_seed + k))
+            number = math.inf if k >= SEEDS_AT_A_TIME and is_minor(experiment) else k // SEEDS_AT_A_TIME
+            found.setdefault(number, []).append((experiment, experiment.config.first_seed + k))
     return [found[number] for number in sorted(found)]
 
 

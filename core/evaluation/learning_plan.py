@@ -30,8 +30,12 @@ EXPLORATIONS: tuple[Exploration, ...] = ("default", "matched")
 RIVALS: tuple[AgentName, ...] = ("ppo", "a2c", "trpo", "td3", "sac")
 REWARDS: tuple[RewardKind, ...] = ("simple", "case", "cdta")
 MINOR = ("variant", "beta", "reward-slow", "model-hard-9", "model-shaky", "model-biased", "model-privileged")
-MINOR += ("model-flight", "model-predicted", "model-hard-noisy-climb")
+MINOR += ("model-impact", "model-flight", "model-predicted", "model-hard-noisy-climb")
 RULES: tuple[ReplayRule, ...] = ("threshold", "discard", "retain")
+
+
+IMPACT = LandingModelConfig(head="impact", critic_rate=3e-4, actor_rate=3e-3, final_rate=0.1)
+"""What the model is told of physics leaves it little to learn, and noise less to spoil: a slow critic."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +128,9 @@ def _landing_model() -> list[Experiment]:
         model("shaky", ladder((5.0,), (300,)), shaky),
         model("biased", ladder((5.0,), (300,)), biased),
         model("flight-5", ladder((5.0,), (300,)), landing_model=LandingModelConfig(head="flight")),
+        model("impact-5", ladder((5.0,), (300,)), landing_model=IMPACT),
+        model("impact-hard-noisy-5", ladder((5.0,), (200,)), noisy_hard, landing_model=IMPACT),
+        model("impact-hard-noisy-9", ladder((9.0,), (200,)), noisy_hard, landing_model=IMPACT),
         model("privileged", ladder((5.0,), (100,)), landing_model=LandingModelConfig(privileged=True)),
         model("predicted", ladder((5.0,), (100,)), source_of(truth, "predicted")),
     ]
@@ -149,6 +156,11 @@ def _variants() -> list[Experiment]:
     slow = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
     found.append(Experiment("variant-slow", paper(climb, ddpg=slow)))
     found.append(Experiment("variant-equal-rates", paper(climb, ddpg=DdpgConfig(actor_rate=1e-3, critic_rate=1e-3))))
+    for name, reward in (
+        ("simple-accuracy", RewardConfig(kind="simple", simple_accuracy=True)),
+        ("case-accuracy", RewardConfig(kind="case", case_weight=0.0)),
+    ):
+        found.append(Experiment(f"variant-{name}", paper(ladder((4.0,), (1000,)), reward=reward)))
     for beta in (0.005, 0.01, 0.05):
         found.append(Experiment(f"beta-{beta:g}", paper(ladder((4.0,), (1000,)), reward=RewardConfig(beta=beta))))
     quick = {
@@ -185,10 +197,15 @@ def _rival(agent: AgentName, exploration: Exploration, curriculum: CurriculumCon
     return dataclasses.replace(default_run(agent), curriculum=curriculum, rival=RivalConfig(exploration=exploration))
 
 
+def is_minor(experiment: Experiment) -> bool:
+    """Whether no figure is aimed at it."""
+    return experiment.name.startswith(MINOR)
+
+
 def _scaled(experiment: Experiment, counts: Counts) -> Experiment:
     config = experiment.config
     episodes = tuple(max(2, n // counts.shorten) for n in config.curriculum.episodes)
-    seeds = counts.minor_seeds if experiment.name.startswith(MINOR) else counts.seeds
+    seeds = counts.minor_seeds if is_minor(experiment) else counts.seeds
     seeds = counts.rival_seeds if config.agent in RIVALS else seeds
     config = dataclasses.replace(
         config,

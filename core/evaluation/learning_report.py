@@ -187,15 +187,37 @@ def _variants(results: Results) -> str:
         rows.append([title, at(found, 600, "returned"), at(found, 1700, "returned"), at(found, 1700, "error_mm")])
     text = "## What the paper leaves open\n\nThe curriculum of 3 then 5 m/s:\n\n"
     text += table(("variant", "returned @600 (3 m/s), %", "@1700 (5 m/s), %", "error @1700, mm"), rows)
-    rows = [[beta, *_beta(results.get(name, ()))] for name, beta in _BETAS.items()]
-    return text + "\nCDTA's beta at 4 m/s:\n\n" + table(("beta", "returned @600, %", "error @1000, mm"), rows)
+    rows = []
+    for name, title in _REWARDS.items():
+        found = results.get(name, ())
+        rows.append([title, str(len(found)), at(found, 600, "returned"), at(found, 1000, "error_mm")])
+    titles = ("reward at 4 m/s", "seeds", "returned @600, %", "error @1000, mm")
+    return text + "\n" + _whole_ladder(results) + "\n" + table(titles, rows)
 
 
-_BETAS = {"beta-0.005": "0.005", "beta-0.01": "0.01", "reward-4-cdta": "0.02 (ours)", "beta-0.05": "0.05"}
+_REWARDS = {
+    "beta-0.005": "CDTA, beta 0.005",
+    "beta-0.01": "CDTA, beta 0.01",
+    "reward-4-cdta": "CDTA, beta 0.02 (ours)",
+    "beta-0.05": "CDTA, beta 0.05",
+    "reward-4-case": "case, weights 0.5 and 0.5",
+    "variant-case-accuracy": "case, weights 0 and 1",
+    "reward-4-simple": "simple, 1 for a returned ball",
+    "variant-simple-accuracy": "simple, returned balls earn their accuracy",
+}
 
 
-def _beta(found: Sequence[SeedResult]) -> list[str]:
-    return [at(found, 600, "returned"), at(found, 1000, "error_mm")]
+def _whole_ladder(results: Results) -> str:
+    """The paper's agent from 3 to 9 m/s, at the end of each stage."""
+    found = results.get("variant-climb", ())
+    speeds = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
+    ends = [[e for result in found if (e := result.last(speed)) is not None] for speed in speeds]
+    rows = [
+        ["returned, %", *(percent([e.returned for e in known]) for known in ends)],
+        ["error, mm", *(millimetres([e.error_mm for e in known]) for known in ends)],
+    ]
+    title = "The paper's agent on the whole ladder, 600 episodes and then 300 a stage, at the end of each:\n\n"
+    return title + table(("", *(f"{speed:g} m/s" for speed in speeds)), rows)
 
 
 def _landing_model(results: Results) -> str:
@@ -233,9 +255,12 @@ _MODELS = {
     "model-predicted": "5 m/s, predicted state",
     "model-flight-5": "5 m/s, gravity known to the model",
     "better-300": "5 m/s, Q critic: 16 updates on batches of 32, 3 relabelled targets, accuracy reward, 30 random",
+    "model-impact-5": "5 m/s, law of reflection known to the model",
     "model-hard-9": "9 m/s, hard serves",
     "model-hard-noisy-5": "5 m/s, hard serves, noise 5 mm + 1 %",
     "model-hard-noisy-9": "9 m/s, hard serves, noise 5 mm + 1 %",
+    "model-impact-hard-noisy-5": "5 m/s, hard and noisy, law of reflection known",
+    "model-impact-hard-noisy-9": "9 m/s, hard and noisy, law of reflection known",
     "model-shaky": "5 m/s, 1 degree of random actuator error",
     "model-biased": "5 m/s, 1 degree of constant actuator bias",
 }

@@ -214,9 +214,9 @@ class LandingModelConfig:
     """Metres of landing error that a metre of missing clearance counts for."""
     net_loss: float = setting(0.3, 0.0, 10.0)
     """Weight of the net height in the critic's loss."""
-    head: Literal["free", "flight"] = "free"
-    """What the model's outputs are: landing and height at the net, or the velocity after the stroke, from which gravity
-    alone gives both."""
+    head: Literal["free", "flight", "impact"] = "free"
+    """What the model's outputs are: landing and height at the net; the velocity after the stroke, from which gravity
+    alone gives both; or restitution and grip of the rubber, from which the law of reflection gives that velocity."""
     privileged: bool = False
     """Learn also from what a simulator alone knows: where a ball would have landed without net and table."""
 

@@ -1,71 +1,158 @@
-"""What the landing model's three outputs mean: the landing and the height at the net themselves, or the ball's velocity
-after the stroke, from which gravity gives both. Gravity is the one thing about the flight that need not be learned.
+"""What the landing model's outputs mean. `free`: the landing and the height at the net themselves. `flight`: the ball's
+velocity after the stroke, from which gravity gives both. `impact`: how much of its speed the rubber gives back and how
+well it grips, from which the law of reflection gives that velocity: its form is known, its numbers are learned.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from core.learning.normalise import LANDING_CENTRE, LANDING_SCALE
+from core.simulation.physics.task import StrokeConfig
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 
+RESTITUTION, GRIP, PUSH_MPS = (0.6, 0.2), (0.3, 0.2), 0.03
+"""Centre and scale of the impact head's outputs: a guess to start from, not the simulator's numbers (0.78 and 0.4).
+The push is small, so that it is learned last."""
 SLOWEST_MPS = 0.3
 """Slower towards the net, or slower coming down, counts as this: such a ball does not come near the net."""
 
 
-class Head(Protocol):
-    """Outputs (B, 3) of a network to landing x, y and height at the net (m), and the way back for gradients."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Balls:
+    """Balls at the racket, as they are known, and the strokes that meet them."""
 
-    def decode(self, outputs: Tensor, ps_m: Tensor) -> Tensor:
-        """(B, 3) for balls struck at `ps_m` (B, 3)."""
+    states: Tensor
+    """(B, 6) position and velocity."""
+    racket_mps: Tensor
+    """(B, 1) speed of the racket along +x."""
+    actions: Tensor
+    """(B, 3)."""
+
+
+class Head(Protocol):
+    """Outputs of a network to landing x, y and height at the net (m), and the way back for gradients."""
+
+    @property
+    def outputs(self) -> int:
+        """How many there are."""
         ...
 
-    def pull(self, slope: Tensor) -> Tensor:
-        """d loss / d outputs from d loss / d decoded, for the last `decode`."""
+    def decode(self, outputs: Tensor, balls: Balls) -> Tensor:
+        """(B, 3) of outputs (B, outputs)."""
+        ...
+
+    def pull(self, slope: Tensor) -> tuple[Tensor, Tensor | None]:
+        """d loss / d outputs, and d loss / d actions beside what goes through the network, for the last `decode`."""
         ...
 
 
 class FreeHead:
     """The outputs are the landing and the height, scaled."""
 
+    outputs = 3
+
     def __init__(self) -> None:
         self._centre = torch.tensor(LANDING_CENTRE, dtype=torch.float32)
         self._scale = torch.tensor(LANDING_SCALE, dtype=torch.float32)
 
-    def decode(self, outputs: Tensor, ps_m: Tensor) -> Tensor:
+    def decode(self, outputs: Tensor, balls: Balls) -> Tensor:
         return outputs * self._scale + self._centre
 
-    def pull(self, slope: Tensor) -> Tensor:
-        return slope * self._scale
+    def pull(self, slope: Tensor) -> tuple[Tensor, Tensor | None]:
+        return slope * self._scale, None
 
 
 class FlightHead:
     """The outputs are the velocity after the stroke, scaled; landing and height follow from a parabola."""
+
+    outputs = 3
 
     def __init__(self) -> None:
         self._centre = torch.tensor([3.5, 0.0, 1.5])
         self._scale = torch.tensor([1.2, 0.8, 1.2])
         self._jacobian = torch.zeros(0)
 
-    def decode(self, outputs: Tensor, ps_m: Tensor) -> Tensor:
-        v = outputs * self._scale + self._centre
-        vx, vy, vz = v[:, 0], v[:, 1], v[:, 2]
-        g, drop = GRAVITY_MPS2, ps_m[:, 2] - BALL_RADIUS_M
-        # Speed at which the ball comes down to the table's plane; a racket below the plane may not reach it at all.
-        down = (vz * vz + 2 * g * drop).clamp_min(SLOWEST_MPS**2).sqrt_()
-        t = (vz + down) / g
-        forward = vx.clamp_min(SLOWEST_MPS)
-        t_net = -ps_m[:, 0] / forward
-        z_net = ps_m[:, 2] + vz * t_net - 0.5 * g * t_net * t_net
-        late = t / down
-        zero = torch.zeros_like(t)
-        slower = torch.where(vx > SLOWEST_MPS, (g * t_net - vz) * t_net / forward, zero)
-        rows = [t, zero, vx * late, zero, t, vy * late, slower, zero, t_net]
-        self._jacobian = torch.stack(rows, 1).view(-1, 3, 3)
-        return torch.stack([ps_m[:, 0] + vx * t, ps_m[:, 1] + vy * t, z_net], 1)
+    def decode(self, outputs: Tensor, balls: Balls) -> Tensor:
+        decoded, self._jacobian = fly(outputs * self._scale + self._centre, balls.states)
+        return decoded
 
-    def pull(self, slope: Tensor) -> Tensor:
-        return torch.bmm(slope[:, None], self._jacobian)[:, 0] * self._scale
+    def pull(self, slope: Tensor) -> tuple[Tensor, Tensor | None]:
+        return torch.bmm(slope[:, None], self._jacobian)[:, 0] * self._scale, None
+
+
+class ImpactHead:
+    """The outputs are restitution, grip, and a push that neither explains (spin, a racket that is not quite where it
+    was sent); the velocity after the stroke follows from the face's normal, and the rest from a parabola.
+    """
+
+    outputs = 5
+
+    def __init__(self, stroke: StrokeConfig) -> None:
+        self._limit = math.radians(stroke.action_limit_deg)
+        base = math.radians(stroke.base_pitch_deg)
+        self._base = torch.tensor(
+            [[math.cos(base), 0, -math.sin(base)], [0, 1, 0], [math.sin(base), 0, math.cos(base)]],
+        )
+        self._slopes: tuple[Tensor, ...] = ()
+
+    def decode(self, outputs: Tensor, balls: Balls) -> Tensor:
+        sines, cosines = torch.sin(balls.actions * self._limit), torch.cos(balls.actions * self._limit)
+        normal = self._normals(sines, cosines) @ self._base.T
+        racket = torch.nn.functional.pad(balls.racket_mps, (0, 2))
+        arriving = balls.states[:, 3:] - racket
+        towards = (arriving * normal).sum(1, keepdim=True)
+        restitution = RESTITUTION[0] + RESTITUTION[1] * outputs[:, :1]
+        kept = 1 - GRIP[0] - GRIP[1] * outputs[:, 1:2]
+        velocity = racket + kept * arriving - (restitution + kept) * towards * normal + PUSH_MPS * outputs[:, 2:]
+        decoded, jacobian = fly(velocity, balls.states)
+        self._slopes = jacobian, sines, cosines, normal, arriving, towards, restitution + kept
+        return decoded
+
+    def pull(self, slope: Tensor) -> tuple[Tensor, Tensor | None]:
+        jacobian, sines, cosines, normal, arriving, towards, turned = self._slopes
+        of_v = torch.bmm(slope[:, None], jacobian)[:, 0]
+        along = (of_v * normal).sum(1, keepdim=True)
+        of_restitution = -RESTITUTION[1] * towards * along
+        of_grip = GRIP[1] * (towards * along - (of_v * arriving).sum(1, keepdim=True))
+        of_normal = -turned * (along * arriving + towards * of_v)
+        of_actions = self._pull_normals(of_normal @ self._base, sines, cosines)
+        return torch.cat([of_restitution, of_grip, PUSH_MPS * of_v], 1), of_actions
+
+    def _normals(self, s: Tensor, c: Tensor) -> Tensor:
+        """(B, 3) of the face on an upright base: the x axis after turns about x, y and z."""
+        forward, side, up = c[:, 1] * c[:, 2], s[:, 2], -s[:, 1] * c[:, 2]
+        return torch.stack([forward, c[:, 0] * side - s[:, 0] * up, s[:, 0] * side + c[:, 0] * up], 1)
+
+    def _pull_normals(self, slope: Tensor, s: Tensor, c: Tensor) -> Tensor:
+        """d loss / d actions from d loss / d normals, both (B, 3)."""
+        _, y, z = self._normals(s, c).unbind(1)
+        across = c[:, 0] * slope[:, 1] + s[:, 0] * slope[:, 2]
+        upward = c[:, 0] * slope[:, 2] - s[:, 0] * slope[:, 1]
+        about_x = y * slope[:, 2] - z * slope[:, 1]
+        about_y = -c[:, 2] * (s[:, 1] * slope[:, 0] + c[:, 1] * upward)
+        about_z = c[:, 2] * across + s[:, 2] * (s[:, 1] * upward - c[:, 1] * slope[:, 0])
+        return torch.stack([about_x, about_y, about_z], 1) * self._limit
+
+
+def fly(v: Tensor, states: Tensor) -> tuple[Tensor, Tensor]:
+    """Landing x, y and height at the net (B, 3) of balls that leave with velocities v (B, 3), and the derivatives of
+    these by v (B, 3, 3)."""
+    vx, vy, vz = v[:, 0], v[:, 1], v[:, 2]
+    g, drop = GRAVITY_MPS2, states[:, 2] - BALL_RADIUS_M
+    # Speed at which the ball comes down to the table's plane; a racket below the plane may not reach it at all.
+    down = (vz * vz + 2 * g * drop).clamp_min(SLOWEST_MPS**2).sqrt_()
+    t = (vz + down) / g
+    forward = vx.clamp_min(SLOWEST_MPS)
+    t_net = -states[:, 0] / forward
+    z_net = states[:, 2] + vz * t_net - 0.5 * g * t_net * t_net
+    late = t / down
+    zero = torch.zeros_like(t)
+    slower = torch.where(vx > SLOWEST_MPS, (g * t_net - vz) * t_net / forward, zero)
+    jacobian = torch.stack([t, zero, vx * late, zero, t, vy * late, slower, zero, t_net], 1).view(-1, 3, 3)
+    return torch.stack([states[:, 0] + vx * t, states[:, 1] + vy * t, z_net], 1), jacobian

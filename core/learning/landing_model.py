@@ -21,7 +21,7 @@ from torch import Tensor
 from core.learning.agent import Losses, Moment
 from core.learning.config import RunConfig
 from core.learning.environment import draw_goals
-from core.learning.landing_heads import FlightHead, FreeHead, Head
+from core.learning.landing_heads import Balls, FlightHead, FreeHead, Head, ImpactHead
 from core.learning.networks import Adam, Mlp
 from core.learning.normalise import LANDING_SCALE, normal_goals, normal_racket_speeds, normal_states
 from core.learning.policy import Policy
@@ -46,10 +46,10 @@ class LandingModelAgent:
         self._config = config.landing_model
         hidden = config.landing_model.hidden
         self._actor = Mlp(SITUATION + 2, 3, hidden, rng)
-        self._model = Mlp(SITUATION + 3, 3, hidden, rng)
+        self._head = make_head(config)
+        self._model = Mlp(SITUATION + 3, self._head.outputs, hidden, rng)
         self._actor_adam = Adam(self._actor, config.landing_model.actor_rate)
         self._model_adam = Adam(self._model, config.landing_model.critic_rate)
-        self._head: Head = FlightHead() if config.landing_model.head == "flight" else FreeHead()
         self._scale = torch.tensor(LANDING_SCALE, dtype=torch.float32)
         self._importance = torch.tensor([1.0, 1.0, config.landing_model.net_loss])
 
@@ -71,10 +71,10 @@ class LandingModelAgent:
             states = normal_states(buffer.column("state")[rows])
             speeds = normal_racket_speeds(buffer.column("racket_speed")[rows])
             situation = torch.tensor(np.concatenate([states, speeds], axis=1))
-            ps_m = torch.tensor(buffer.column("state")[rows, :3])
-            model_loss = self._improve_model(situation, ps_m, buffer, rows, rate_share)
+            played = Balls(*(torch.tensor(buffer.column(name)[rows]) for name in ("state", "racket_speed", "action")))
+            model_loss = self._improve_model(situation, played, buffer, rows, rate_share)
             goals = draw_goals(len(rows), self._run.environment.goal, rng)
-            losses = Losses(model_loss, self._improve_actor(situation, ps_m, goals, rate_share))
+            losses = Losses(model_loss, self._improve_actor(situation, played, goals, rate_share))
         return losses
 
     def _updates(self, episode: int) -> int:
@@ -84,7 +84,7 @@ class LandingModelAgent:
         return max(config.fewest_updates, config.updates_per_episode * config.full_episodes // (episode + 1))
 
     def _improve_model(
-        self, situation: Tensor, ps_m: Tensor, buffer: ReplayBuffer, rows: NDArray[np.intp], rate_share: float
+        self, situation: Tensor, played: Balls, buffer: ReplayBuffer, rows: NDArray[np.intp], rate_share: float
     ) -> float:
         """One step down the Huber loss of landing point and height at the net, where they are known."""
         landing = np.concatenate([buffer.column("next_state")[rows, :2], buffer.column("net_z")[rows]], axis=1)
@@ -93,24 +93,27 @@ class LandingModelAgent:
             known = np.repeat(buffer.column("case")[rows] != Case.MISSED, 2, axis=1)
         labels = torch.tensor(landing)
         mask = torch.tensor(known[:, [0, 0, 1]]) * ~torch.isnan(labels) * self._importance
-        outputs = self._model.forward(torch.cat([situation, torch.tensor(buffer.column("action")[rows])], 1))
-        error = (self._head.decode(outputs, ps_m) - torch.nan_to_num(labels)) / self._scale
+        outputs = self._model.forward(torch.cat([situation, played.actions], 1))
+        error = (self._head.decode(outputs, played) - torch.nan_to_num(labels)) / self._scale
         slope = error.clamp(-1, 1) * mask
-        self._model.backward(self._head.pull(slope / (self._scale * len(rows))))
+        self._model.backward(self._head.pull(slope / (self._scale * len(rows)))[0])
         self._model_adam.step(rate_share=rate_share)
         return float((slope * error).sum()) / len(rows)
 
-    def _improve_actor(self, situation: Tensor, ps_m: Tensor, goals_m: Array, rate_share: float) -> float:
+    def _improve_actor(self, situation: Tensor, played: Balls, goals_m: Array, rate_share: float) -> float:
         """One step towards strokes whose predicted landing is the target, and which clear the net."""
         goals = torch.tensor(goals_m, dtype=torch.float32)
         actions = torch.tanh(self._actor.forward(torch.cat([situation, torch.tensor(normal_goals(goals_m))], 1)))
-        predicted = self._head.decode(self._model.forward(torch.cat([situation, actions], 1)), ps_m)
+        wanted = Balls(played.states, played.racket_mps, actions)
+        predicted = self._head.decode(self._model.forward(torch.cat([situation, actions], 1)), wanted)
         off = predicted[:, :2] - goals
         distance = (off.square().sum(1, keepdim=True) + SOFT_M**2).sqrt_()
         missing = (NET_HEIGHT_M + BALL_RADIUS_M + self._config.net_margin_m) - predicted[:, 2:]
         slope = torch.cat([off / distance, -self._config.net_weight * (missing > 0).float()], 1)
-        slope = self._head.pull(slope / len(goals))
-        toward = self._model.backward(slope, parameters=False, inputs=True)[:, SITUATION:]
+        of_outputs, of_actions = self._head.pull(slope / len(goals))
+        toward = self._model.backward(of_outputs, parameters=False, inputs=True)[:, SITUATION:]
+        if of_actions is not None:
+            toward = toward + of_actions
         self._actor.backward(toward * (1 - actions * actions))
         self._actor_adam.step(rate_share=rate_share)
         return float(distance.mean() + self._config.net_weight * missing.relu().mean())
@@ -135,3 +138,10 @@ class LandingModelAgent:
         self._model.restore(arrays, "model")
         self._actor_adam.restore(arrays, "actor")
         self._model_adam.restore(arrays, "model")
+
+
+def make_head(config: RunConfig) -> Head:
+    """The head that the run asks for."""
+    if config.landing_model.head == "impact":
+        return ImpactHead(config.environment.task.stroke)
+    return FlightHead() if config.landing_model.head == "flight" else FreeHead()
