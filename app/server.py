@@ -81,6 +81,11 @@ class Lab:
         return self._workspace
 
     @property
+    def rallies(self) -> Rallies:
+        """What its browsers watch."""
+        return self._rallies
+
+    @property
     def viser_server(self) -> viser.ViserServer:
         """The server underneath."""
         return self._server

@@ -23,6 +23,7 @@ from app.scene.world import World
 from app.sheet import Sheet
 from app.state import MODES, ClientState, Configs
 from app.views import Answer, TuneRequest, WatchRequest, answer_request
+from app.watch.following import is_stereo
 from app.watch.rallies import Rallies
 from app.worker import LatestWins
 from app.workspace import Workspace
@@ -268,7 +269,7 @@ class Session:
     def _use_recording(self, name: str, recording: Recording, info: RecordingInfo | None) -> None:
         self._recording = recording
         cameras = tuple(recording.cameras)
-        playhead = Playhead(recording.duration_us)
+        playhead = Playhead(recording.duration_us, speed=0.25 if is_stereo(recording) else 0.05)
         if isinstance(recording, LiveRecording):
             self._live_uuid = recording.uuid
             playhead = replace(playhead, live=True, following=True, playing=True, speed=1.0)

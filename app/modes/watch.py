@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import viser
 from numpy.typing import NDArray
@@ -24,6 +26,7 @@ from core.simulation.physics import TaskConfig
 DRAW_EVERY_S = 1 / 40
 PICTURES_EVERY_S = 1 / 15
 STATUS_EVERY_S = 0.15
+CONTROLLERS_EVERY_S = 2.0
 ACTION_LIMIT_DEG = TaskConfig().stroke.action_limit_deg
 
 
@@ -47,7 +50,7 @@ class WatchMode:
         self._cameras = CamerasPanel(gui)
         self._pictures = LatestWins(host.pool, render_camera_pictures, self._pictures_done, self._failed)
         self._drawn: object = None
-        self._drawn_s = self._pictures_s = self._status_s = 0.0
+        self._drawn_s = self._pictures_s = self._status_s = self._controllers_s = 0.0
 
         again = gui.add_command("Look again from the chosen view", hotkey="V")
 
@@ -89,6 +92,9 @@ class WatchMode:
         live = None if self._rally is None else self._rally.live
         if self._simulation is not None:
             self._simulation.set_visible(live is not None)
+            if live is not None and wall_s - self._controllers_s > CONTROLLERS_EVERY_S:
+                self._controllers_s = wall_s
+                self._simulation.show_controllers()
         if self._rally is None or not in_space or wall_s - self._drawn_s < DRAW_EVERY_S:
             return
         history = self._rally.history
@@ -100,7 +106,10 @@ class WatchMode:
         self._drawn, self._drawn_s = key, wall_s
         moment = history.at(now_us, self._positions)
         self._host.world.layers = frozenset(LAYERS) - state.watch.hidden
-        self._host.world.draw(moment.picture)
+        picture = moment.picture
+        if live is not None:
+            picture = replace(picture, landing_target=live.player.snapshot.goal_m)
+        self._host.world.draw(picture)
         self._request_pictures(state, moment, wall_s)
         self._show_status(moment, live is not None, wall_s)
 
@@ -139,7 +148,8 @@ class WatchMode:
             pace = live.state.real_time_factor, live.state.speed_factor
             figures = live_html(live.player.snapshot, *pace, live.client.status)
             self._simulation.show(live.state)
-        self._cameras.show_figures(moment_html(moment, ACTION_LIMIT_DEG), figures)
+        assert self._rally is not None
+        self._cameras.show_figures(moment_html(moment, ACTION_LIMIT_DEG, self._rally.followed), figures)
 
     def _look_from(self, view: str) -> None:
         self._host.later(lambda: self._host.world.look_from(view))

@@ -29,7 +29,7 @@ class Viewpoint:
 
 
 VIEWPOINTS: Final[dict[str, Viewpoint]] = {
-    "Broadcast": Viewpoint((2.6, -4.6, 2.3), (-0.12, 0.0, 0.0)),
+    "Broadcast": Viewpoint((2.75, -4.9, 2.4), (-0.1, 0.0, 0.0)),
     "Side": Viewpoint((-0.1, -6.0, 0.7), (-0.1, 0.0, 0.15)),
     "Top": Viewpoint((0.0, -0.01, 6.2), (0.0, 0.0, 0.0)),
     "Robot": Viewpoint((-3.6, -0.5, 1.1), (0.4, 0.0, 0.1)),

@@ -44,6 +44,10 @@ class Following:
         self._thread = threading.Thread(target=self._run, name="following", daemon=True)
         self._thread.start()
 
+    def wait(self) -> None:
+        """Until all of it has been followed."""
+        self._thread.join()
+
     def stop(self) -> None:
         """Give up."""
         self._stop.set()

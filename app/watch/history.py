@@ -26,8 +26,8 @@ FLIGHT_GAP_US: Final = 120_000
 """A trail does not reach back over a longer time without a point."""
 BALL_US: Final = 30_000
 """A ball that was not seen for so long is not drawn."""
-EXPECTED_US: Final = 900_000
-"""Predictions stay this long after the flight's last one."""
+EXPECTED_US: Final = 60_000
+"""Predictions stay this long after the time at which the ball was to be hit."""
 RACKET_US: Final = 100_000
 PATH_POINTS: Final = 48
 SPEED_POINTS: Final = 6
@@ -230,7 +230,10 @@ def _one_flight(points: list[BallPoint]) -> list[BallPoint]:
 
 
 def _still(expected: Expected | None, t_us: int) -> Expected | None:
-    return expected if expected is not None and t_us - expected.t_us <= EXPECTED_US else None
+    if expected is None:
+        return None
+    end_us = expected.t_us if expected.hit is None else expected.hit.t_s * 1e6
+    return expected if t_us <= end_us + EXPECTED_US else None
 
 
 def _near(command: RacketCommand, t_us: int) -> bool:

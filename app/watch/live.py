@@ -97,8 +97,17 @@ class LiveRally:
             RecordingError: if it could not be written to its end.
         """
         with self._recording_lock:
-            recorder, self._recorder = self._recorder, None
-            return 0 if recorder is None else recorder.stop()
+            if self._recorder is None:
+                return 0
+            try:
+                return self._recorder.stop()
+            finally:
+                self._recorder = None
+
+    def stop_simulation(self) -> None:
+        """End the simulation that was started for this rally, if one was; what it left can still be watched."""
+        if self._process is not None:
+            self._process.stop()
 
     def close(self) -> None:
         """Leave it; what is being recorded is finished."""
@@ -106,8 +115,7 @@ class LiveRally:
         self.player.close()
         self.client.close()
         self.recording.close()
-        if self._process is not None:
-            self._process.stop()
+        self.stop_simulation()
 
     # What the link says, in its thread.
 

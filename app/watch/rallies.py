@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from app.watch.following import Followings
+from app.watch.following import Following, Followings
 from app.watch.history import RallyHistory
 from app.watch.live import LiveRally
 from core.cameras import Camera
@@ -21,9 +21,9 @@ class Rallies:
     def of(self, recording: Recording) -> WatchedRally | None:
         """The rally in a recording; None if it cannot be seen in space."""
         if self.live is not None and recording is self.live.recording:
-            return WatchedRally(self.live.history, self.live.cameras, self.live)
+            return WatchedRally(self.live.history, self.live.cameras, self.live, None)
         following = self.followings.of(recording)
-        return None if following is None else WatchedRally(following.history, following.cameras, None)
+        return None if following is None else WatchedRally(following.history, following.cameras, None, following)
 
     def close(self) -> None:
         """End everything."""
@@ -40,3 +40,9 @@ class WatchedRally:
     cameras: dict[str, Camera]
     live: LiveRally | None
     """None for a recording."""
+    following: Following | None
+
+    @property
+    def followed(self) -> float:
+        """Share of the recording that the chain has seen."""
+        return 1.0 if self.following is None else self.following.share

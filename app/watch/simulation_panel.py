@@ -9,12 +9,17 @@ from typing import Final
 import viser
 
 from app.modes.mode import Host
+from app.train.policies import run_choices
 from app.watch.live import LiveRally
-from app.widgets import when_changed, when_clicked
+from app.widgets import Listing, when_changed, when_clicked
 from core.errors import RallyscopeError
+from core.rally.controller import BuiltInController
 from core.rally.link import messages as m
+from core.rally.policy_controller import load_controller
 
 RECORD: Final = "Record"
+STOP, RUN, STEP = "Stop the clock", "Run", "One step"
+BUILT_IN: Final = BuiltInController().name
 PACES: Final = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/50": 0.02}
 SPEEDS_MPS: Final = (3.0, 9.0)
 NOISE_HZ: Final = (0.0, 5.0)
@@ -35,9 +40,10 @@ class SimulationPanel:
             self._serve = gui.add_button("Serve", icon=viser.Icon.PING_PONG, hint="A ball at the chosen speed")
             self._speed = gui.add_slider("Serve speed [m/s]", *SPEEDS_MPS, 0.5, 5.0)
             self._auto = gui.add_checkbox("Serve again and again", True)
-            self._pause = gui.add_button_group("Clock", ("Pause", "Run", "One step"), hint="One step: 10 ms")
+            self._pause = gui.add_button_group("Clock", (STOP, RUN, STEP), hint="One step: 10 ms")
             self._record = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color="red")
             self._pace = gui.add_dropdown("Pace", tuple(PACES), hint="Slow motion of the simulation itself")
+            self._controller = Listing(gui, "Controller", self._use, hint="The built-in one, or a trained policy")
             with gui.add_folder("Noise and landing target", expand_by_default=False):
                 self._noise = gui.add_slider(
                     "Noise [Hz/px]", *NOISE_HZ, 0.1, 0.1, hint="Background events of each pixel a second"
@@ -55,7 +61,7 @@ class SimulationPanel:
 
         @self._pause.on_click
         async def _(event: viser.GuiEvent) -> None:
-            acts = {"Pause": client.pause, "Run": client.resume, "One step": lambda: client.step(STEP_BLOCKS)}
+            acts = {STOP: client.pause, RUN: client.resume, STEP: lambda: client.step(STEP_BLOCKS)}
             if event.client is not None and event.target.value in acts:
                 self._ask(acts[event.target.value])
 
@@ -79,6 +85,22 @@ class SimulationPanel:
         self._noise.value = min(max(round(state.noise_hz, 1), NOISE_HZ[0]), NOISE_HZ[1])
         x, y = self._rally.player.snapshot.goal_m.tolist()
         self._goal_x.value, self._goal_y.value = _bounded(x, GOAL_X_M), _bounded(y, GOAL_Y_M)
+
+    def show_controllers(self) -> None:
+        """Offer what can play now: reads the folder of runs."""
+        self._controller.offer((BUILT_IN, *run_choices(self._host.workspace)))
+        self._controller.show(self._rally.player.controller.name)
+
+    def _use(self, name: str) -> None:
+        def use() -> None:
+            goal = self._rally.player.snapshot.goal_m
+            if name == BUILT_IN:
+                self._rally.player.use(BuiltInController().aimed_at(goal))
+            elif name in run_choices(self._host.workspace):  # never a path made from what a browser sent
+                run = self._host.workspace.run_path(name)
+                self._rally.player.use(load_controller(run, goal_m=goal))
+
+        self._ask(use)
 
     def _auto_serve(self) -> None:
         speed = _bounded(self._speed.value, SPEEDS_MPS) if self._auto.value else 0.0
@@ -104,6 +126,8 @@ class SimulationPanel:
             self._rally.record(self._host.workspace.recording_path(time.strftime("live-%Y%m%d-%H%M%S")))
         else:
             duration_us = self._rally.stop_recording()
+            if duration_us == 0:
+                return  # another browser was quicker
             text = f"{path.stem}: {duration_us / 1e6:.1f} s, now in the list of recordings"
             self._host.later(lambda: self._host.note("Recorded", text, "green"))
 

@@ -17,8 +17,8 @@ from core.simulation.physics.episode import Case
 from core.trajectory.prediction import HitPlane
 
 
-def moment_html(moment: Moment, action_limit_deg: float) -> str:
-    """Ball, predictions and racket at one time."""
+def moment_html(moment: Moment, action_limit_deg: float, followed: float) -> str:
+    """Ball, predictions and racket at one time; `followed` is the share of the recording that the chain has seen."""
     step = moment.step
     command = step.command if step is not None else None
     rows = [
@@ -33,6 +33,8 @@ def moment_html(moment: Moment, action_limit_deg: float) -> str:
         ("Last ball", _last(moment.outcomes)),
         ("Balls", _balls(moment.outcomes)),
     ]
+    if followed < 1:
+        rows.append(("Chain", f"<span style='color:{theme.MUTED}'>has seen {followed:.0%} of the recording</span>"))
     return _table(rows)
 
 

@@ -5,6 +5,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -158,6 +159,21 @@ def other_window(chromium: Browser, lab: Lab) -> Iterator[Window]:
     page = chromium.new_page(viewport={"width": 1280, "height": 720})
     yield Window(page, lab)
     page.close()
+
+
+@pytest.fixture
+def open_window(chromium: Browser) -> Callable:
+    """Opens a browser window on any app, closed at the end of its `with`."""
+
+    @contextmanager
+    def open_one(lab: Lab, *, in_space: bool = False) -> Iterator[Window]:
+        page = chromium.new_page(viewport={"width": 1280, "height": 720})
+        try:
+            yield Window(page, lab, in_space=in_space)
+        finally:
+            page.close()
+
+    return open_one
 
 
 @pytest.fixture(name="wait_for")

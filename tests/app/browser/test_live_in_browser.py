@@ -1,0 +1,129 @@
+"""The live rally in 3D, in headless Chromium: the whole chain runs on simulated events."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.library import Library
+from app.server import Lab
+from app.watch.live import LIVE, LiveRally
+from app.watch.simulation_process import SimulationProcess
+from app.workspace import Workspace
+from core.rally.link import messages as m
+from core.recordings import open_recording
+
+SPACE = (slice(0, 720), slice(320, 870))
+TABLE_RGB = (15, 50, 105)
+
+
+@pytest.fixture(scope="module")
+def live_lab(tmp_path_factory: pytest.TempPathFactory, serve_recording: Path) -> Iterator[Lab]:
+    workspace = Workspace(tmp_path_factory.mktemp("live"))
+    shutil.copy(serve_recording, workspace.recording_path("serve"))
+    process = SimulationProcess("--auto-serve", "5", "--seed", "3")
+    live = LiveRally(process.wait(), process=process)
+    live.client.set_speed(0.5)  # so that a busy machine is no part of the test
+    lab = Lab(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
+    yield lab
+    lab.stop()
+
+
+@pytest.fixture
+def live_window(chromium, live_lab, open_window, wait_for):
+    with open_window(live_lab, in_space=True) as window:
+        wait_for(lambda: window.session.world.visible, "the 3D scene")
+        yield window
+
+
+def rally_of(lab: Lab) -> LiveRally:
+    return lab.rallies.live
+
+
+def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for, count_like) -> None:
+    rally = rally_of(live_lab)
+    wait_for(lambda: rally.player.snapshot.returned >= 2, "two balls to be returned through perception", 60)
+    assert live_window.state.playhead.following
+    image = live_window.screenshot("live")[SPACE]
+    assert count_like(image, TABLE_RGB, 45) > 20_000
+    spots = rally.history.at(rally.history.followed_us, {}).picture.spots
+    assert len(spots) >= 2
+
+
+def test_the_clock_stops_for_everybody_and_the_picture_with_it(live_window, live_lab, wait_for) -> None:
+    rally = rally_of(live_lab)
+    live_window.press("Stop the clock")
+    wait_for(lambda: rally.state.paused, "the simulation to pause")
+    stood_us = rally.state.t_us
+    live_window.press("One step")
+    wait_for(lambda: rally.state.t_us == stood_us + 10_000, "one block of 10 ms")
+    live_window.press("Run")
+    wait_for(lambda: not rally.state.paused, "the simulation to run")
+
+
+def test_a_person_may_look_back_while_the_rally_goes_on(live_window, live_lab, wait_for) -> None:
+    rally = rally_of(live_lab)
+    live_window.press("Pause")
+    wait_for(lambda: not live_window.state.playhead.playing, "the cursor to stand")
+    here_us = live_window.state.playhead.anchor_us
+    wait_for(lambda: rally.recording.duration_us > here_us + 300_000, "the rally to go on")
+    assert live_window.state.playhead.position_us(0.0) == here_us
+    live_window.press("Play")
+    wait_for(lambda: live_window.state.playhead.following, "the cursor to be live again")
+
+
+def test_what_is_recorded_opens_again_and_shows_the_same(live_window, live_lab, wait_for) -> None:
+    rally = rally_of(live_lab)
+    live_window.press("Record")
+    wait_for(lambda: rally.recorded is not None, "the recording to begin")
+    path = rally.recorded
+    played = rally.player.snapshot.played
+    wait_for(lambda: rally.player.snapshot.played >= played + 2, "two more balls", 60)
+    live_window.page.get_by_role("button", name="Stop recording").click()
+    wait_for(lambda: rally.recorded is None, "the recording to end")
+    recording = open_recording(path)
+    assert recording.duration_us > 500_000 and recording.ball is not None
+    recording.close()
+    wait_for(lambda: path.stem in live_window.session.library.names(), "it to be listed")
+    live_window.session.open_recording(path.stem)
+    wait_for(lambda: live_window.state.recording == path.stem, "it to open")
+    following = live_lab.rallies.of(live_window.session.recording)
+    wait_for(lambda: following.followed == 1.0, "the chain to follow it", 60)
+    seen = [following.history.at(t, {}).picture for t in range(0, following.history.followed_us, 20_000)]
+    assert any(picture.ball is not None for picture in seen)
+    errors = [np.linalg.norm(p.ball - p.truth) for p in seen if p.ball is not None and p.truth is not None]
+    assert np.median(errors) < 0.03, "the ball moves on by up to a window between the two"
+    assert all(picture.racket is not None for picture in seen[1:])
+
+
+def test_two_browsers_look_from_where_each_likes(live_window, live_lab, open_window, wait_for) -> None:
+    with open_window(live_lab, in_space=True) as other:
+        wait_for(lambda: other.session.world.visible, "the other 3D scene")
+        other.session.later(lambda: other.session.world.look_from("Top"))
+        wait_for(lambda: other.session.world.view == "Top", "the other view")
+        wait_for(lambda: other.session.client.camera.position[2] > 5, "the camera to be up there")
+        assert live_window.session.world.view == "Broadcast"
+        other.screenshot("live-top")
+
+
+def test_tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for) -> None:
+    live_window.press("Tune")
+    wait_for(lambda: live_window.session.sheet.pictures, "the picture of Tune")
+    assert live_window.state.recording == LIVE
+    live_window.press("Watch")
+    wait_for(lambda: live_window.session.world.visible, "the 3D scene again")
+    live_window.press("Pictures")
+    wait_for(lambda: not live_window.session.world.visible, "the flat pictures")
+    live_window.press("3D")
+    wait_for(lambda: live_window.session.world.visible, "the 3D scene once more")
+
+
+def test_a_simulation_that_ends_is_said_and_the_rest_goes_on(live_window, live_lab, wait_for) -> None:
+    rally = rally_of(live_lab)
+    rally.stop_simulation()
+    wait_for(lambda: rally.client.status == "lost", "the link to be lost")
+    live_window.session.open_recording("serve")
+    wait_for(lambda: live_window.state.recording == "serve", "a recording to open all the same")
+    assert isinstance(rally.state, m.State)
