@@ -1,0 +1,172 @@
+"""The learning curves of one browser: four charts below each other in a panel on the left."""
+
+from __future__ import annotations
+
+import html
+from typing import Final
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from viser import uplot
+
+from app import theme
+from app.train.curves import WINDOW
+from app.train.view import COMPARED, ChartData
+
+Array = NDArray[np.float64]
+CHART_HEIGHT_PX: Final = 98
+OURS: Final = "#ff8c28"
+EVALUATED: Final = "#ffffff"
+MEAN: Final = "#ffd0a0"
+OTHERS: Final = ("#5aa9ff", "#b98cff", "#4fd1c5")
+NOISE: Final = "#ffd60a"
+W1: Final = "#5aa9ff"
+W2: Final = "#6eeb82"
+AXIS: Final = "#9aa0aa"
+GRID: Final = "#32363e"
+ERROR_TOPS_MM: Final = (50.0, 100.0, 200.0, 400.0, 800.0)
+"""The error's scale ends at one of these: it changes rarely, and says at once where one is."""
+TITLES: Final = (
+    ("returned", f"Returned, % of the last {WINDOW} balls"),
+    ("error_mm", f"Landing error, mm, mean of the last {WINDOW}"),
+    ("reward", f"Reward, mean of the last {WINDOW}"),
+)
+
+
+class ChartsPanel:
+    """Handles are reused: only data is sent, and a scale when it has to grow."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._legend = gui.add_html("")
+        self._charts: dict[str, viser.GuiUplotHandle] = {}
+        for name, title in TITLES:
+            gui.add_html(_title(title))
+            self._charts[name] = _add_chart(gui, _curve_series(), _range_of(name, None))
+        gui.add_html(_weights_title())
+        self._weights = _add_chart(gui, _weights_series(), (0.0, 1.02))
+
+    def show(self, run: str, data: ChartData, compared: tuple[str, ...], *, several_seeds: bool) -> None:
+        """Draw these curves."""
+        self._legend.content = legend_html(run, compared, several_seeds=several_seeds)
+        nothing = np.full(len(data.axis), np.nan)
+        for name, chart in self._charts.items():
+            curves = [
+                data.run[name],
+                data.evaluated.get(name, nothing),
+                data.seeds_mean[name],
+                *(other[name] for other in data.compared),
+            ]
+            chart.data = (data.axis, *curves)
+            scales = _scales(data.axis, _range_of(name, curves))
+            if scales != chart.scales:
+                chart.scales = scales
+        self._weights.data = (data.axis, *(data.run[name] for name in ("w1", "w2", "noise")))
+        scales = _scales(data.axis, (0.0, 1.02))
+        if scales != self._weights.scales:
+            self._weights.scales = scales
+
+
+def legend_html(run: str, compared: tuple[str, ...], *, several_seeds: bool) -> str:
+    """Which colour is which run."""
+    entries = [(OURS, run), (EVALUATED, "policy on 500 fixed balls")]
+    if several_seeds:
+        entries.append((MEAN, "mean of its seeds"))
+    entries += list(zip(OTHERS, compared, strict=False))
+    shown = " &nbsp; ".join(f"<span style='color:{colour}'>●</span> {html.escape(name)}" for colour, name in entries)
+    return f"<div style='font-size:12.5px;padding:6px 12px 0'>{shown}</div>"
+
+
+def _range_of(name: str, curves: list[Array] | None) -> tuple[float, float]:
+    if name == "returned":
+        return 0.0, 104.0
+    if name == "reward":
+        return -1.1, 4.1
+    highest = 0.0
+    for curve in curves or []:
+        known = curve[np.isfinite(curve)]
+        highest = max(highest, float(known.max()) if len(known) else 0.0)
+    return 0.0, next((top for top in ERROR_TOPS_MM if highest <= top), ERROR_TOPS_MM[-1])
+
+
+def _scales(axis: Array, y_range: tuple[float, float]) -> dict[str, uplot.Scale]:
+    end = _round_up(float(axis[-1]))
+    return {
+        "x": uplot.Scale(time=False, auto=False, range=(0.0, end)),
+        "y": uplot.Scale(auto=False, range=y_range),
+    }
+
+
+def _round_up(episodes: float) -> float:
+    """The axis ends at a round number, so that it does not move with every ball."""
+    for top in (50, 100, 200, 300, 500, 800, 1000, 1700, 2000, 3000, 5000, 10_000, 20_000, 50_000, 100_000):
+        if episodes <= top:
+            return float(top)
+    return episodes
+
+
+def _add_chart(
+    gui: viser.GuiApi, series: tuple[uplot.Series, ...], y_range: tuple[float, float]
+) -> viser.GuiUplotHandle:
+    empty = tuple(np.full(1, np.nan) for _ in series[1:])
+    axis = np.ones(1)
+    return gui.add_uplot(
+        (axis, *empty),
+        series,
+        scales=_scales(axis, y_range),
+        axes=(_axis(size=22), _axis(size=38)),
+        legend=uplot.Legend(show=False),
+        height=CHART_HEIGHT_PX,
+        padding=(6, 14, 0, 2),
+    )
+
+
+def _axis(size: int) -> uplot.Axis:
+    return uplot.Axis(
+        stroke=AXIS,
+        size=size,
+        font="11px sans-serif",
+        grid={"stroke": GRID, "width": 1},
+        ticks={"stroke": GRID, "width": 1, "size": 4},
+    )
+
+
+def _curve_series() -> tuple[uplot.Series, ...]:
+    line = [
+        uplot.Series(label="ball"),
+        uplot.Series(label="this run", stroke=OURS, width=2, points={"show": False}),
+        uplot.Series(
+            label="fixed balls",
+            stroke=EVALUATED,
+            width=0,
+            points={"show": True, "size": 5, "stroke": EVALUATED, "fill": EVALUATED},
+        ),
+        uplot.Series(label="mean of seeds", stroke=MEAN, width=1, dash=(4, 4), points={"show": False}),
+    ]
+    others = [
+        uplot.Series(label=f"run {k + 2}", stroke=colour, width=1, points={"show": False})
+        for k, colour in enumerate(OTHERS[:COMPARED])
+    ]
+    return (*line, *others)
+
+
+def _weights_series() -> tuple[uplot.Series, ...]:
+    return (
+        uplot.Series(label="ball"),
+        uplot.Series(label="w1", stroke=W1, width=2, points={"show": False}),
+        uplot.Series(label="w2", stroke=W2, width=2, points={"show": False}),
+        uplot.Series(label="noise", stroke=NOISE, width=2, points={"show": False}),
+    )
+
+
+def _title(text: str) -> str:
+    return f"<div style='font-size:12px;padding:0 12px;margin-bottom:-4px;color:{theme.MUTED}'>{text}</div>"
+
+
+def _weights_title() -> str:
+    parts = (
+        (W1, "w1: return it"),
+        (W2, "w2: place it"),
+        (NOISE, "noise of the exploration"),
+    )
+    return _title(" &nbsp; ".join(f"<span style='color:{colour}'>{text}</span>" for colour, text in parts))

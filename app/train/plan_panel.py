@@ -1,0 +1,93 @@
+"""The form of a new training: presets, and every choice that a plan has."""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Callable
+from typing import Final, get_args
+
+import viser
+
+from app.train.plan import (
+    MOST_FIRST_SEED,
+    MOST_SEEDS,
+    PRESETS,
+    SOURCES,
+    TRAIN_NOW,
+    Plan,
+    Preset,
+    numbers_text,
+    offered_agents,
+    offered_presets,
+    parse_episodes,
+    parse_speeds,
+)
+from app.widgets import when_changed, when_clicked
+from core.learning.config import ReplayRule, RewardKind
+
+ADVANCE: Final = {"after its balls": "episodes", "as soon as 98 % come back": "converged"}
+SEEN_AS: Final = {
+    "exactly": "truth",
+    "predicted from five points": "predicted",
+    "exactly, with noise": "truth+noise",
+}
+
+
+class PlanPanel:
+    """Its controls in one browser; `start(name, plan)` is called with what they say, in the loop."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        start: Callable[[str, Plan], None],
+        later: Callable[[Callable[[], None]], None],
+    ) -> None:
+        self._start = start
+        self._preset = gui.add_dropdown("Preset", offered_presets(), hint="Fills in everything below")
+        self._agent = gui.add_dropdown("Agent", offered_agents(), hint="ddpg is the paper's")
+        self._reward = gui.add_dropdown("Reward", get_args(RewardKind))
+        self._replay = gui.add_dropdown("Keep of old balls", get_args(ReplayRule), hint="When a stage begins")
+        self._speeds = gui.add_text("Speeds [m/s]", "", hint="A stage each, 3 to 9: 3, 5")
+        self._episodes = gui.add_text("Balls a stage", "", hint="One number for all, or one for each: 800, 900")
+        self._advance = gui.add_dropdown("A stage ends", tuple(ADVANCE))
+        self._source = gui.add_dropdown("Ball is seen", tuple(SEEN_AS))
+        self._seeds = gui.add_number("Seeds", 1, min=1, max=MOST_SEEDS, step=1, hint="Repetitions, one after another")
+        self._first_seed = gui.add_number("First seed", 0, min=0, max=MOST_FIRST_SEED, step=1)
+        self._name = gui.add_text("Name", "", hint="Of the run; empty: one is made")
+        button = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
+        when_changed(self._preset, lambda name: later(lambda: self._fill(str(name))))
+        when_clicked(button, lambda: later(self._send))
+        self._fill(TRAIN_NOW)
+
+    @property
+    def preset(self) -> Preset:
+        """The one that was chosen last."""
+        return PRESETS[self._preset.value]
+
+    def _fill(self, name: str) -> None:
+        if name not in PRESETS:
+            return
+        plan = PRESETS[name].plan
+        self._agent.value, self._reward.value, self._replay.value = plan.agent, plan.reward, plan.replay
+        self._speeds.value, self._episodes.value = numbers_text(plan.speeds_mps), numbers_text(plan.episodes)
+        self._advance.value = next(shown for shown, value in ADVANCE.items() if value == plan.advance)
+        self._source.value = next(shown for shown, value in SEEN_AS.items() if value == plan.source)
+        self._seeds.value, self._first_seed.value = plan.seeds, plan.first_seed
+
+    def _send(self) -> None:
+        speeds = parse_speeds(str(self._speeds.value))
+        plan = Plan(
+            agent=self._agent.value,
+            reward=self._reward.value,
+            replay=self._replay.value,
+            speeds_mps=speeds,
+            episodes=parse_episodes(str(self._episodes.value), len(speeds)),
+            advance=typing.cast('typing.Literal["episodes", "converged"]', ADVANCE.get(self._advance.value, "")),
+            source=typing.cast("typing.Any", SEEN_AS.get(self._source.value, "")),
+            seeds=int(self._seeds.value),
+            first_seed=int(self._first_seed.value),
+        )
+        self._start(str(self._name.value), plan)
+
+
+assert set(SEEN_AS.values()) == set(SOURCES)

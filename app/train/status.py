@@ -1,0 +1,126 @@
+"""How a training goes, in words and as HTML."""
+
+from __future__ import annotations
+
+import html
+import math
+from typing import Final
+
+from app import theme
+from app.scene.landing import CASE_NAMES, CASE_RGB
+from app.train.replay import Replay
+from app.train.run_state import RunPhase, RunState
+from app.train.view import Details
+from core.simulation.physics.episode import Case
+
+COLOURS: Final[dict[RunPhase, str]] = {
+    "running": theme.GOOD,
+    "starting": theme.GOOD,
+    "finished": theme.GOOD,
+    "failed": theme.BAD,
+}
+EVALUATIONS_SHOWN: Final = 6
+
+
+def status_html(run: RunState | None, details: Details | None) -> str:
+    """The chosen run in a few lines."""
+    if run is None:
+        return _box("<b>Nothing trained yet.</b><br>Press <b>Train now</b> and watch a policy learn to place balls.")
+    colour = COLOURS.get(run.phase, theme.MUTED)
+    rows = [f"<b>{html.escape(run.name)}</b> &nbsp; <span style='color:{colour}'>{run.phase}</span>"]
+    if run.phase == "failed":
+        rows.append(f"<span style='color:{theme.BAD}'>{html.escape(run.message)}</span>")
+    rows.append(f"<span style='color:{theme.MUTED}'>{html.escape(plan_text(run))}</span>")
+    if details is not None and details.episodes_done:
+        rows.append(_progress_text(run, details))
+        rows.append(f"last balls: {_result(details.returned, details.error_mm)}")
+        if details.evaluations:
+            line = details.evaluations[-1]
+            result = _result(100 * _number(line.get("returned")), _number(line.get("error_mm")))
+            rows.append(f"policy after {line.get('episode')}: {result}")
+    return _box("<br>".join(rows))
+
+
+def plan_text(run: RunState) -> str:
+    """What is trained, in one line."""
+    config = run.config
+    ladder = config.curriculum
+    stages = ", ".join(
+        f"{count} at {speed:g} m/s" for speed, count in zip(ladder.speeds_mps, ladder.episodes, strict=True)
+    )
+    seeds = "" if config.seeds == 1 else f", {config.seeds} seeds"
+    return f"{config.agent}, {config.reward.kind} reward, {stages}{seeds}"
+
+
+def _progress_text(run: RunState, details: Details) -> str:
+    text = f"ball {details.episodes_done} of {run.config.episodes}"
+    if run.config.seeds > 1:
+        text += f", seed {details.seed}"
+    if run.status is not None and run.active:
+        text += f", {run.status.speed_mps:g} m/s"
+        if run.status.seconds_left is not None and run.phase == "running":
+            text += f", {time_text(run.status.seconds_left)} left"
+    return text
+
+
+def time_text(seconds: float) -> str:
+    """A duration as people say it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    if seconds < 5400:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
+
+
+def ball_html(replay: Replay | None) -> str:
+    """The ball that plays in the scene."""
+    if replay is None:
+        return _box(f"<span style='color:{theme.MUTED}'>no ball yet</span>")
+    colour = _hex(replay.case)
+    end = CASE_NAMES[replay.case]
+    if math.isfinite(replay.error_mm):
+        end += f", {replay.error_mm:.0f} mm from the target"
+    title = f"ball {replay.ball.episode + 1} at {replay.ball.speed_mps:g} m/s, {replay.title}"
+    return _box(f"{html.escape(title)}<br><span style='color:{colour}'>●</span> {end}")
+
+
+def counts_html(counts: dict[Case, int]) -> str:
+    """How many balls ended how, in the colours of the spots."""
+    total = max(1, sum(counts.values()))
+    cells = [
+        f"<span style='color:{_hex(case)}'>●</span> "
+        f"{CASE_NAMES[case]} {counts[case]} "
+        f"<span style='color:{theme.MUTED}'>{100 * counts[case] / total:.0f} %</span>"
+        for case in Case
+    ]
+    return _box(" &nbsp; ".join(cells))
+
+
+def log_html(log: tuple[str, ...], details: Details | None) -> str:
+    """The last evaluations, and the tail of the log."""
+    rows = []
+    for line in (details.evaluations if details is not None else ())[-EVALUATIONS_SHOWN:]:
+        result = _result(100 * _number(line.get("returned")), _number(line.get("error_mm")))
+        rows.append(f"after ball {line.get('episode')}, {line.get('speed_mps')} m/s: {result}")
+    text = html.escape("\n".join(log)) or "nothing yet"
+    shown = "<br>".join(rows)
+    return _box(
+        f"{shown}<pre style='font-size:11.5px;white-space:pre-wrap;overflow-wrap:anywhere;margin:6px 0 0'>{text}</pre>"
+    )
+
+
+def _result(returned: float, error_mm: float) -> str:
+    error = f", {error_mm:.0f} mm from the target" if math.isfinite(error_mm) else ""
+    return f"{returned:.0f} % returned{error}"
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, (int, float)) else math.nan
+
+
+def _hex(case: Case) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*CASE_RGB[case])
+
+
+def _box(content: str) -> str:
+    return f"<div style='font-size:12.5px;line-height:1.5;padding:4px 12px'>{content}</div>"

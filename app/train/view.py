@@ -1,0 +1,186 @@
+"""Everything that a browser in Train shows of the runs, gathered off the loop: states, curves, landings, log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.scene.landing import REACH_M, SPOTS
+from app.scene.rally_picture import LandingSpot
+from app.train.curves import CURVES, Curves, curves_of, mean_curve, on_axis, points_on_axis, shared_axis
+from app.train.metrics import Metrics
+from app.train.plan_view import draw_plan, encode_plan
+from app.train.run_state import RunState, read_log_tail
+from app.train.trainer import Trainer
+from app.workspace import Workspace
+from core.learning.config import RunConfig
+from core.simulation.physics.episode import Case
+
+Array = NDArray[np.float64]
+COMPARED: Final = 3
+"""Runs that are drawn beside the chosen one, at most."""
+PLAN_SPOTS: Final = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class ViewRequest:
+    """What a browser looks at."""
+
+    run: str | None
+    """None: the one that is being trained, or was last."""
+    compared: tuple[str, ...] | None
+    """None: those before it."""
+    shown: object = None
+    """The `key` of what it shows already."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChartData:
+    """Aligned arrays of every chart."""
+
+    axis: Array
+    """Episodes."""
+    run: dict[str, Array]
+    """By the names in CURVES."""
+    evaluated: dict[str, Array]
+    """`returned` and `error_mm` of the policy on the fixed balls, NaN between."""
+    seeds_mean: dict[str, Array]
+    """All NaN for a run with one seed."""
+    compared: tuple[dict[str, Array], ...]
+    """Exactly COMPARED; unused ones are all NaN."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Details:
+    """Of the chosen run; made anew only when there is something new."""
+
+    charts: ChartData
+    counts: dict[Case, int]
+    plan_png: bytes
+    spots: tuple[LandingSpot, ...]
+    recent: tuple[dict[str, object], ...]
+    evaluations: tuple[dict[str, object], ...]
+    returned: float
+    """% of the last balls, with the noise of the exploration; NaN before the first."""
+    error_mm: float
+    episodes_done: int
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunsView:
+    """The answer."""
+
+    runs: tuple[RunState, ...]
+    run: RunState | None
+    compared: tuple[str, ...]
+    log: tuple[str, ...]
+    key: object
+    details: Details | None
+    """None: as before."""
+
+
+class RunsViewer:
+    """Answers requests; used by many browsers at once."""
+
+    def __init__(self, workspace: Workspace, trainer: Trainer) -> None:
+        self._workspace = workspace
+        self._trainer = trainer
+
+    def __call__(self, request: ViewRequest) -> RunsView:
+        """What there is to show now."""
+        runs = self._trainer.runs()
+        run = chosen_run(runs, request.run)
+        if run is None:
+            return RunsView(runs, None, (), (), None, None)
+        compared = compared_runs(runs, run, request.compared)
+        seeds = started_seeds(run)
+        metrics = {seed: self._trainer.metrics.read(self._workspace.run_path(run.name), seed) for seed in seeds}
+        others = {other.name: self._first_seed(other) for other in compared}
+        key = (
+            run.name,
+            tuple((seed, len(m), len(m.evaluations)) for seed, m in metrics.items()),
+            tuple((name, len(m)) for name, m in others.items()),
+        )
+        details = None if key == request.shown else make_details(metrics, list(others.values()))
+        log = read_log_tail(self._workspace.run_path(run.name))
+        return RunsView(runs, run, tuple(others), log, key, details)
+
+    def _first_seed(self, run: RunState) -> Metrics:
+        return self._trainer.metrics.read(self._workspace.run_path(run.name), run.config.first_seed)
+
+
+def chosen_run(runs: tuple[RunState, ...], name: str | None) -> RunState | None:
+    """The run of that name; else the one that is being trained; else the last one."""
+    by_name = {run.name: run for run in runs}
+    active = next((run for run in runs if run.active), None)
+    return by_name.get(name or "") or active or (runs[0] if runs else None)
+
+
+def compared_runs(runs: tuple[RunState, ...], run: RunState, names: tuple[str, ...] | None) -> tuple[RunState, ...]:
+    """The runs to draw beside it: those that are named, or the last ones."""
+    others = [other for other in runs if other.name != run.name]
+    if names is not None:
+        others = [other for other in others if other.name in names]
+    return tuple(others[:COMPARED])
+
+
+def started_seeds(run: RunState) -> tuple[int, ...]:
+    """Seeds up to the one that is being trained; the last of them is that one."""
+    config: RunConfig = run.config
+    last = config.first_seed if run.status is None else run.status.seed
+    return tuple(range(config.first_seed, min(last, config.first_seed + config.seeds - 1) + 1))
+
+
+def make_details(metrics: dict[int, Metrics], others: list[Metrics]) -> Details:
+    """Curves, spots and figures of a run's newest seed, beside the first seeds of other runs."""
+    seed, newest = max(metrics.items())
+    recent = newest.recent
+    goal = recent[-1].get("goal_m") if recent else None
+    cases, landings = newest.columns["case"], newest.landings_m
+    curves = [curves_of(m) for m in metrics.values()]
+    ours = curves[-1]
+    return Details(
+        charts=_charts(curves, [curves_of(m) for m in others]),
+        counts={case: int(np.count_nonzero(cases == case)) for case in Case},
+        plan_png=encode_plan(
+            draw_plan(cases[-PLAN_SPOTS:], landings[-PLAN_SPOTS:], np.array(goal) if isinstance(goal, list) else None)
+        ),
+        spots=_spots(cases, landings),
+        recent=recent,
+        evaluations=newest.evaluations,
+        returned=_last(ours.values["returned"]),
+        error_mm=_last(ours.values["error_mm"]),
+        episodes_done=len(newest),
+        seed=seed,
+    )
+
+
+def _charts(curves: list[Curves], others: list[Curves]) -> ChartData:
+    axis = shared_axis(max([1, *(len(c) for c in curves), *(len(c) for c in others)]))
+    ours = curves[-1]
+    nothing = np.full(len(axis), np.nan)
+    several = len(curves) > 1
+    shown = [{name: on_axis(c.values[name], axis) for name in CURVES} for c in others]
+    return ChartData(
+        axis,
+        {name: on_axis(ours.values[name], axis) for name in CURVES},
+        {name: points_on_axis(ours.evaluated_at, values, axis) for name, values in ours.evaluated.items()},
+        {name: on_axis(mean_curve([c.values[name] for c in curves]), axis) if several else nothing for name in CURVES},
+        (*shown, *[dict.fromkeys(CURVES, nothing)] * (COMPARED - len(shown))),
+    )
+
+
+def _spots(cases: Array, landings_m: Array) -> tuple[LandingSpot, ...]:
+    known = np.isfinite(landings_m).all(axis=1) & (np.abs(np.nan_to_num(landings_m)).max(axis=1) < REACH_M)
+    rows = np.flatnonzero(known)[-SPOTS:]
+    return tuple(
+        LandingSpot(float(landings_m[row, 0]), float(landings_m[row, 1]), Case(int(cases[row]))) for row in rows
+    )
+
+
+def _last(values: Array) -> float:
+    return float(values[-1]) if len(values) else float("nan")
