@@ -23,7 +23,8 @@ from app.worker import LatestWins
 from core.recordings import Recording
 from core.simulation.physics import TaskConfig
 
-DRAW_EVERY_S = 1 / 40
+DRAW_EVERY_S = 1 / 70
+"""Shorter than the loop's turn, so that every turn with news is drawn."""
 PICTURES_EVERY_S = 1 / 15
 STATUS_EVERY_S = 0.15
 CONTROLLERS_EVERY_S = 2.0
@@ -85,7 +86,7 @@ class WatchMode:
             self._host.world.use_cameras(self._rally.cameras)
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
-        """Draw what changed, at most forty times a second."""
+        """Draw what changed."""
         in_space = self.middle == "world"
         self._cameras.panel.visible = in_space
         self._view.show(state, is_stereo=self._rally is not None, views=self._host.world.views)

@@ -9,7 +9,7 @@ from typing import Final
 
 from core.errors import LinkError
 
-STARTS_WITHIN_S: Final = 60.0
+STARTS_WITHIN_S: Final = 180.0
 """A fresh installation compiles the simulation first."""
 
 
