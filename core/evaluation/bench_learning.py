@@ -5,6 +5,7 @@ An interrupted bench goes on where it was; `write_report` can be called at any t
 
 from __future__ import annotations
 
+import json
 import math
 import platform
 from collections.abc import Callable, Sequence
@@ -23,6 +24,7 @@ Progress = Callable[[float], None]
 
 FOLDER = Path("rallyscope-data/bench-learning")
 REPORT = Path("docs/learning-report.md")
+CHAIN = "events.json"
 SEEDS_AT_A_TIME = 5
 
 
@@ -45,9 +47,9 @@ def run(
             progress(done / total)
         if trained:
             # A batch may take a quarter of an hour: what there is can be read meanwhile.
-            write_report(report, experiments, load_all(experiments, folder), counts, machine)
+            write_report(report, experiments, load_all(experiments, folder), counts, machine, read_chain(folder))
     results = load_all(experiments, folder)
-    write_report(report, experiments, results, counts, machine)
+    write_report(report, experiments, results, counts, machine, read_chain(folder))
     return {
         "rows": [_row(experiment, results[experiment.name]) for experiment in experiments],
         "report": str(report),
@@ -71,6 +73,16 @@ def batches(experiments: Sequence[Experiment]) -> list[list[tuple[Experiment, in
 def load_all(experiments: Sequence[Experiment], folder: Path) -> dict[str, list[SeedResult]]:
     """What there is of every experiment."""
     return {experiment.name: load_results(experiment, folder) for experiment in experiments}
+
+
+def read_chain(folder: Path) -> list[dict[str, object]]:
+    """What `rallyscope evaluate --json` said of a run with event cameras, if somebody put it there.
+
+    Playing before cameras takes seconds a ball and needs the chain, which is built on top of this package.
+    """
+    path = folder / CHAIN
+    rows = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
+    return [dict(row) for row in rows]
 
 
 def describe_machine() -> str:

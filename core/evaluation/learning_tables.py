@@ -18,8 +18,9 @@ def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def millimetres(values: Sequence[float]) -> str:
-    """148 ± 31 [133, 162]."""
-    return _spread(spread_of(values), 0 if _mean(values) >= 30 else 1)
+    """148 ± 31 [133, 162]; no distance is negative, and no interval of one."""
+    spread = spread_of(values)
+    return _spread(dataclasses.replace(spread, low=max(spread.low, 0.0)), 0 if spread.mean >= 30 else 1)
 
 
 def percent(shares: Sequence[float]) -> str:
@@ -36,17 +37,22 @@ def at(results: Sequence[SeedResult], episode: int, what: str) -> str:
 
 def paired(a: Sequence[SeedResult], b: Sequence[SeedResult], episode: int, what: str) -> str:
     """Mean difference a - b over the seeds that both have (same balls), and whether its interval holds zero."""
+    spread = paired_spread(a, b, episode, what)
+    if spread.count < 2:
+        return "-"
+    verdict = "no difference shown" if spread.low <= 0 <= spread.high else "differs"
+    return f"{spread.mean:+.1f} [{spread.low:+.1f}, {spread.high:+.1f}], {verdict}"
+
+
+def paired_spread(a: Sequence[SeedResult], b: Sequence[SeedResult], episode: int, what: str) -> Spread:
+    """Differences a - b over the seeds that both have, in percentage points or millimetres."""
     of_b = {result.seed: result.at(episode) for result in b}
     differences = []
     for result in a:
         mine, other = result.at(episode), of_b.get(result.seed)
         if mine is not None and other is not None:
             differences.append(getattr(mine, what) - getattr(other, what))
-    spread = spread_of([100 * d for d in differences] if what == "returned" else differences)
-    if spread.count < 2:
-        return "-"
-    verdict = "no difference shown" if spread.low <= 0 <= spread.high else "differs"
-    return f"{spread.mean:+.1f} [{spread.low:+.1f}, {spread.high:+.1f}], {verdict}"
+    return spread_of([100 * d for d in differences] if what == "returned" else differences)
 
 
 def curve(name: str, results: Sequence[SeedResult], what: str) -> Line:
@@ -70,10 +76,6 @@ def binomial_interval(share: float, count: int) -> tuple[float, float]:
     middle = (share + z * z / (2 * count)) / (1 + z * z / count)
     half = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count)) / (1 + z * z / count)
     return max(0.0, middle - half), min(1.0, middle + half)
-
-
-def _mean(values: Sequence[float]) -> float:
-    return spread_of(values).mean
 
 
 def _spread(spread: Spread, digits: int) -> str:

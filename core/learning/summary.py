@@ -93,6 +93,7 @@ def evaluate_run(
                 scores.append(score_played(court, policy, dealt, show))
             done += 1
         row = summarise_scores(scores)
+        row["episodes"] = config.episodes
         if baselines:
             row["baselines"] = baseline_row(examiner, speed, known)
         rows.append(row)

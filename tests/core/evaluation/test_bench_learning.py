@@ -1,15 +1,19 @@
 """The bench of learning with tiny counts: the same code, resumed rather than repeated, and a whole report."""
 
+import json
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
 
 from core.evaluation import bench_learning, learning_runs
+from core.evaluation.learning_beyond import event_cameras
 from core.evaluation.learning_plan import EXPLORATIONS, RIVALS, Counts, plan, rival_training
 from core.evaluation.learning_tables import binomial_interval, paired
 from core.evaluation.learning_targets import TARGETS
+from core.evaluation.learning_verdicts import CLAIMS, judge
 from core.evaluation.line_chart import Line, line_chart
+from core.learning.summary import Spread
 
 TINY = Counts(seeds=2, minor_seeds=1, rival_seeds=1, balls=10, shorten=50)
 
@@ -26,7 +30,7 @@ def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monke
     text = (tmp_path / "docs" / "report.md").read_text()
     for heading in ("three rewards", "Replay rules", "Against PPO", "Beyond", "Without learning"):
         assert heading in text
-    for chart in (tmp_path / "docs" / "learning-report").glob("*.svg"):
+    for chart in sorted((tmp_path / "docs" / "images").glob("learning-*.svg")):
         ElementTree.fromstring(chart.read_text())
 
     def never(*_: object) -> None:
@@ -88,3 +92,27 @@ def test_a_chart_is_well_formed_even_without_lines() -> None:
     ElementTree.fromstring(line_chart("a < b", "x", "y", []))
     line = Line("c & d", [0, 1], [1.0, float("nan")], [0.5, float("nan")], [1.5, float("nan")])
     assert "c &amp; d" in line_chart("t", "x", "y", [line])
+
+
+def test_a_claim_holds_only_if_the_whole_interval_is_on_its_side() -> None:
+    nearer, farther, unsure = Spread(-9, 1, -12, -6, 5), Spread(9, 1, 6, 12, 5), Spread(-1, 3, -4, 2, 5)
+    assert judge(nearer, more_is_better=False) == judge(farther, more_is_better=True) == "holds"
+    assert judge(nearer, more_is_better=True) == judge(farther, more_is_better=False) == "**contradicted**"
+    assert judge(unsure, more_is_better=True) == judge(unsure, more_is_better=False) == "not shown"
+    assert judge(Spread(1, 1, 1, 1, 1), more_is_better=True) == "-"
+
+
+def test_what_was_evaluated_before_cameras_stands_in_the_report(tmp_path: Path) -> None:
+    assert bench_learning.read_chain(tmp_path) == [] and event_cameras([]) == ""
+    row = {"speed_mps": 5.0, "balls": 200, "seeds": 3, "episodes": 150, "returned": 0.985}
+    row |= {"error_mm": {"mean": 30.4, "median": 21.0, "p95": 80.0}, "seeds_error_mm": {"std": 2.0}}
+    (tmp_path / bench_learning.CHAIN).write_text(json.dumps([row]))
+    text = event_cameras(bench_learning.read_chain(tmp_path))
+    assert "| 5 | 3 | 150 | 200 | 98.5 | 30 ± 2 | 21 | 80 |" in text
+
+
+def test_every_claim_names_two_planned_trainings_and_an_evaluated_episode() -> None:
+    planned = {e.name: e.config for e in plan(Counts())}
+    for claim in CLAIMS:
+        for name in (claim.better, claim.worse):
+            assert claim.episode % planned[name].checkpoint_every == 0 and claim.episode <= planned[name].episodes
