@@ -22,7 +22,7 @@ What came of each training ball is told by the simulator. Every evaluated ball i
 by
 
 ```
-rallyscope train --agent landing-model --state-source events --episodes 150 --seeds 3 --out runs/chain
+rallyscope train --agent landing-model --state-source events --episodes 150 --seeds 2 --out runs/chain
 rallyscope evaluate runs/chain --balls 200 --json > rallyscope-data/bench-learning/events.json
 ```
 """

@@ -11,7 +11,7 @@ from core.evaluation.line_chart import Line, line_chart
 
 Results = Mapping[str, Sequence[SeedResult]]
 
-HIGHEST_MM, HIGHEST_PERCENT = 800.0, 105.0
+HIGHEST_MM, HIGHEST_MODEL_MM, HIGHEST_PERCENT = 800.0, 120.0, 100.0
 
 
 def learning_charts(results: Results) -> dict[str, str]:
@@ -20,8 +20,8 @@ def learning_charts(results: Results) -> dict[str, str]:
     def lines(named: Mapping[str, str], what: str) -> list[Line]:
         return [curve(title, results[name], what) for name, title in named.items() if results.get(name)]
 
-    def errors(title: str, named: Mapping[str, str]) -> str:
-        return line_chart(title, "episode", "error, mm", lines(named, "error_mm"), y_top=HIGHEST_MM)
+    def errors(title: str, named: Mapping[str, str], top: float = HIGHEST_MM) -> str:
+        return line_chart(title, "episode", "error, mm", lines(named, "error_mm"), y_top=top)
 
     def returns(title: str, named: Mapping[str, str]) -> str:
         return line_chart(title, "episode", "returned, %", lines(named, "returned"), y_top=HIGHEST_PERCENT)
@@ -49,5 +49,6 @@ def learning_charts(results: Results) -> dict[str, str]:
                 "model-impact-5": "reflection known",
             }
             | {"model-privileged": "privileged labels", "model-biased": "1 degree of bias"},
+            HIGHEST_MODEL_MM,
         ),
     }
