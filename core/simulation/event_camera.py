@@ -14,10 +14,11 @@ from core.simulation.background import LOG_LIGHT, make_background
 from core.simulation.flight import BallPath
 from core.simulation.noise import MergedEvents, RawEvents, draw_hot_pixels, draw_noise, merge_events
 from core.simulation.pixels import EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, event_buffer
+from core.simulation.racket_shape import RacketPath
 from core.simulation.scene import SceneConfig
 from core.simulation.sensor import SensorConfig, make_pixels
-from core.simulation.sweep import look_at_once, settle_block, sweep_block
-from core.simulation.view import BallSteps, ball_steps, view_numbers
+from core.simulation.sweep import RACKET, look_at_once, settle_block, sweep_block
+from core.simulation.view import RacketView, Steps, moving_steps, view_numbers
 
 BLOCK_US: Final = 10_000
 """Blocks start at whole multiples of this, whatever stretches are asked for, so that chunking changes nothing."""
@@ -43,6 +44,7 @@ class EventCamera:
         self._pixels = make_pixels(self._maps[:, LOG_LIGHT], config, rng)
         self._hot = draw_hot_pixels(camera.sensor, config, rng)
         self._events = event_buffer(FIRST_CAPACITY)
+        self._racket_seen: np.ndarray | None = None
         self._now_us = 0
 
     @property
@@ -58,15 +60,15 @@ class EventCamera:
         """
         self._config = dataclasses.replace(self._config, noise_hz=noise_hz)
 
-    def advance(self, path: BallPath, end_us: int) -> Events:
-        """The events from `now_us` up to, not including, `end_us`.
+    def advance(self, path: BallPath, end_us: int, racket: RacketPath | None = None) -> Events:
+        """The events from `now_us` up to, not including, `end_us`. A racket is there from the start, or never.
 
         Raises:
             ConfigError: if `end_us` is not a later whole multiple of `BLOCK_US`.
         """
         if end_us <= self._now_us or end_us % BLOCK_US:
             raise ConfigError("cannot simulate to this time", expected=f"a later multiple of {BLOCK_US} us", got=end_us)
-        parts = [self._advance_block(path) for _ in range((end_us - self._now_us) // BLOCK_US)]
+        parts = [self._advance_block(path, racket) for _ in range((end_us - self._now_us) // BLOCK_US)]
         t = np.concatenate([part.t_us for part in parts])
         x, y = np.concatenate([part.x_px for part in parts]), np.concatenate([part.y_px for part in parts])
         on = np.concatenate([part.on for part in parts])
@@ -74,9 +76,12 @@ class EventCamera:
             column.flags.writeable = False
         return Events(t, x, y, on, self.camera.sensor)
 
-    def _advance_block(self, path: BallPath) -> MergedEvents:
+    def _advance_block(self, path: BallPath, racket: RacketPath | None) -> MergedEvents:
         start_us, end_us = self._now_us, self._now_us + BLOCK_US
-        steps = ball_steps(self.camera, self._scene, path, start_us, end_us)
+        seen = None if racket is None else RacketView(racket, self._scene.racket, self._racket_seen)
+        steps = moving_steps(self.camera, self._scene, path, seen, start_us, end_us)
+        if racket is not None and steps is not None and steps.strides[RACKET]:
+            self._racket_seen = steps.outlines[-1]
         count = self._sweep(steps, start_us) if steps is not None else 0
         count = self._settle(end_us, count)
         signal = self._sorted(count, start_us, end_us)
@@ -84,10 +89,10 @@ class EventCamera:
         self._now_us = end_us
         return merge_events(signal, noise, self._pixels.rows, self._config.refractory_us, self.camera.sensor.width_px)
 
-    def _sweep(self, steps: BallSteps, start_us: int) -> int:
+    def _sweep(self, steps: Steps, start_us: int) -> int:
         pixels, width = self._pixels, self.camera.sensor.width_px
         if start_us == 0:
-            look_at_once(pixels.rows, width, self._maps, self._view, steps.rows, steps.boxes)
+            look_at_once(pixels.rows, width, self._maps, self._view, steps.rows, steps.rackets, steps.boxes)
         count, done = 0, 0
         while True:
             count, pixels.awake_count, done = sweep_block(
@@ -100,6 +105,8 @@ class EventCamera:
                 self._view,
                 steps.t_us,
                 steps.rows,
+                steps.rackets,
+                steps.outlines,
                 steps.boxes,
                 steps.strides,
                 self._sensor(count),

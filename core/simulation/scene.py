@@ -38,6 +38,8 @@ class SceneConfig:
     """Cords of the net."""
     net_cover: float = setting(0.30, 0.0, 1.0)
     """Share of the view that the cords take: 1 to 1.5 mm cords in 7 to 8 mm meshes."""
+    racket: float = setting(0.04, 0.005, 1.0)
+    """Black rubber, edge and back alike."""
     ambient: float = setting(0.65, 0.0, 1.0)
     """Share of the light that comes from everywhere; the rest comes from the lights above and shades the ball."""
     shadow: float = setting(0.35, 0.0, 0.9)

@@ -1,4 +1,4 @@
-"""The light that a pixel sees while a ball is in the scene: the ball, its shadow, the net in front of it.
+"""The light that a pixel sees: the ball, its shadow, the racket, the net before or behind them.
 
 A pixel's ray is tested against the sphere itself, so perspective and lens distortion are exact. The ball covers half of
 a pixel exactly where its outline passes through the pixel's centre; the cover rises smoothly over `edge_px` round that.
@@ -14,11 +14,12 @@ import math
 import numba as nb
 
 from core.simulation.background import DEPTH_M, LIGHT, LOG_LIGHT, NET_COVER, NET_LIGHT, RAY_X, RAY_Y
+from core.simulation.racket_shape import racket_gap
 from core.simulation.scene import LIGHT_SIZE
 from core.table import BALL_RADIUS_M
 
 UNTOUCHED = -1.0
-"""Instead of an intensity: the ball changes nothing here, the pixel sees the static picture."""
+"""Instead of an intensity: nothing that moves is here, the pixel sees the static picture."""
 
 INNER_STRIDE = 4
 """Substeps from one look at the inner part of the ball to the next: its shading changes by 0.01 in a substep."""
@@ -45,10 +46,17 @@ def smooth_step(share):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def pixel_light(seen, view, ball, see_ball, see_shadow):
+def pixel_light(seen, view, ball, racket, see_ball, see_shadow, see_racket):
     """Intensity at a pixel whose static picture is `seen`, or UNTOUCHED; the flags leave out what cannot be here."""
     x, y, behind, depth_m = seen[RAY_X], seen[RAY_Y], seen[LIGHT], seen[DEPTH_M]
     cover, shade, hit = ball_cover(view, ball, x, y, depth_m) if see_ball else (0.0, 0.0, 0.0)
+    if see_racket:
+        hidden, where = racket_cover(racket, x, y, depth_m)
+        if hidden == 1.0 and seen[NET_COVER] == 0.0 and (cover == 0.0 or hit > where):
+            return racket[6]
+        if hidden > 0.0:
+            darkness = shadow_darkness(view, ball, x, y, depth_m) if see_shadow and hidden < 1.0 else 0.0
+            return _with_racket(seen, view, (1.0 - darkness) * behind, racket[6], hidden, where, shade, cover, hit)
     darkness = shadow_darkness(view, ball, x, y, depth_m) if see_shadow and cover < 1.0 else 0.0
     if darkness == 0.0 and cover == 0.0:
         return UNTOUCHED
@@ -62,6 +70,32 @@ def pixel_light(seen, view, ball, see_ball, see_shadow):
         behind = seen[NET_LIGHT] + (1.0 - net) * behind
         return behind + cover * (shade - behind)
     return seen[NET_LIGHT] + (1.0 - net) * (behind + cover * (shade - behind))
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def racket_cover(racket, x, y, depth_m):
+    """(share of the pixel that the racket covers, camera z of the point)."""
+    gap, where = racket_gap(racket, x, y)
+    cover = smooth_step(0.5 - gap / racket[7])
+    return (0.0, where) if where >= depth_m else (cover, where)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _with_racket(seen, view, light, black, hidden, where, shade, cover, hit):
+    """The light behind, the racket and the ball, laid over one another from far to near, with the net in its place."""
+    ball_far = hit > where
+    net, x = seen[NET_COVER], view[0] * seen[RAY_X] + view[1] * seen[RAY_Y] + view[2]
+    far, far_cover, far_at = (shade, cover, hit) if ball_far else (black, hidden, where)
+    near, near_cover, near_at = (black, hidden, where) if ball_far else (shade, cover, hit)
+    far_before_net = (far_at * x + view[9]) * view[9] > 0.0
+    near_before_net = (near_at * x + view[9]) * view[9] > 0.0
+    if net > 0.0 and far_before_net:
+        light, net = seen[NET_LIGHT] + (1.0 - net) * light, 0.0
+    light += far_cover * (far - light)
+    if net > 0.0 and near_before_net:
+        light, net = seen[NET_LIGHT] + (1.0 - net) * light, 0.0
+    light += near_cover * (near - light)
+    return seen[NET_LIGHT] + (1.0 - net) * light if net > 0.0 else light
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -131,9 +165,9 @@ def pixel_seen(maps, pixel):
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def render_light(maps, view, ball, out):
+def render_light(maps, view, ball, racket, see_racket, out):
     """Log intensity of every pixel, written to `out`: the dense picture at one instant."""
     for pixel in range(len(out)):
         seen = pixel_seen(maps, pixel)
-        light = pixel_light(seen, view, ball, True, True)
+        light = pixel_light(seen, view, ball, racket, True, True, see_racket)
         out[pixel] = seen[LOG_LIGHT] if light == UNTOUCHED else math.log(light)

@@ -1,4 +1,4 @@
-"""Walk through the substeps of a block and touch only the pixels that ball and shadow sweep over."""
+"""Walk through the substeps of a block and touch only the pixels that ball, shadow and racket sweep over."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ import numba as nb
 
 from core.simulation.background import LOG_LIGHT
 from core.simulation.pixels import ramp_pixel, receptor_after_ramp, rest_awake, rest_pixel
+from core.simulation.racket_outline import outline_spans, rows_for_spans, unchanged_columns
 from core.simulation.sensor import OFF_THRESHOLD, ON_THRESHOLD, RECEPTOR, REFERENCE, RELEASE_US, TARGET, TIME_US
 from core.simulation.shading import INNER_STRIDE, UNTOUCHED, deep_inside, pixel_light, pixel_seen
 
+BALL, SHADOW, RACKET = range(3)
+"""Parts of the picture that move, in the order in which they are looked at."""
 EVENTS_PER_PIXEL = 128
 """Room kept free in the buffers for each pixel of a substep; contrast 5 at the lowest threshold is 250 in a step, but
 only of the few pixels of an edge."""
@@ -27,6 +30,8 @@ def sweep_block(
     view,
     t_us,
     rows,
+    rackets,
+    outlines,
     boxes,
     strides,
     sensor,
@@ -35,40 +40,54 @@ def sweep_block(
 ):
     """Run substeps `done + 1` to the last; returns (event count, awake count, substeps done).
 
-    Part 0 of the boxes is the ball, part 1 its shadow; part p is looked at in every `strides[p]`-th substep and in the
-    last. `sensor` is (photoreceptor time constant, refractory time, events already in the buffer). Stops early when
-    the buffer might overflow in the next substep; call again with a larger one.
+    Part p of the boxes is looked at in every `strides[p]`-th substep and in the last; never if that is 0. `sensor` is
+    (photoreceptor time constant, refractory time, events already in the buffer). Stops early when the buffer might
+    overflow in the next substep; call again with a larger one.
     """
     tau_us, refractory_us, count = sensor[0], sensor[1], int(sensor[2])
     last = len(t_us) - 1
+    spans_before, spans_now = rows_for_spans(boxes[:, RACKET]), rows_for_spans(boxes[:, RACKET])
     for step in range(done + 1, last + 1):
         awake_most = 0
         for part in range(boxes.shape[1]):
-            x0, y0, x1, y1 = union_box(boxes[step - 1, part], boxes[step, part])
-            awake_most += (x1 - x0) * (y1 - y0)
+            if strides[part] != 0 and (step % strides[part] == 0 or step == last):
+                x0, y0, x1, y1 = union_box(boxes[(step - 1) // strides[part] * strides[part], part], boxes[step, part])
+                awake_most += (x1 - x0) * (y1 - y0)
         if count + awake_most * EVENTS_PER_PIXEL > len(events):
             return count, awake_count, step - 1
-        ball, now_us = ball_numbers(rows, step), t_us[step]
+        ball, racket, now_us = ball_numbers(rows, step), racket_numbers(rackets, step), t_us[step]
         for part in range(boxes.shape[1]):
-            if step % strides[part] != 0 and step != last:
+            if strides[part] == 0 or (step % strides[part] != 0 and step != last):
                 continue
             before = (step - 1) // strides[part] * strides[part]
             x0, y0, x1, y1 = union_box(boxes[before, part], boxes[step, part])
             before_us, recent_us = t_us[before], t_us[max(step - INNER_STRIDE, 0)]
-            overlap = boxes_meet(boxes[step, 0], boxes[step, 1])
-            see_ball, see_shadow = part == 0 or overlap, part == 1 or overlap
+            overlap = boxes_meet(boxes[step, BALL], boxes[step, SHADOW])
+            see_ball, see_shadow, see_racket = part == BALL or overlap, part == SHADOW or overlap, part == RACKET
+            if part != RACKET:
+                see_racket = spans_meet(boxes, before, step, part, RACKET)
+            else:
+                see_ball = spans_meet(boxes, before, step, RACKET, BALL)
+                see_shadow = spans_meet(boxes, before, step, RACKET, SHADOW)
+                outline_spans(outlines[before], spans_before)
+                outline_spans(outlines[step], spans_now)
             decay = math.exp((before_us - now_us) / tau_us) if tau_us > 0.0 else 0.0
             for y in range(y0, y1):
-                for x in range(x0, x1):
+                left, right, first, end = x1, x1, x0, x1
+                if part == RACKET:  # only where its outline passes
+                    first, left, right, end = unchanged_columns(spans_before, spans_now, y, x0, x1)
+                for x in range(first, end):
+                    if left <= x < right:
+                        continue
                     pixel = y * width + x
                     start_us = pixels[pixel, TIME_US]
                     if start_us >= now_us:
-                        continue  # ball and shadow overlap here
+                        continue  # parts overlap here
                     seen = pixel_seen(maps, pixel)
-                    deep = part == 0 and deep_inside(seen, ball)
+                    deep = part == BALL and not see_racket and deep_inside(seen, ball)
                     if deep and step % INNER_STRIDE != 0 and step != last:
                         continue
-                    light = pixel_light(seen, view, ball, see_ball, see_shadow)
+                    light = pixel_light(seen, view, ball, racket, see_ball, see_shadow, see_racket)
                     goal = seen[LOG_LIGHT] if light == UNTOUCHED else math.log(light)
                     was = pixels[pixel, TARGET]
                     if goal == was:
@@ -111,17 +130,32 @@ def settle_block(pixels, awake, awake_list, awake_count, end_us, sensor, events)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def look_at_once(pixels, width, maps, view, rows, boxes):
-    """Let pixels have looked at the ball for long: how a recording begins that starts in the middle of a flight."""
-    ball = ball_numbers(rows, 0)
+def look_at_once(pixels, width, maps, view, rows, rackets, boxes):
+    """Let pixels have looked at what is there for long: how a recording begins."""
+    ball, racket = ball_numbers(rows, 0), racket_numbers(rackets, 0)
+    see_ball, see_shadow, see_racket = boxes[0, BALL].any(), boxes[0, SHADOW].any(), boxes[0, RACKET].any()
     for part in range(boxes.shape[1]):
         for y in range(boxes[0, part, 1], boxes[0, part, 3]):
             for x in range(boxes[0, part, 0], boxes[0, part, 2]):
                 pixel = y * width + x
                 seen = pixel_seen(maps, pixel)
-                light = pixel_light(seen, view, ball, True, True)
+                light = pixel_light(seen, view, ball, racket, see_ball, see_shadow, see_racket)
                 goal = seen[LOG_LIGHT] if light == UNTOUCHED else math.log(light)
                 pixels[pixel, TARGET] = pixels[pixel, RECEPTOR] = pixels[pixel, REFERENCE] = goal
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def racket_numbers(rows, step):
+    """A row of RACKET_COLUMNS as a tuple of numbers."""
+    a, b = rows[step, :7], rows[step, 7:]
+    return a[0], a[1], a[2], a[3], a[4], a[5], a[6], b[0], b[1], b[2], b[3], b[4], b[5], b[6]
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def spans_meet(boxes, before, step, one, other):
+    """Whether the pixels that two parts pass over between two substeps may have one in common."""
+    a = union_box(boxes[before, one], boxes[step, one])
+    return boxes_meet(a, union_box(boxes[before, other], boxes[step, other]))
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

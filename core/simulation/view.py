@@ -1,4 +1,4 @@
-"""What the kernels need to know about camera, ball and time: substeps, rows that describe the ball, boxes to redraw."""
+"""What the kernels need to know of a block: substeps, rows that describe ball and racket, boxes to redraw."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from core.cameras import Camera, ball_outline
 from core.geometry import invert_transform
 from core.simulation.flight import BallPath, BallStates, Portals
+from core.simulation.racket_outline import racket_outline
+from core.simulation.racket_shape import RACKET_COLUMNS, RacketPath, RacketPoses, racket_rows
 from core.simulation.scene import LIGHT_SIZE, TO_LIGHT_WORLD, SceneConfig
 from core.simulation.shading import BALL_COLUMNS, INNER_STRIDE, VIEW_NUMBERS
 from core.table import BALL_RADIUS_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
@@ -18,6 +20,10 @@ Array = NDArray[np.float64]
 
 STEP_PX = 0.35
 """Most motion in the picture per substep: a fifth of an edge."""
+RACKET_STEP_PX = 0.8
+"""Most motion of the racket's outline from one look at it to the next: half an edge."""
+RACKET_REST_PX = 0.05
+"""A racket that has moved less since the last look is at rest."""
 LONGEST_STEP_US = 500.0
 """A slow ball is looked at this often."""
 LONGEST_SHADOW_STRIDE = 8
@@ -28,16 +34,32 @@ BOX_MARGIN_PX = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class BallSteps:
-    """The ball at S + 1 instants, equally spaced, to one camera."""
+class Steps:
+    """Ball and racket at S + 1 instants, equally spaced, to one camera."""
 
     t_us: Array
     rows: Array
     """(S + 1, BALL_COLUMNS), see `core.simulation.shading`."""
+    rackets: Array
+    """(S + 1, RACKET_COLUMNS), see `core.simulation.racket_shape`."""
+    outlines: Array
+    """(S + 1, K, 2) pixels of points on the racket's rims, see `core.simulation.racket_outline`."""
     boxes: NDArray[np.int64]
-    """(S + 1, 2, 4): first column, first row, one past the last column and row of ball and shadow; empty where 0."""
+    """(S + 1, 3, 4): first column, first row, one past the last column and row of ball, shadow and racket; empty where
+    0."""
     strides: NDArray[np.int64]
-    """(2,): substeps from one look at ball and shadow to the next; a soft shadow changes slowly."""
+    """(3,): substeps from one look at ball, shadow and racket to the next, 0 for no look: a soft shadow changes slowly,
+    a racket at rest not at all."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RacketView:
+    """The racket of a block to one camera."""
+
+    path: RacketPath
+    light: float
+    seen: Array | None
+    """(K, 2) its outline at the last look; None before the first."""
 
 
 def view_numbers(camera: Camera) -> tuple[float, ...]:
@@ -48,23 +70,65 @@ def view_numbers(camera: Camera) -> tuple[float, ...]:
     return tuple(numbers.tolist())
 
 
-def ball_steps(camera: Camera, scene: SceneConfig, path: BallPath, start_us: int, end_us: int) -> BallSteps | None:
-    """Substeps over [start, end] fine enough for the ball's motion; None if it cannot be seen at any of them."""
-    probes = np.linspace(start_us, end_us, PROBES)
-    states = path.at(probes * 1e-6)
-    if not states.present.any():
+def moving_steps(
+    camera: Camera, scene: SceneConfig, path: BallPath, racket: RacketView | None, start_us: int, end_us: int
+) -> Steps | None:
+    """Substeps over [start, end] fine enough for what moves; None if nothing that moves can be seen."""
+    probes_us = np.linspace(start_us, end_us, PROBES)
+    states = path.at(probes_us * 1e-6)
+    ball_there = bool(states.present.any())
+    probes = None if racket is None else _racket_probes(camera, racket, probes_us)
+    looks = 0 if racket is None or probes is None else _racket_looks(racket.seen, probes[1])
+    if not looks and not ball_there:
         return None
-    speed = _picture_speed(camera, states)
-    steps = max(
-        int(np.ceil((end_us - start_us) / LONGEST_STEP_US)), int(np.ceil(speed * (end_us - start_us) / STEP_PX))
-    )
+    span_us = end_us - start_us
+    steps = max(looks, 1)
+    if ball_there:
+        speed = _picture_speed(camera, states)
+        steps = max(steps, int(np.ceil(span_us / LONGEST_STEP_US)), int(np.ceil(speed * span_us / STEP_PX)))
     t_us = np.linspace(start_us, end_us, steps + 1)
-    states = path.at(t_us * 1e-6)
-    rows = ball_rows(camera, scene, states, path.portals(t_us * 1e-6))
-    boxes = np.stack([_ball_boxes(camera, scene, states), _shadow_boxes(camera, scene, states)], axis=1)
-    if not boxes.any():
+    rows, shadow = np.zeros((steps + 1, BALL_COLUMNS)), 1
+    boxes = np.zeros((steps + 1, 3, 4), np.int64)
+    if ball_there:
+        states = path.at(t_us * 1e-6)
+        rows = ball_rows(camera, scene, states, path.portals(t_us * 1e-6))
+        boxes[:, 0], boxes[:, 1] = _ball_boxes(camera, scene, states), _shadow_boxes(camera, scene, states)
+        shadow = _shadow_stride(states, rows) if states.present.any() else 1
+    rackets, outlines = np.zeros((steps + 1, RACKET_COLUMNS)), np.zeros((steps + 1, 0, 2))
+    if racket is not None and probes is not None and (looks or boxes.any()):
+        poses, outlines = _between_probes(*probes, steps)
+        rackets = racket_rows(camera, racket.light, scene.edge_px, racket.path, poses)
+        boxes[:, 2] = _boxes(camera, outlines, 0.5 * scene.edge_px)
+    if not boxes[:, :2].any() and not (looks and boxes.any()):
         return None
-    return BallSteps(t_us, rows, boxes, np.array([1, _shadow_stride(states, rows)]))
+    return Steps(t_us, rows, rackets, outlines, boxes, np.array([1, shadow, steps // looks if looks else 0]))
+
+
+def _racket_probes(camera: Camera, racket: RacketView, probes_us: Array) -> tuple[RacketPoses, Array] | None:
+    """The racket and its outline (PROBES, K, 2) in a block; None if it is not wholly before the camera."""
+    poses = racket.path.at(probes_us * 1e-6)
+    outlines = racket_outline(camera, racket.path, poses)
+    return (poses, outlines) if np.isfinite(outlines).all() else None
+
+
+def _racket_looks(seen: Array | None, outlines: Array) -> int:
+    """How often the racket has to be looked at in a block; 0 for one that has not moved since the last look."""
+    if seen is None:
+        return 1
+    if np.abs(outlines - seen).max() < RACKET_REST_PX:
+        return 0
+    moved = np.abs(np.diff(outlines, axis=0)).max()
+    return max(1, int(np.ceil(float(moved) * (len(outlines) - 1) / RACKET_STEP_PX)))
+
+
+def _between_probes(poses: RacketPoses, outlines: Array, steps: int) -> tuple[RacketPoses, Array]:
+    """The racket and its outline (steps + 1, K, 2), linear between probes: in a millisecond it bends by 10 um."""
+    at = np.linspace(0, PROBES - 1, steps + 1)
+    low = np.minimum(at.astype(np.intp), PROBES - 2)
+    share = (at - low)[:, None]
+    p, n = ((1 - share) * values[low] + share * values[low + 1] for values in (poses.p_world_m, poses.normal_world))
+    share = share[:, :, None]
+    return RacketPoses(p, n), (1 - share) * outlines[low] + share * outlines[low + 1]
 
 
 def ball_rows(camera: Camera, scene: SceneConfig, states: BallStates, portals: Portals) -> Array:
@@ -133,7 +197,7 @@ def _shadow_stride(states: BallStates, rows: Array) -> int:
 
 
 def _boxes(camera: Camera, outline: Array, margin_px: float) -> NDArray[np.int64]:
-    """(N, 4) boxes round N outlines of 8 points, a little wider; all zero off the sensor."""
+    """(N, 4) boxes round N outlines of some points, a little wider; all zero off the sensor."""
     low, high = outline.min(axis=1), outline.max(axis=1)
     widen = 0.05 * (high - low).max(axis=1, keepdims=True) + margin_px + BOX_MARGIN_PX
     size = np.array([camera.sensor.width_px, camera.sensor.height_px])

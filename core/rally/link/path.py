@@ -1,13 +1,15 @@
-"""The ball's path over one block, from what the rally's steps and impacts say: what event cameras look along."""
+"""The paths of ball and racket over one block, from what the rally's steps and impacts say, for the event cameras."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.simulation.flight import BallStates, Portals
+from core.simulation.racket_shape import RacketPoses
 from core.table import BALL_RADIUS_M
 
 Array = NDArray[np.float64]
@@ -16,6 +18,34 @@ SINK_S: Final = 0.04
 """A ball that is out of play disappears downwards in this time: at once would be a flash of events."""
 MOUTH_M: Final = 3 * BALL_RADIUS_M
 """A served ball comes out of a launcher's mouth, which hides it until it has flown this far."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SampledRacket:
+    """Cubic pieces between samples of the racket: its path is one in a step, unless its law changes within."""
+
+    t_s: Array
+    """(M,) ascending."""
+    ps_m: Array
+    """(M, 3) middle of the face."""
+    vs_mps: Array
+    """(M, 3)."""
+    normals: Array
+    """(M, 3)."""
+    radius_m: float
+    thickness_m: float
+
+    def at(self, t_s: ArrayLike) -> RacketPoses:
+        """The racket at times (N,); beyond the samples it is where the nearest one says."""
+        t = np.atleast_1d(np.asarray(t_s, np.float64))
+        which = np.clip(np.searchsorted(self.t_s, t, side="right") - 1, 0, len(self.t_s) - 2)
+        h = (self.t_s[which + 1] - self.t_s[which])[:, None]
+        s = np.clip((t - self.t_s[which])[:, None] / h, 0.0, 1.0)
+        start, v0, v1 = self.ps_m[which], self.vs_mps[which] * h, self.vs_mps[which + 1] * h
+        step = self.ps_m[which + 1] - start
+        p = start + s * (v0 + s * (3 * step - 2 * v0 - v1 + s * (v0 + v1 - 2 * step)))
+        n = (1 - s) * self.normals[which] + s * self.normals[which + 1]  # it turns by less than 3 degrees in a step
+        return RacketPoses(p, n / np.linalg.norm(n, axis=1, keepdims=True))
 
 
 class SampledPath:

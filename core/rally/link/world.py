@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from core.cameras import Camera
 from core.config import check_settings, setting
 from core.events import Events
-from core.rally.link.path import SINK_S, SampledPath
+from core.rally.link.path import SINK_S, SampledPath, SampledRacket
 from core.recordings import BallTruth, PixelTruth
 from core.simulation import StereoConfig, ball_truth, pixel_truth, truth_times
 from core.simulation.event_camera import BLOCK_US, EventCamera
@@ -23,6 +23,7 @@ from core.simulation.physics.judge import BallOutcome, RallyJudge
 from core.simulation.physics.mujoco_rally import MujocoRally
 from core.simulation.physics.racket import RacketConfig, RacketTarget
 from core.simulation.physics.rally_events import RallyEvent
+from core.simulation.physics.rotation import normals_from_orientations
 
 Array = NDArray[np.float64]
 
@@ -137,14 +138,17 @@ class SimulatedWorld:
         """Simulate the next block."""
         start_us, end_us = self.now_us, self.now_us + BLOCK_US
         path, rows, outcomes = self._advance_rally(start_us, end_us)
-        running = {name: self._pool.submit(eye.advance, path, end_us) for name, eye in self._eyes.items()}
+        normals, physics = normals_from_orientations(rows[:, 4:8]), self.config.task.physics
+        radius_m, thickness_m = physics.racket_radius_m, physics.racket_thickness_m
+        racket = SampledRacket(rows[:, 0], rows[:, 1:4], rows[:, 8:11], normals, radius_m, thickness_m)
+        running = {name: self._pool.submit(eye.advance, path, end_us, racket) for name, eye in self._eyes.items()}
         times_us = truth_times(path, start_us, end_us)
         circles = {name: pixel_truth(eye.camera, path, times_us) for name, eye in self._eyes.items()}
         ball = ball_truth(path, times_us)
         events = {name: future.result() for name, future in running.items()}
         self.now_us = end_us
-        racket_t_us = np.round(rows[:, 0] * 1e6).astype(np.int64)
-        return Block(start_us, end_us, events, circles, ball, racket_t_us, rows[:, 1:], outcomes)
+        racket_t_us = np.round(rows[:-1, 0] * 1e6).astype(np.int64)
+        return Block(start_us, end_us, events, circles, ball, racket_t_us, rows[:-1, 1:], outcomes)
 
     def close(self) -> None:
         """End the threads."""
@@ -161,12 +165,15 @@ class SimulatedWorld:
         outcomes, self._unreported = self._unreported, []
         steps = math.ceil(BLOCK_US * 1e-3 / self.config.step_ms)
         edges_s = np.linspace(start_us, end_us, steps + 1) * 1e-6
-        rows = []
+        rows = [self._racket_row(float(edges_s[0]))]
         for begin_s, end_s in itertools.pairwise(edges_s):
-            racket = self.rally.racket
-            rows.append(np.concatenate([[begin_s], racket.p_m, racket.q_wxyz, racket.v_mps]))
             outcomes += self._step(path, float(begin_s), float(end_s))
+            rows.append(self._racket_row(float(end_s)))
         return path, np.array(rows), tuple(outcomes)
+
+    def _racket_row(self, t_s: float) -> Array:
+        racket = self.rally.racket
+        return np.concatenate([[t_s], racket.p_m, racket.q_wxyz, racket.v_mps])
 
     def _step(self, path: SampledPath, begin_s: float, end_s: float) -> list[JudgedBall]:
         visible = self._launch is not None and (self.gone_s is None or begin_s < self.gone_s + SINK_S)

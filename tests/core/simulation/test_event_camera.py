@@ -9,10 +9,12 @@ from core.events import Events, concatenate_events
 from core.simulation import SceneConfig, SensorConfig, scene_named
 from core.simulation.background import LOG_LIGHT, make_background
 from core.simulation.event_camera import BLOCK_US, EventCamera
+from core.simulation.racket_shape import RACKET_COLUMNS
 from core.simulation.shading import render_light
 from core.simulation.view import ball_rows, view_numbers
 
 DENSE_STEP_US = 20
+NO_RACKET = (0.0,) * RACKET_COLUMNS
 
 
 def quiet(**settings) -> SensorConfig:
@@ -31,13 +33,13 @@ def dense_events(camera, scene, config, path, end_us) -> tuple[np.ndarray, np.nd
     times_us = np.arange(0, end_us + 1, DENSE_STEP_US, dtype=np.float64)
     rows = ball_rows(camera, scene, path.at(times_us * 1e-6), path.portals(times_us * 1e-6))
     light = np.empty(len(maps))
-    render_light(maps, view, tuple(rows[0]), light)
+    render_light(maps, view, tuple(rows[0]), NO_RACKET, False, light)
     receptor, reference, previous = light.copy(), light.copy(), light.copy()
     release_us = np.full(len(maps), -1.0)
     keep = np.exp(-DENSE_STEP_US / config.photoreceptor_us)
     found: list[tuple[float, int, bool]] = []
     for now_us, row in zip(times_us[1:], rows[1:], strict=True):
-        render_light(maps, view, tuple(row), light)
+        render_light(maps, view, tuple(row), NO_RACKET, False, light)
         lag = (light - previous) / DENSE_STEP_US * config.photoreceptor_us
         before, receptor = receptor, light - lag + (receptor - previous + lag) * keep
         start_us = now_us - DENSE_STEP_US
