@@ -43,6 +43,10 @@ class RallyPicture:
     before_bounce: Array = field(default_factory=lambda: np.empty((0, 3)))
     """(N, 3) the flight as predicted before the bounce, up to the hitting plane."""
     after_bounce: Array = field(default_factory=lambda: np.empty((0, 3)))
+    tube: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(N, 3) the newest prediction's path."""
+    tube_sigmas: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(N, 3) its standard deviations."""
     bounce: Array | None = None
     """Where it bounces or did bounce."""
     hit: Array | None = None

@@ -14,6 +14,7 @@ from app.scene.prediction import PredictionActors
 from app.scene.racket import RacketActor
 from app.scene.rally_picture import RallyPicture
 from app.scene.rig import RigActors
+from app.scene.uncertainty import UncertaintyActor
 from app.scene.views import VIEWPOINTS, Viewpoint, follow, look, viewpoint_of_camera
 from core.cameras import Camera
 from core.simulation.physics import TaskConfig
@@ -25,6 +26,7 @@ LAYERS: Final = (
     "True ball",
     "Rays",
     "Predictions",
+    "Uncertainty",
     "Hitting plane",
     "Racket",
     "Racket target",
@@ -109,6 +111,8 @@ class World:
                 picture.hit if expected else None,
                 plane="Hitting plane" in on,
             )
+            sure = "Uncertainty" not in on
+            self._uncertainty.show(_NO_PATH if sure else picture.tube, _NO_PATH if sure else picture.tube_sigmas)
             self._racket.show(picture.racket if "Racket" in on else None)
             self._racket_target.show(picture.racket_target if "Racket target" in on else None)
             self._landing.show(
@@ -116,7 +120,7 @@ class World:
                 picture.spots if "Landing spots" in on else (),
             )
             if self._rig is not None:
-                self._rig.set_visible("Cameras" in on)
+                self._rig.set_visible("Cameras" in on and self._view not in self._cameras)
         if self._view == "Follow ball" and picture.ball is not None and self.visible:
             follow(self._client, picture.ball, FOLLOW_SHARE)
 
@@ -137,6 +141,7 @@ class World:
         self._prediction = PredictionActors(
             self._scene, f"{ROOT}/prediction", plane_x_m=TaskConfig().stroke.hit_plane_x_m
         )
+        self._uncertainty = UncertaintyActor(self._scene, f"{ROOT}/uncertainty")
         self._racket = RacketActor(self._scene, f"{ROOT}/racket")
         self._racket_target = RacketActor(self._scene, f"{ROOT}/racket-target", ghost=True)
         self._landing = LandingActors(self._scene, f"{ROOT}/landing")

@@ -30,6 +30,7 @@ EXPECTED_US: Final = 60_000
 """Predictions stay this long after the time at which the ball was to be hit."""
 RACKET_US: Final = 100_000
 PATH_POINTS: Final = 48
+TUBE_POINTS: Final = 20
 SPEED_POINTS: Final = 6
 
 
@@ -42,6 +43,12 @@ class Expected:
     """(N, 3)."""
     bounce: Array | None
     hit: HitPlane | None
+    prediction: Prediction
+
+    def sigmas(self) -> tuple[Array, Array]:
+        """(N, 3) points of the path and (N, 3) their standard deviations."""
+        t_s = self.prediction.curve_t_s
+        return self.prediction.positions(t_s[_even_rows(len(t_s), TUBE_POINTS)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,8 +198,10 @@ class RallyHistory:
             else ()
         )
         before, after = (_still(step.before, t_us), _still(step.after, t_us)) if step else (None, None)
-        hit = (after or before).hit if after or before else None  # pyright: ignore[reportOptionalMemberAccess]
+        newest_expected = after or before
+        hit = newest_expected.hit if newest_expected else None
         command = step.command if step and step.command and _near(step.command, t_us) else None
+        tube = newest_expected.sigmas() if newest_expected else (np.empty((0, 3)), np.empty((0, 3)))
         bounce = next((one.bounce for one in (before, after) if one is not None and one.bounce is not None), None)
         picture = RallyPicture(
             ball=None if newest is None else newest.p_world_m,
@@ -201,6 +210,8 @@ class RallyHistory:
             rays=rays,
             before_bounce=before.path if before else np.empty((0, 3)),
             after_bounce=after.path if after else np.empty((0, 3)),
+            tube=tube[0],
+            tube_sigmas=tube[1],
             bounce=bounce,
             hit=None if hit is None else hit.p_world_m,
             racket=racket,
@@ -212,13 +223,18 @@ class RallyHistory:
 
     def _expect(self, prediction: Prediction) -> None:
         path = prediction.curve_ps_world_m
-        rows = np.unique(np.linspace(0, len(path) - 1, PATH_POINTS).astype(int))
+        rows = _even_rows(len(path), PATH_POINTS)
         bounce = prediction.bounces[0].p_world_m if prediction.bounces else None
-        expected = Expected(prediction.t_us, path[rows], bounce, prediction.hit_plane)
+        expected = Expected(prediction.t_us, path[rows], bounce, prediction.hit_plane, prediction)
         if prediction.stage == "pre":
             self._before, self._after = expected, None
         else:
             self._after = expected
+
+
+def _even_rows(length: int, most: int) -> NDArray[np.int64]:
+    """At most so many of the rows, evenly spread, both ends among them."""
+    return np.unique(np.linspace(0, length - 1, most).astype(np.int64))
 
 
 def _one_flight(points: list[BallPoint]) -> list[BallPoint]:
