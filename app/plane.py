@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 import viser
 
 from app.sheet import Sheet
+
+Point = tuple[float, float]
+DragPhase = Literal["start", "update", "end"]
+Drag = Callable[[DragPhase, Point, Point], None]
+"""Phase, where it began and where it is, in sheet pixels."""
 
 UNIT: Final = 0.01
 """Scene units per sheet pixel."""
@@ -29,6 +34,10 @@ class PicturePlane:
         self._framed: tuple[float, ...] | None = None
         self._sheet = Sheet((), 16, 9)
         self._visible = True
+        self.panel_share = PANEL_SHARE
+        """The part of the window's height that the sheet leaves free below itself; takes effect with the next sheet."""
+        self.on_drag: Drag | None = None
+        """Called, in order, for each drag with the left button on a picture."""
 
         async def clicked(event: viser.SceneClickEvent) -> None:  # async: in the order of the clicks
             if self._visible:
@@ -77,14 +86,14 @@ class PicturePlane:
         if not self._visible:
             return
         aspect = self._client.camera.aspect
-        wanted = (float(self._sheet.width), float(self._sheet.height), round(aspect, 3))
+        wanted = (float(self._sheet.width), float(self._sheet.height), round(aspect, 3), self.panel_share)
         if wanted == self._framed and not again:
             return
         self._framed = wanted
         width, height = self._sheet.width * UNIT * 1.02, self._sheet.height * UNIT * 1.02
-        visible = max(height / (1 - PANEL_SHARE), width / aspect)
+        visible = max(height / (1 - self.panel_share), width / aspect)
         distance = visible / 2 / math.tan(FOV_RAD / 2)
-        top_margin = (visible * (1 - PANEL_SHARE) - height) / 2
+        top_margin = (visible * (1 - self.panel_share) - height) / 2
         look_at = np.array([self._sheet.width * UNIT / 2, visible / 2 - top_margin - height * 0.01, 0.0])
         camera = self._client.camera
         with self._client.atomic():
@@ -100,11 +109,16 @@ class PicturePlane:
             f"/sheet/{index}", BLANK_PNG_PX, 1.0, 1.0, format="png", cast_shadow=False, receive_shadow=False
         )
 
-        async def keep(_: object) -> None:
+        async def keep(_: viser.SceneNodeDragEvent) -> None:
             """A handled drag is not passed on to the camera: the sheet stays flat in front of it."""
 
-        for button in ("left", "right"):
-            image.on_drag(button)(keep)
+        async def dragged(event: viser.SceneNodeDragEvent) -> None:
+            if self.on_drag is not None and self._visible:
+                (x0, y0, _), (x1, y1, _) = event.start_position, event.end_position
+                self.on_drag(event.phase, (x0 / UNIT, y0 / UNIT), (x1 / UNIT, y1 / UNIT))
+
+        image.on_drag("left")(dragged)
+        image.on_drag("right")(keep)
         return image
 
 

@@ -47,6 +47,11 @@ class Workspace:
         """Folder of the trainings; each is a folder of its own."""
         return self._folder("runs")
 
+    @property
+    def labels(self) -> Path:
+        """Folder of the labels, one layer per recording, camera and annotator."""
+        return self._folder("labels")
+
     def run_path(self, name: str) -> Path:
         """Where the training of this name is or will be."""
         return self.runs / slug_from(name)

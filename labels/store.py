@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Self
 from urllib.parse import quote, unquote
 
@@ -199,6 +199,11 @@ class LabelStore:
         """All labels with their provenance, by time."""
         with self._lock:
             return tuple(label for _, label in sorted(self._history.labels.items()))
+
+    def by_time(self) -> Mapping[int, Label]:
+        """All labels by their time, in no order: a snapshot that does not change."""
+        with self._lock:
+            return MappingProxyType(dict(self._history.labels))
 
     def progress(self, t_us: ArrayLike) -> Progress:
         """How many of these times are labelled, and how."""

@@ -41,11 +41,11 @@ class Region:
 class Canvas:
     """A picture being drawn. `image` is (height, width) uint8 palette indices."""
 
-    def __init__(self, region: Region, *, across: int = 1) -> None:
-        """`across` pictures share the window's width: text is made larger by as much."""
+    def __init__(self, region: Region, *, across: int = 1, width_px: int = TARGET_WIDTH_PX) -> None:
+        """`across` pictures share the window's width: text is made larger by as much. It is about `width_px` wide."""
         self.region = region
         self.across = across
-        self.scale: float = max(1, round(TARGET_WIDTH_PX / region.width))
+        self.scale: float = max(1, round(width_px / region.width))
         """Picture pixels per sensor pixel."""
         self.image = np.full((region.height * self.scale, region.width * self.scale), Ink.OUTSIDE, np.uint8)
 
@@ -71,10 +71,18 @@ class Canvas:
         top, left = (y0 - region.y) * scale, (x0 - region.x) * scale
         self.image[top : top + crop.shape[0], left : left + crop.shape[1]] = crop
 
-    def draw_polygon(self, points_px: ArrayLike, ink: int, *, thickness: int = 1) -> None:
-        """Closed polygon through sensor points (N, 2)."""
+    def draw_polygon(self, points_px: ArrayLike, ink: int, *, thickness: int = 1, closed: bool = True) -> None:
+        """Polygon, or open line, through sensor points (N, 2)."""
         points = self._fixed(points_px).reshape(1, -1, 2)
-        cv2.polylines(self.image, [points], True, int(ink), thickness, cv2.LINE_8, SUB_PIXEL_BITS)
+        cv2.polylines(self.image, [points], closed, int(ink), thickness, cv2.LINE_8, SUB_PIXEL_BITS)
+
+    def draw_ellipse(self, u_px: float, v_px: float, covariance_px2: ArrayLike, ink: int, *, sigmas: float) -> None:
+        """The ellipse of so many standard deviations of a position with covariance xx, xy, yy."""
+        xx, xy, yy = np.asarray(covariance_px2, np.float64)
+        values, axes = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
+        angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+        ring = np.column_stack([np.cos(angle), np.sin(angle)]) * (sigmas * np.sqrt(np.maximum(values, 0.0)))
+        self.draw_polygon(ring @ axes.T + (u_px, v_px), ink)
 
     def draw_circle(self, u_px: float, v_px: float, r_px: float, ink: int, *, thickness: int = 1) -> None:
         """Circle in sensor coordinates, with its centre marked."""

@@ -30,8 +30,18 @@ class Ink(IntEnum):
     ROI = 11
     TRUTH = 12
     NOISE = 13
+    LABEL = 14
+    DRAFT = 15
     CLUSTER = 16
     """First of CLUSTER_COLOURS entries."""
+    EPIPOLAR = 28
+    SIGMA = 29
+    PARTLY = 30
+    OCCLUDED = 31
+    OUT_OF_FRAME = 32
+    NO_BALL = 33
+    UNCHECKED = 34
+    CURSOR = 35
     RAMP = 64
     """First of RAMP_COLOURS entries, dark to bright."""
 
@@ -55,6 +65,16 @@ _NAMED_RGB: Final = {
     Ink.ROI: (200, 120, 255),
     Ink.TRUTH: (60, 230, 230),
     Ink.NOISE: (90, 92, 98),
+    Ink.LABEL: (90, 255, 130),
+    Ink.DRAFT: (255, 214, 70),
+    Ink.EPIPOLAR: (205, 130, 255),
+    Ink.SIGMA: (255, 255, 255),
+    Ink.PARTLY: (190, 230, 90),
+    Ink.OCCLUDED: (225, 130, 60),
+    Ink.OUT_OF_FRAME: (90, 150, 230),
+    Ink.NO_BALL: (150, 152, 160),
+    Ink.UNCHECKED: (44, 47, 55),
+    Ink.CURSOR: (250, 250, 250),
 }
 _CLUSTER_RGB: Final = (
     (255, 120, 90), (90, 200, 255), (170, 255, 110), (255, 120, 220), (255, 200, 80), (130, 150, 255),

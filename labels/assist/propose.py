@@ -38,6 +38,13 @@ class Proposals:
     def __len__(self) -> int:
         return len(self.t_us)
 
+    def between(self, start_us: int, end_us: int) -> Proposals:
+        """Those with `start_us <= t < end_us`."""
+        first, last = np.searchsorted(self.t_us, (start_us, end_us))
+        rows = slice(int(first), max(int(first), int(last)))
+        columns = (self.x_px[rows], self.y_px[rows], self.r_px[rows], self.covariance_px2[rows])
+        return Proposals(self.t_us[rows], *columns, self.window_us, self.detector)
+
     def at(self, t_us: ArrayLike) -> Proposals:
         """At other times: interpolated between two that are at most two windows apart, else nan."""
         t = np.atleast_1d(np.asarray(t_us, np.int64))
@@ -91,6 +98,28 @@ def propose(
     table = np.array(rows, np.float64).reshape(-1, 6)
     x, y, r = (np.ascontiguousarray(table[:, column]) for column in range(3))
     return Proposals(np.array(times, np.int64), x, y, r, table[:, 3:], window_us, detector_name(config))
+
+
+def joined_proposals(first: Proposals | None, second: Proposals) -> Proposals:
+    """Both, by time; where both have one for the same time, the second's. Another detector's start anew."""
+    if first is None or (first.detector, first.window_us) != (second.detector, second.window_us):
+        return second
+    kept = ~np.isin(first.t_us, second.t_us)
+    t_us = np.concatenate([first.t_us[kept], second.t_us])
+    order = np.argsort(t_us, kind="stable")
+
+    def join(one: Array, other: Array) -> Array:
+        return np.concatenate([one[kept], other])[order]
+
+    return Proposals(
+        t_us[order],
+        join(first.x_px, second.x_px),
+        join(first.y_px, second.y_px),
+        join(first.r_px, second.r_px),
+        join(first.covariance_px2, second.covariance_px2),
+        second.window_us,
+        second.detector,
+    )
 
 
 def detector_name(config: DetectorConfig, method: str = "auto") -> str:
