@@ -30,7 +30,7 @@ EXPLORATIONS: tuple[Exploration, ...] = ("default", "matched")
 RIVALS: tuple[AgentName, ...] = ("ppo", "a2c", "trpo", "td3", "sac")
 REWARDS: tuple[RewardKind, ...] = ("simple", "case", "cdta")
 MINOR = ("variant", "beta", "reward-slow", "model-hard-9", "model-shaky", "model-biased", "model-privileged")
-MINOR += ("model-impact", "model-flight", "model-predicted", "model-hard-noisy-climb")
+MINOR += ("model-climb-discard", "model-impact", "model-flight", "model-predicted", "model-hard-noisy-climb")
 RULES: tuple[ReplayRule, ...] = ("threshold", "discard", "retain")
 
 

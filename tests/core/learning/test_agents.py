@@ -11,6 +11,7 @@ from core.learning.config import (
     DdpgConfig,
     EnvironmentConfig,
     ExplorationConfig,
+    LandingModelConfig,
     RunConfig,
     default_run,
 )
@@ -24,7 +25,8 @@ TRUTH = EnvironmentConfig(state_source="truth")
 
 def short_run(agent: AgentName, **changes: object) -> RunConfig:
     ladder = CurriculumConfig(speeds_mps=(3.0, 5.0), episodes=(45, 40))
-    return RunConfig(agent=agent, environment=TRUTH, curriculum=ladder, **changes)  # type: ignore[arg-type]
+    few = LandingModelConfig(updates_per_episode=6)  # as exact as many
+    return RunConfig(agent=agent, environment=TRUTH, curriculum=ladder, landing_model=few, **changes)  # type: ignore[arg-type]
 
 
 def play_all(training: Training) -> list[dict[str, object]]:
