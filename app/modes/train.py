@@ -12,10 +12,11 @@ from app.plane import set_png
 from app.scene.rally_picture import RallyPicture
 from app.state import ClientState
 from app.train.charts_panel import ChartsPanel
-from app.train.plan import PACES, PRESETS, TRAIN_NOW, Plan, run_of_plan
+from app.train.plan import PACES, PRESETS, TRAIN_NOW, Plan, Preset, run_of_plan
 from app.train.plan_panel import PlanPanel
 from app.train.policies import PLAYERS, Player
 from app.train.rally_player import SPEEDS, RallyPlayer
+from app.train.replay import Replay
 from app.train.run_panel import LAST_ONES, NEWEST, NOBODY, RunPanel, confirm_stop
 from app.train.run_state import RunPhase
 from app.train.scene_panel import ScenePanel
@@ -62,7 +63,7 @@ class TrainMode:
         with self._folder:
             self._run_panel = RunPanel(gui, self)
             with gui.add_folder("A new training", expand_by_default=False):
-                self._plan_panel = PlanPanel(gui, self._start, self._host.later)
+                self._plan_panel = PlanPanel(gui, self._start, self._choose_preset, self._host.later)
             with gui.add_folder("In the 3D view"):
                 self._scene_panel = ScenePanel(gui, self)
         self._left = gui.add_panel(visible=False)
@@ -88,6 +89,16 @@ class TrainMode:
     def restless(self) -> bool:
         """Balls fly, or a training goes on."""
         return self._view is not None and self._view.run is not None
+
+    @property
+    def details(self) -> Details | None:
+        """What is shown of the chosen run."""
+        return self._details
+
+    @property
+    def replay(self) -> Replay | None:
+        """The ball that flies in the scene."""
+        return self._rally.replay
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
@@ -189,11 +200,16 @@ class TrainMode:
     def _start(self, name: str, plan: Plan) -> None:
         preset = self._plan_panel.preset
         chosen = name.strip() or self._trainer.free_name(preset.slug if preset.plan == plan else plan.agent)
-        self._begin(chosen, plan, preset.pace)
+        self._begin(chosen, plan, self._pace)
+
+    def _choose_preset(self, preset: Preset) -> None:
+        """A preset has a pace, for when it is started; what is being trained keeps its own."""
+        self._pace = preset.pace
+        if self._trainer.active() is None:
+            self._run_panel.show_pace(preset.pace)
 
     def _begin(self, name: str, plan: Plan, pace: str) -> None:
         self._trainer.start(name, run_of_plan(plan), PACES[pace])
-        self._pace = pace
         self._run_panel.show_pace(pace)
         self._follow(None)
 
@@ -224,7 +240,11 @@ class TrainMode:
     def set_pace(self, pace: str) -> None:
         """Slow the training down, or let it run."""
         if pace in PACES:
-            self._host.later(lambda: self._trainer.set_pace(PACES[pace]))
+            self._host.later(lambda: self._set_pace(pace))
+
+    def _set_pace(self, pace: str) -> None:
+        self._pace = pace
+        self._trainer.set_pace(PACES[pace])
 
     def choose_run(self, name: str) -> None:
         """Look at another run."""

@@ -15,7 +15,7 @@ from app.train.curves import WINDOW
 from app.train.view import COMPARED, ChartData
 
 Array = NDArray[np.float64]
-CHART_HEIGHT_PX: Final = 98
+CHART_HEIGHT_PX: Final = 102
 OURS: Final = "#ff8c28"
 EVALUATED: Final = "#ffffff"
 MEAN: Final = "#ffd0a0"
@@ -52,10 +52,10 @@ class ChartsPanel:
         nothing = np.full(len(data.axis), np.nan)
         for name, chart in self._charts.items():
             curves = [
+                *(other[name] for other in data.compared),
+                data.seeds_mean[name],
                 data.run[name],
                 data.evaluated.get(name, nothing),
-                data.seeds_mean[name],
-                *(other[name] for other in data.compared),
             ]
             chart.data = (data.axis, *curves)
             scales = _scales(data.axis, _range_of(name, curves))
@@ -69,11 +69,14 @@ class ChartsPanel:
 
 def legend_html(run: str, compared: tuple[str, ...], *, several_seeds: bool) -> str:
     """Which colour is which run."""
-    entries = [(OURS, run), (EVALUATED, "policy on 500 fixed balls")]
+    entries = [(OURS, run), (EVALUATED, "fixed balls")]
     if several_seeds:
         entries.append((MEAN, "mean of its seeds"))
     entries += list(zip(OTHERS, compared, strict=False))
-    shown = " &nbsp; ".join(f"<span style='color:{colour}'>●</span> {html.escape(name)}" for colour, name in entries)
+    shown = " &nbsp; ".join(
+        f"<span style='white-space:nowrap'><span style='color:{colour}'>●</span> {html.escape(name)}</span>"
+        for colour, name in entries
+    )
     return f"<div style='font-size:12.5px;padding:6px 12px 0'>{shown}</div>"
 
 
@@ -132,8 +135,15 @@ def _axis(size: int) -> uplot.Axis:
 
 
 def _curve_series() -> tuple[uplot.Series, ...]:
-    line = [
+    """The chosen run is drawn last, over the others."""
+    others = [
+        uplot.Series(label=f"other {k + 1}", stroke=colour, width=1, points={"show": False})
+        for k, colour in enumerate(OTHERS[:COMPARED])
+    ]
+    return (
         uplot.Series(label="ball"),
+        *others,
+        uplot.Series(label="mean of seeds", stroke=MEAN, width=1, dash=(4, 4), points={"show": False}),
         uplot.Series(label="this run", stroke=OURS, width=2, points={"show": False}),
         uplot.Series(
             label="fixed balls",
@@ -141,13 +151,7 @@ def _curve_series() -> tuple[uplot.Series, ...]:
             width=0,
             points={"show": True, "size": 5, "stroke": EVALUATED, "fill": EVALUATED},
         ),
-        uplot.Series(label="mean of seeds", stroke=MEAN, width=1, dash=(4, 4), points={"show": False}),
-    ]
-    others = [
-        uplot.Series(label=f"run {k + 2}", stroke=colour, width=1, points={"show": False})
-        for k, colour in enumerate(OTHERS[:COMPARED])
-    ]
-    return (*line, *others)
+    )
 
 
 def _weights_series() -> tuple[uplot.Series, ...]:

@@ -34,15 +34,17 @@ SEEN_AS: Final = {
 
 
 class PlanPanel:
-    """Its controls in one browser; `start(name, plan)` is called with what they say, in the loop."""
+    """Its controls in one browser; `start(name, plan)` and `choose(preset)` are called in the loop."""
 
     def __init__(
         self,
         gui: viser.GuiApi,
         start: Callable[[str, Plan], None],
+        choose: Callable[[Preset], None],
         later: Callable[[Callable[[], None]], None],
     ) -> None:
         self._start = start
+        self._choose = choose
         self._preset = gui.add_dropdown("Preset", offered_presets(), hint="Fills in everything below")
         self._agent = gui.add_dropdown("Agent", offered_agents(), hint="ddpg is the paper's")
         self._reward = gui.add_dropdown("Reward", get_args(RewardKind))
@@ -55,7 +57,7 @@ class PlanPanel:
         self._first_seed = gui.add_number("First seed", 0, min=0, max=MOST_FIRST_SEED, step=1)
         self._name = gui.add_text("Name", "", hint="Of the run; empty: one is made")
         button = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
-        when_changed(self._preset, lambda name: later(lambda: self._fill(str(name))))
+        when_changed(self._preset, lambda name: later(lambda: self._use(str(name))))
         when_clicked(button, lambda: later(self._send))
         self._fill(TRAIN_NOW)
 
@@ -64,9 +66,12 @@ class PlanPanel:
         """The one that was chosen last."""
         return PRESETS[self._preset.value]
 
+    def _use(self, name: str) -> None:
+        if name in offered_presets():
+            self._fill(name)
+            self._choose(PRESETS[name])
+
     def _fill(self, name: str) -> None:
-        if name not in PRESETS:
-            return
         plan = PRESETS[name].plan
         self._agent.value, self._reward.value, self._replay.value = plan.agent, plan.reward, plan.replay
         self._speeds.value, self._episodes.value = numbers_text(plan.speeds_mps), numbers_text(plan.episodes)

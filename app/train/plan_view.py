@@ -14,10 +14,10 @@ from core.table import NET_OVERHANG_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
-LOW_M: Final = (-1.75, -1.35)
-HIGH_M: Final = (2.85, 1.35)
+LOW_M: Final = (-1.55, -1.2)
+HIGH_M: Final = (2.25, 1.2)
 """What is in the picture; a spot beyond is drawn at its edge."""
-PIXELS_PER_M: Final = 170
+PIXELS_PER_M: Final = 180
 FLOOR_RGB: Final = (34, 37, 44)
 TABLE_RGB: Final = (18, 62, 120)
 LINE_RGB: Final = (214, 219, 226)

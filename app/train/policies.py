@@ -6,9 +6,6 @@ from pathlib import Path
 from typing import Final, Literal, get_args
 
 from app.workspace import Workspace
-from core.errors import CommandError
-from core.learning.policy import Policy
-from core.learning.run_files import load_policy, seeds_of
 
 Player = Literal["training ball", "current policy", "best so far"]
 PLAYERS: Final[tuple[Player, ...]] = get_args(Player)
@@ -23,23 +20,6 @@ def run_choices(workspace: Workspace) -> tuple[str, ...]:
         if times:
             found.append((max(times), name))
     return tuple(name for _, name in sorted(found, reverse=True))
-
-
-def policy_of_run(workspace: Workspace, name: str, which: Literal["last", "best"] = "last") -> Policy:
-    """The policy of a run, of its first seed.
-
-    Raises:
-        RallyscopeError: if there is no such run, or no policy in it that can be read.
-    """
-    if name not in workspace.run_names():
-        raise CommandError("no such run", got=repr(name[:80]), remedy="choose one from the list")
-    return load_policy(workspace.run_path(name), None, which)
-
-
-def newest_seed(run: Path) -> int | None:
-    """The seed whose policy was written last; None if there is no policy yet."""
-    times = {seed: _changed_s(run / f"seed-{seed}" / "policy.safetensors") for seed in seeds_of(run)}
-    return max(times, key=lambda seed: times[seed], default=None)
 
 
 def _changed_s(path: Path) -> float:

@@ -65,15 +65,17 @@ class RunPanel:
         names = tuple(state.name for state in runs)
         self._runs.offer((NEWEST, *names))
         self._compared.offer((LAST_ONES, NOBODY, *names))
-        self._status.content = status_html(run, details)
+        self._status.content = status_html(run, details, active)
         self._now.visible = active is None
         self._pause.visible = active is not None and active.phase == "running"
         self._go_on.visible = active is not None and active.phase == "paused"
         self._stop.visible = active is not None and active.phase != "stopping"
         self._resume.visible = active is None and run is not None and run.resumable
-        self._progress.visible = run is not None and run.active
-        if run is not None and run.status is not None:
-            self._progress.value = 100.0 * run.status.share
+        self._progress.visible = active is not None
+        if active is not None:
+            self._progress.value = 0.0 if active.status is None else 100.0 * active.status.share
+            pace = next((name for name, rate in PACES.items() if rate == active.episodes_per_s), None)
+            self._pace.show(pace or next(iter(PACES)))
 
     def show_run(self, name: str | None) -> None:
         """Which run is chosen; None: the newest."""

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Final, Literal
 
 from core.learning.config import RunConfig
-from core.learning.control import Status, is_held, read_status
+from core.learning.control import Status, is_held, read_control, read_status
 
 RunPhase = Literal["new", "starting", "running", "paused", "stopping", "stopped", "finished", "failed"]
 ACTIVE: Final[tuple[RunPhase, ...]] = ("starting", "running", "paused", "stopping")
+UNEXPECTED: Final = "the process ended unexpectedly"
 LOG_NAME: Final = "train.log"
 LOG_TAIL_BYTES: Final = 16_384
 LOG_LINES: Final = 12
@@ -26,6 +27,8 @@ class RunState:
     config: RunConfig
     phase: RunPhase
     status: Status | None
+    episodes_per_s: float | None
+    """How fast it may go; None: as fast as it can."""
     changed_s: float
     """When its files were last written, seconds since the epoch."""
     message: str = ""
@@ -69,10 +72,10 @@ def judge_run(
         phase = "new"
     elif status.state in ("running", "paused", "failed"):
         phase = "failed"
-        message = status.message or "the process ended unexpectedly"
+        message = status.message or UNEXPECTED
     else:
         phase = status.state
-    return RunState(run.name, config, phase, status, _changed_s(run), message)
+    return RunState(run.name, config, phase, status, read_control(run).episodes_per_s, _changed_s(run), message)
 
 
 def _why(status: Status | None, ended: Ended) -> str:
@@ -85,9 +88,8 @@ def _why(status: Status | None, ended: Ended) -> str:
     for line in reversed(ended.log_tail):
         if line.startswith("rallyscope: ") and "this is a bug" not in line:
             return line.removeprefix("rallyscope: ")
-    if status is not None and status.state == "failed" and status.message:
-        return status.message
-    return f"the process ended with exit code {ended.returncode}"
+    said = status.message if status is not None and status.state == "failed" else ""
+    return f"{said or UNEXPECTED} (exit code {ended.returncode})"
 
 
 def _changed_s(run: Path) -> float:

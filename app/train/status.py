@@ -19,15 +19,19 @@ COLOURS: Final[dict[RunPhase, str]] = {
     "finished": theme.GOOD,
     "failed": theme.BAD,
 }
-EVALUATIONS_SHOWN: Final = 6
+EVALUATIONS_SHOWN: Final = 12
+LOG_STYLE: Final = "font-size:11.5px;white-space:pre-wrap;overflow-wrap:anywhere;margin:2px 0 0"
+CELL: Final = "text-align:right;font-weight:400;padding:0 4px"
 
 
-def status_html(run: RunState | None, details: Details | None) -> str:
-    """The chosen run in a few lines."""
+def status_html(run: RunState | None, details: Details | None, active: RunState | None) -> str:
+    """The chosen run in a few lines, and the one that is being trained if that is another."""
     if run is None:
         return _box("<b>Nothing trained yet.</b><br>Press <b>Train now</b> and watch a policy learn to place balls.")
     colour = COLOURS.get(run.phase, theme.MUTED)
     rows = [f"<b>{html.escape(run.name)}</b> &nbsp; <span style='color:{colour}'>{run.phase}</span>"]
+    if active is not None and active.name != run.name:
+        rows.insert(0, f"<span style='color:{theme.GOOD}'>{html.escape(active.name)} is being trained</span>")
     if run.phase == "failed":
         rows.append(f"<span style='color:{theme.BAD}'>{html.escape(run.message)}</span>")
     rows.append(f"<span style='color:{theme.MUTED}'>{html.escape(plan_text(run))}</span>")
@@ -88,9 +92,9 @@ def counts_html(counts: dict[Case, int]) -> str:
     """How many balls ended how, in the colours of the spots."""
     total = max(1, sum(counts.values()))
     cells = [
-        f"<span style='color:{_hex(case)}'>●</span> "
+        f"<span style='white-space:nowrap'><span style='color:{_hex(case)}'>●</span> "
         f"{CASE_NAMES[case]} {counts[case]} "
-        f"<span style='color:{theme.MUTED}'>{100 * counts[case] / total:.0f} %</span>"
+        f"<span style='color:{theme.MUTED}'>{100 * counts[case] / total:.0f} %</span></span>"
         for case in Case
     ]
     return _box(" &nbsp; ".join(cells))
@@ -98,15 +102,25 @@ def counts_html(counts: dict[Case, int]) -> str:
 
 def log_html(log: tuple[str, ...], details: Details | None) -> str:
     """The last evaluations, and the tail of the log."""
-    rows = []
-    for line in (details.evaluations if details is not None else ())[-EVALUATIONS_SHOWN:]:
-        result = _result(100 * _number(line.get("returned")), _number(line.get("error_mm")))
-        rows.append(f"after ball {line.get('episode')}, {line.get('speed_mps')} m/s: {result}")
+    titles = "".join(f"<th style='{CELL}'>{title}</th>" for title in ("after ball", "serves", "returned", "error"))
+    lines = details.evaluations if details is not None else ()
+    rows = "".join(_evaluation_row(line) for line in lines[-EVALUATIONS_SHOWN:])
     text = html.escape("\n".join(log)) or "nothing yet"
-    shown = "<br>".join(rows)
     return _box(
-        f"{shown}<pre style='font-size:11.5px;white-space:pre-wrap;overflow-wrap:anywhere;margin:6px 0 0'>{text}</pre>"
+        f"<b>The policy on the fixed balls</b><table style='width:100%'><tr>{titles}</tr>{rows}</table>"
+        f"<b>Log</b><pre style='{LOG_STYLE}'>{text}</pre>"
     )
+
+
+def _evaluation_row(line: dict[str, object]) -> str:
+    error = _number(line.get("error_mm"))
+    cells = (
+        f"{_number(line.get('episode')):.0f}",
+        f"{_number(line.get('speed_mps')):g} m/s",
+        f"{100 * _number(line.get('returned')):.1f} %",
+        f"{error:.0f} mm" if math.isfinite(error) else "-",
+    )
+    return "<tr>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
 
 
 def _result(returned: float, error_mm: float) -> str:

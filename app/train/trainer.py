@@ -132,10 +132,9 @@ class Trainer:
     def _launch(self, run: Path) -> None:
         self._ended.pop(run.name, None)
         self._stopping = None
+        _append_log(run, "started")
         try:
             with (run / LOG_NAME).open("ab") as log:
-                log.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} started\n".encode())
-                log.flush()
                 process = subprocess.Popen(
                     [*COMMAND, str(run.absolute())],
                     stdin=subprocess.DEVNULL,
@@ -158,6 +157,7 @@ class Trainer:
         run = self._workspace.run_path(child.name)
         self._ended[child.name] = Ended(code, read_log_tail(run))
         if code != 0:
+            _append_log(run, f"ended with code {code}")
             logger.warning("training %s ended with code %d; see %s", child.name, code, run / LOG_NAME)
 
     def _state(self, name: str) -> RunState | None:
@@ -195,6 +195,14 @@ class Trainer:
         except (OSError, RallyscopeError):
             return None
         return known[1]
+
+
+def _append_log(run: Path, text: str) -> None:
+    try:
+        with (run / LOG_NAME).open("ab") as log:
+            log.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {text}\n".encode())
+    except OSError:
+        logger.exception("cannot write the log of %s", run)
 
 
 _trainers: dict[Path, Trainer] = {}

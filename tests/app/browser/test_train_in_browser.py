@@ -1,0 +1,148 @@
+"""Train, in a real browser: a policy is trained, watched, stopped, killed, resumed. Screenshots: test-artifacts/."""
+
+import os
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from app.modes.train import TrainMode
+from app.train.run_state import RunState
+from app.train.trainer import Trainer, trainer_of
+from app.workspace import Workspace
+
+pytestmark = pytest.mark.browser
+GREEN, ORANGE, BLUE_TABLE = (40, 230, 90), (255, 140, 40), (18, 62, 120)
+LEFT_PX = 340
+"""Width of the panel with the curves."""
+PATIENT_S = 90.0
+"""To load the libraries of a training on a machine that is busy."""
+
+
+@pytest.fixture
+def trainer(workspace: Workspace, wait_for) -> Iterator[Trainer]:
+    trainer = trainer_of(workspace)
+    yield trainer
+    trainer.ask("stop")
+    wait_for(lambda: trainer.active() is None, "the training to end", PATIENT_S)
+
+
+def enter(window) -> TrainMode:
+    """Choose the mode."""
+    window.press("Train")
+    window.page.get_by_role("tab", name="Curves").wait_for()
+    return window.session._modes["Train"]
+
+
+def pick(window, label: str, option: str) -> None:
+    """Choose from a dropdown."""
+    window.page.get_by_label(label, exact=True).first.click()
+    window.page.get_by_role("option", name=option).click()
+
+
+def start(window, name: str, balls: int) -> None:
+    """A training of the landing model that can be watched, from the form."""
+    window.page.get_by_text("A new training").click()
+    window.page.wait_for_timeout(400)
+    window.field("Balls a stage").fill(str(balls))
+    window.field("Name").fill(name)
+    window.page.wait_for_timeout(300)
+    pick(window, "Pace", "20 balls a second")
+    window.press("Start")
+
+
+def newest(trainer: Trainer) -> RunState:
+    return trainer.runs()[0]
+
+
+def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Trainer, wait_for, count_like) -> None:
+    mode = enter(window)
+    window.page.get_by_text("Nothing trained yet").wait_for()
+    window.press("Train now")
+    wait_for(lambda: mode.replay is not None, "the first ball to fly", PATIENT_S)
+    assert newest(trainer).episodes_per_s == 2.5
+    first = mode.replay
+    wait_for(lambda: mode.replay is not first, "the next ball", PATIENT_S)
+    pick(window, "Pace", "as fast as it goes")
+    wait_for(lambda: newest(trainer).phase == "finished", "the training to finish", PATIENT_S)
+    window.page.get_by_text("ball 100 of 100").wait_for()
+    canvas = window.wait_for_pixels("train", lambda canvas: count_like(canvas[:, LEFT_PX:], GREEN) > 200)
+    assert count_like(canvas[:, LEFT_PX:], BLUE_TABLE, 40) > 5000  # the table with its landing spots
+    assert count_like(canvas[:, :LEFT_PX], ORANGE) > 100  # the curves
+    assert mode.details is not None
+    assert mode.details.returned == 100 and mode.details.error_mm < 150
+    assert mode.details.evaluations[-1]["error_mm"] < 40
+    window.page.get_by_role("tab", name="Landings").click()
+    window.page.get_by_text("own half").first.wait_for()
+    window.screenshot("train-landings")
+
+
+def test_a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer, wait_for) -> None:
+    enter(window)
+    start(window, "Stop me", 2000)
+    wait_for(lambda: newest(trainer).phase == "running", "the training to run", PATIENT_S)
+    window.page.get_by_role("button", name="Stop", exact=True).click()
+    window.page.get_by_text("Stop stop-me?").wait_for()
+    window.press("No, let it train")
+    window.page.get_by_text("Stop stop-me?").wait_for(state="hidden")
+    assert newest(trainer).phase == "running"
+    window.page.get_by_role("button", name="Pause").click()
+    wait_for(lambda: newest(trainer).phase == "paused", "a pause")
+    window.page.get_by_role("button", name="Go on").click()
+    wait_for(lambda: newest(trainer).phase == "running", "it to go on")
+    window.page.get_by_role("button", name="Stop", exact=True).click()
+    window.press("Yes, stop it")
+    wait_for(lambda: newest(trainer).phase == "stopped", "the stop", PATIENT_S)
+    before = newest(trainer).status
+    window.press("Resume")
+    wait_for(lambda: newest(trainer).phase == "running", "it to go on", PATIENT_S)
+    after = newest(trainer).status
+    assert before is not None and after is not None and after.episode >= before.episode > 0
+
+
+def test_a_killed_training_is_reported_with_its_log_and_resumed(window, trainer: Trainer, wait_for) -> None:
+    mode = enter(window)
+    start(window, "kill-me", 2000)
+    wait_for(lambda: mode.details is not None and mode.details.evaluations, "a checkpoint", PATIENT_S)
+    status = newest(trainer).status
+    assert status is not None and newest(trainer).name == "kill-me"
+    os.kill(status.pid, signal.SIGKILL)
+    window.page.get_by_text("Training kill-me failed").wait_for()
+    window.page.get_by_text("the process was killed (SIGKILL)").first.wait_for()
+    window.page.get_by_role("tab", name="Log").click()
+    window.page.get_by_text("ended with code -9").wait_for()
+    window.screenshot("train-killed")
+    window.press("Resume")
+    wait_for(lambda: newest(trainer).phase == "running", "it to go on", PATIENT_S)
+    resumed = newest(trainer).status
+    assert resumed is not None and resumed.episode >= 50
+
+
+def test_a_browser_that_closes_changes_nothing_and_another_sees_the_same(
+    window, chromium, lab, trainer: Trainer, wait_for
+) -> None:
+    enter(window)
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    other = type(window)(page, lab)
+    other_mode = enter(other)
+    start(other, "shared", 2000)
+    wait_for(lambda: newest(trainer).phase == "running", "the training to run", PATIENT_S)
+    page.close()
+    wait_for(lambda: other.session not in lab.sessions, "the browser to be gone")
+    mode = window.session._modes["Train"]
+    wait_for(lambda: mode.details is not None and mode.details.episodes_done > 0, "the other to see it")
+    done = mode.details.episodes_done
+    wait_for(lambda: mode.details.episodes_done > done + 20, "the training to go on")
+    assert other_mode is not mode and newest(trainer).name == "shared"
+
+
+def test_a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer: Trainer) -> None:
+    enter(window)
+    count = len(trainer.runs())
+    start(window, "../../nothing", 0)
+    window.page.get_by_text("not so many").wait_for()
+    window.field("Balls a stage").fill("all of them")
+    window.page.wait_for_timeout(300)
+    window.press("Start")
+    window.page.get_by_text("not a list of numbers of balls").wait_for()
+    assert len(trainer.runs()) == count and trainer.active() is None

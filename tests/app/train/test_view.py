@@ -1,0 +1,103 @@
+"""What a browser is shown of the runs."""
+
+import cv2
+import numpy as np
+import pytest
+
+from app.scene.landing import CASE_RGB
+from app.train.curves import CURVES
+from app.train.plan import Plan, run_of_plan
+from app.train.plan_view import FLOOR_RGB, HIGH_M, LOW_M, PIXELS_PER_M, TABLE_RGB, draw_plan
+from app.train.trainer import Trainer, trainer_of
+from app.train.view import COMPARED, RunsViewer, ViewRequest, chosen_run, compared_runs
+from app.workspace import Workspace
+from core.learning.run_files import create_run, read_lines, seed_files
+from core.simulation.physics.episode import Case
+
+
+@pytest.fixture
+def viewer(trained: Workspace) -> RunsViewer:
+    return RunsViewer(trained, Trainer(trained))
+
+
+def test_a_finished_run_is_shown_whole(viewer: RunsViewer, trained: Workspace) -> None:
+    view = viewer(ViewRequest(None, None))
+    assert view.run is not None and view.run.name == "small" and view.run.phase == "finished"
+    details = view.details
+    assert details is not None and details.episodes_done == 40 and details.seed == 1  # the one that was trained last
+    lines = read_lines(seed_files(trained.run_path("small"), 1).metrics)[0]
+    for case in Case:
+        assert details.counts[case] == sum(line["case"] == case for line in lines)
+    returned = 100 * np.mean([line["case"] == Case.RETURNED for line in lines[-25:]])
+    assert details.returned == pytest.approx(returned)
+    assert [(spot.x_m, spot.y_m) for spot in details.spots][-1] == pytest.approx(lines[-1]["landing_m"])
+    picture = cv2.imdecode(np.frombuffer(details.plan_png, np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None and picture.shape[1] == round((HIGH_M[0] - LOW_M[0]) * PIXELS_PER_M)
+
+
+def test_charts_are_aligned_and_hold_the_mean_of_the_seeds(viewer: RunsViewer) -> None:
+    details = viewer(ViewRequest("small", None)).details
+    assert details is not None
+    charts = details.charts
+    assert charts.axis.tolist() == list(range(1, 41))
+    for curves in (charts.run, charts.seeds_mean, *charts.compared):
+        assert set(curves) == set(CURVES) and all(len(curve) == 40 for curve in curves.values())
+    assert len(charts.compared) == COMPARED
+    assert np.isfinite(charts.seeds_mean["reward"][10:]).all()
+    assert np.isnan(charts.compared[0]["reward"]).all()
+    assert np.count_nonzero(np.isfinite(charts.evaluated["returned"])) == 10
+
+
+def test_what_is_shown_already_is_not_made_again(viewer: RunsViewer) -> None:
+    first = viewer(ViewRequest(None, None))
+    again = viewer(ViewRequest(None, None, first.key))
+    assert again.details is None and again.key == first.key and again.run == first.run
+
+
+def test_an_empty_workspace_has_nothing_to_show(tmp_path) -> None:
+    workspace = Workspace(tmp_path)
+    view = RunsViewer(workspace, Trainer(workspace))(ViewRequest("gone", ("gone",)))
+    assert view.runs == () and view.run is None and view.details is None
+
+
+def test_a_run_that_has_not_begun_has_empty_curves(tmp_path) -> None:
+    workspace = Workspace(tmp_path)
+    create_run(workspace.run_path("new"), run_of_plan(Plan()))
+    view = RunsViewer(workspace, Trainer(workspace))(ViewRequest(None, None))
+    assert view.run is not None and view.run.phase == "new" and view.run.resumable
+    assert view.details is not None and view.details.episodes_done == 0 and view.details.spots == ()
+
+
+def test_the_newest_is_followed_and_others_stand_beside_it(tmp_path) -> None:
+    workspace = Workspace(tmp_path)
+    trainer = Trainer(workspace)
+    for k in range(5):
+        create_run(workspace.run_path(f"run-{k}"), run_of_plan(Plan()))
+    runs = trainer.runs()
+    run = chosen_run(runs, None)
+    assert run == runs[0] and chosen_run(runs, "run-2") is not None and chosen_run(runs, "nobody") == runs[0]
+    assert run is not None
+    assert compared_runs(runs, run, None) == runs[1 : 1 + COMPARED]
+    assert [r.name for r in compared_runs(runs, runs[0], (runs[3].name, "nobody"))] == [runs[3].name]
+    assert compared_runs(runs, run, ()) == ()
+
+
+def test_all_browsers_of_a_workspace_share_one_trainer(tmp_path) -> None:
+    workspace = Workspace(tmp_path)
+    assert trainer_of(workspace) is trainer_of(Workspace(tmp_path / ".")) is not trainer_of(Workspace(tmp_path / "b"))
+
+
+def test_the_plan_shows_each_spot_at_its_place_in_the_colour_of_its_case() -> None:
+    cases = np.array([float(case) for case in Case] + [4.0, 3.0])
+    landings = np.array([[-0.7, 0.4], [0.1, 0.0], [1.6, 0.9], [0.9, -0.4], [np.nan, np.nan], [0.5, 0.5], [50.0, 0.0]])
+    picture = draw_plan(cases, landings, None)
+
+    def pixel(x_m: float, y_m: float) -> tuple[int, ...]:
+        column, row = (x_m - LOW_M[0]) * PIXELS_PER_M, (HIGH_M[1] - y_m) * PIXELS_PER_M
+        return tuple(picture[min(int(row), len(picture) - 1), int(column)].tolist())
+
+    assert pixel(-1.0, -0.3) == TABLE_RGB and pixel(2.0, 1.0) == FLOOR_RGB
+    assert pixel(HIGH_M[0] - 0.03, 0.0) == CASE_RGB[Case.OUT]  # the newest, far out: at the edge
+    newer, older = np.array(pixel(0.5, 0.5)), np.array(pixel(0.9, -0.4))
+    assert newer.argmax() == older.argmax() == 1 and newer[1] > older[1] > 100  # green, and fading with age
+    assert (draw_plan(cases, landings, np.array([0.7, 0.1])) != picture).any()
