@@ -14,6 +14,7 @@ from app.state import ClientState
 from app.watch.camera_pictures import CameraPicturesRequest, render_camera_pictures
 from app.watch.cameras_panel import CamerasPanel
 from app.watch.history import Moment
+from app.watch.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lead_times
 from app.watch.live import positions
 from app.watch.rallies import WatchedRally
 from app.watch.simulation_panel import SimulationPanel
@@ -28,6 +29,7 @@ DRAW_EVERY_S = 1 / 70
 PICTURES_EVERY_S = 1 / 15
 STATUS_EVERY_S = 0.15
 CONTROLLERS_EVERY_S = 2.0
+LEAD_TIMES_EVERY_S = 2.0
 ACTION_LIMIT_DEG = TaskConfig().stroke.action_limit_deg
 
 
@@ -50,8 +52,10 @@ class WatchMode:
             self._simulation = None if live is None else SimulationPanel(gui, live, host)
         self._cameras = CamerasPanel(gui)
         self._pictures = LatestWins(host.pool, render_camera_pictures, self._pictures_done, self._failed)
+        self._lead_times = LatestWins(host.pool, compute_lead_times, self._show_lead_times, self._failed)
         self._drawn: object = None
-        self._drawn_s = self._pictures_s = self._status_s = self._controllers_s = 0.0
+        self._drawn_s = self._pictures_s = self._status_s = self._controllers_s = self._lead_times_s = 0.0
+        self._predictions = -1
 
         again = gui.add_command("Look again from the chosen view", hotkey="V")
 
@@ -98,6 +102,7 @@ class WatchMode:
                 self._simulation.show_controllers()
         if self._rally is None or not in_space or wall_s - self._drawn_s < DRAW_EVERY_S:
             return
+        self._request_lead_times(wall_s)
         history = self._rally.history
         if state.playhead.following:
             now_us = min(now_us, history.followed_us)
@@ -120,6 +125,7 @@ class WatchMode:
     def close(self) -> None:
         """The browser is gone."""
         self._pictures.close()
+        self._lead_times.close()
 
     def _request_pictures(self, state: ClientState, moment: Moment, wall_s: float) -> None:
         recording = self._host.recording
@@ -151,6 +157,20 @@ class WatchMode:
             self._simulation.show(live.state)
         assert self._rally is not None
         self._cameras.show_figures(moment_html(moment, ACTION_LIMIT_DEG, self._rally.followed), figures)
+
+    def _request_lead_times(self, wall_s: float) -> None:
+        recording, rally = self._host.recording, self._rally
+        if recording is None or rally is None or wall_s - self._lead_times_s < LEAD_TIMES_EVERY_S:
+            return
+        self._lead_times_s = wall_s
+        predicted = rally.history.predicted_hits()
+        if len(predicted) != self._predictions:
+            self._predictions = len(predicted)
+            self._lead_times.submit((recording, predicted))
+
+    def _show_lead_times(self, request: LeadTimesRequest, errors: LeadTimeErrors | None) -> None:
+        if errors is not None:
+            self._host.later(lambda: self._cameras.show_lead_times(errors))
 
     def _look_from(self, view: str) -> None:
         self._host.later(lambda: self._host.world.look_from(view))

@@ -67,7 +67,7 @@ class RecordingInfoPanel:
                     _plot_series(tuple(info.curves)),
                     height=130,
                     scales={"x": {"time": False}, "y": {"range": (0.0, _top(info))}},
-                    axes=(_axis("s"), _axis("Mev/s")),
+                    axes=(plot_axis("s"), plot_axis("Mev/s")),
                     legend={"show": False},
                 )
 
@@ -140,5 +140,6 @@ def _plot_series(cameras: tuple[str, ...]) -> tuple[uplot.Series, ...]:
     return (uplot.Series(label="s"), *lines, now)
 
 
-def _axis(unit: str) -> uplot.Axis:
+def plot_axis(unit: str) -> uplot.Axis:
+    """An axis with its unit, in the colours of the app."""
     return uplot.Axis(label=unit, stroke=theme.MUTED, grid={"stroke": "#333640"}, labelSize=16, size=38)

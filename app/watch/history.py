@@ -131,6 +131,7 @@ class RallyHistory:
             self._rackets: _Line[Pose] = _Line()
             self._truths: _Line[Array | None] = _Line()
             self._outcomes: _Line[Outcome] = _Line()
+            self._hits: _Line[tuple[int, HitPlane]] = _Line()
             self._before: Expected | None = None
             self._after: Expected | None = None
 
@@ -139,6 +140,11 @@ class RallyHistory:
         """How far the chain has come."""
         with self._lock:
             return self._steps.t_us[-1] if self._steps.t_us else 0
+
+    def predicted_hits(self) -> list[tuple[int, HitPlane]]:
+        """When each prediction of the hitting plane was made, and what it said."""
+        with self._lock:
+            return list(self._hits.items)
 
     @property
     def outcome_count(self) -> int:
@@ -179,7 +185,7 @@ class RallyHistory:
     def forget_before(self, t_us: int) -> None:
         """Bound the memory of a live rally; outcomes stay."""
         with self._lock:
-            for line in (self._steps, self._points, self._rackets, self._truths):
+            for line in (self._steps, self._points, self._rackets, self._truths, self._hits):
                 line.forget_before(t_us)
 
     def at(self, t_us: int, camera_positions: dict[str, Array]) -> Moment:
@@ -225,6 +231,8 @@ class RallyHistory:
         path = prediction.curve_ps_world_m
         rows = _even_rows(len(path), PATH_POINTS)
         bounce = prediction.bounces[0].p_world_m if prediction.bounces else None
+        if prediction.hit_plane is not None:
+            self._hits.add(prediction.t_us, (prediction.t_us, prediction.hit_plane))
         expected = Expected(prediction.t_us, path[rows], bounce, prediction.hit_plane, prediction)
         if prediction.stage == "pre":
             self._before, self._after = expected, None
