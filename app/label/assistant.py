@@ -112,7 +112,7 @@ class Assistant:
                     return
                 lead_us = max(begin_us - LEAD_IN_US // window_us * window_us, 0)
                 found = propose(stream, lead_us, min(begin_us + CHUNK_US, end_us), config=config)
-                part = found.between(begin_us + 1, begin_us + CHUNK_US + 1)
+                part = found.between(begin_us, begin_us + CHUNK_US + 1)
                 self._work.hooks.later(lambda name=stream.name, part=part: self._take(name, part))
             progress(min((begin_us + CHUNK_US - start_us) / max(end_us - start_us, 1), 1.0))
 

@@ -132,8 +132,9 @@ class LabelWork:
             self.open_layers()
 
     def call_annotator(self, name: str) -> None:
-        """Another person labels. Raises CommandError for a name that cannot be used."""
-        self.change_view(annotator=slug_from(name))
+        """Another person labels. Raises CommandError for a name that cannot be used; one not typed yet is no name."""
+        if name.strip():
+            self.change_view(annotator=slug_from(name))
 
     def open_layers(self) -> None:
         """Read the labels of every camera, the one that is labelled first; a partner's are looked at only."""

@@ -59,17 +59,54 @@ class Labelling:
             self.page.keyboard.press(key)
             self.page.wait_for_timeout(120)
 
+    def truth(self, t_us: int):
+        truth = self.work.source.stream.truth.at(t_us)
+        return truth.u_px, truth.v_px
+
+    def overview(self, x_px: float, y_px: float) -> tuple[float, float]:
+        """Sheet point of a sensor point in the small whole picture."""
+        whole = self.mode._shown.overview
+        return (
+            whole.x + (x_px + 0.5) / whole.region.width * whole.width,
+            whole.y + (y_px + 0.5) / whole.region.height * whole.height,
+        )
+
+    @property
+    def zoom(self) -> float:
+        """CSS pixels per sensor pixel."""
+        return self.screen(1.0, 0.0)[0] - self.screen(0.0, 0.0)[0]
+
+    def check_clicks(self, zooms: str) -> None:
+        """Clicks at whole CSS pixels are stored where those are in the picture, at the middle of the CSS pixel."""
+        self.mode._later(lambda: self.mode._change(snap=False, follow=False))
+        for key in zooms:
+            self.keys(key)
+            self.settle()
+            main = self.mode._shown.main
+            for across, down in ((0.2, 0.3), (0.71, 0.64)):
+                x, y = map(round, self.on_sheet(main.x + across * main.width, main.y + down * main.height))
+                zero, zoom = self.screen(0.0, 0.0), self.zoom
+                self.click(x, y)
+                self.settle()
+                label = self.label(self.work.t_us)
+                aimed = ((x + 0.5 - zero[0]) / zoom, (y + 0.5 - zero[1]) / zoom)
+                assert (label.x_px, label.y_px) == pytest.approx(aimed, abs=0.01), f"key {key}, {zoom} CSS px a pixel"
+
     def label(self, t_us: int):
         return self.work.here.labels.get(t_us)
 
 
 @pytest.fixture
-def labelling(window, wait_for):
+def labelling(window, wait_for, request):
     window.seek(BALL_US)
     window.press("Label")
     found = Labelling(window, wait_for)
     wait_for(lambda: found.mode._shown is not None, "the first picture")
     found.page.wait_for_timeout(600)  # the sheet has another shape: the camera is moved
+    name = request.node.name[5:30].strip("_")  # a layer of its own for each test
+    window.field("Annotator").fill(name)
+    wait_for(lambda: found.work.view.annotator == name and "left" in found.work.ready, "the layer")
+    window.page.mouse.click(*found.on_sheet(1200, -10))  # keys do nothing while a field has the cursor
     found.settle(BALL_US)
     return found
 
@@ -87,5 +124,97 @@ def test_a_click_makes_a_label_that_is_on_the_disk(labelling, workspace) -> None
     label = labelling.label(BALL_US)
     assert label.provenance.source is Source.SNAPPED and label.state is State.VISIBLE
     assert math.dist((label.x_px, label.y_px), (x, y)) < 0.8
-    layer = Layer(work.recording.uuid, "left", "annotator")
+    layer = Layer(work.recording.uuid, "left", work.view.annotator)
     assert LabelStore.read(workspace.labels, layer).at(BALL_US) == label
+
+
+def test_keys_do_everything_and_all_of_it_can_be_undone(labelling, wait_for) -> None:
+    x, y = (float(v[0]) for v in labelling.truth(BALL_US))
+    labelling.click(*labelling.screen(x, y))
+    labelling.settle()
+    first = labelling.label(BALL_US)
+    labelling.keys("h", "h", "b", "Shift+G", "Shift+PageUp")
+    labelling.settle()
+    label = labelling.label(BALL_US)
+    assert (label.x_px, label.y_px) == pytest.approx((first.x_px - 0.5, first.y_px + 0.25))
+    assert label.r_px == pytest.approx(first.r_px + 0.25) and label.provenance.source is Source.BY_HAND
+    labelling.keys("n", "c", "Shift+V", "n", "x")
+    labelling.settle(BALL_US + 6000)
+    assert labelling.label(BALL_US + 2000).state is State.PARTLY_OCCLUDED
+    assert labelling.label(BALL_US + 4000).state is State.NO_BALL
+    labelling.keys(*"z" * 8)
+    labelling.settle(BALL_US)
+    assert labelling.label(BALL_US) == first and not labelling.label(BALL_US + 4000)
+    labelling.keys(*["Shift+Z"] * 5)
+    labelling.settle(BALL_US)
+    assert labelling.label(BALL_US) == label
+    labelling.keys("Delete", "u")
+    labelling.settle(BALL_US + 2000)
+    assert labelling.label(BALL_US) is None and len(labelling.work.here.labels) == 0
+    labelling.keys("3", "PageDown", "PageUp", "P", "5", "Shift+F")
+    labelling.settle(BALL_US)
+    assert labelling.work.view.window_us == 10_000 and labelling.mode._shown.plan.main.rendering == "count"
+    labelling.keys("End")
+    labelling.settle(598_000)
+    labelling.keys("Home")
+    labelling.settle(0)
+
+
+def test_a_drag_gives_centre_and_radius(labelling) -> None:
+    labelling.keys("8")
+    labelling.settle()
+    x, y = (float(v[0]) for v in labelling.truth(BALL_US))
+    labelling.page.mouse.click(*labelling.on_sheet(*labelling.overview(x, y)))
+    labelling.settle()
+    start, end = labelling.screen(x, y), labelling.screen(x + 9.5, y)
+    labelling.page.mouse.move(*start)
+    labelling.page.mouse.down()
+    labelling.page.mouse.move(*end, steps=8)
+    labelling.page.wait_for_timeout(300)
+    labelling.window.screenshot("label-drag")
+    labelling.page.mouse.up()
+    labelling.settle()
+    label = labelling.label(BALL_US)
+    pixel = 1 / labelling.zoom
+    assert math.dist((label.x_px, label.y_px), (x, y)) < pixel and abs(label.r_px - 9.5) < 2 * pixel
+    assert label.provenance.source is Source.BY_HAND
+
+
+def test_clicks_land_where_they_are_aimed_at_every_zoom(labelling) -> None:
+    labelling.check_clicks(zooms="6789")
+
+
+def test_proposals_are_accepted_by_key_and_by_segment(labelling, wait_for) -> None:
+    labelling.keys("i")
+    work = labelling.work
+    wait_for(lambda: len(work.here.proposals or ()) > 20, "proposals", 60)
+    labelling.keys("8")
+    labelling.settle(BALL_US)
+    labelling.window.screenshot("label-proposed")
+    labelling.keys("Space")
+    labelling.settle(BALL_US + 2000)
+    accepted = labelling.label(BALL_US)
+    assert accepted.provenance.source is Source.ACCEPTED and accepted.provenance.detector.startswith("auto#")
+    labelling.keys("r")
+    assert work.here.draft(BALL_US + 2000) is None
+    labelling.keys("n")
+    labelling.settle(BALL_US + 4000)
+    labelling.keys("Enter")
+    wait_for(lambda: len(work.here.labels) > 10, "the segment")
+    labelling.settle()
+    labels = sorted(work.here.labels)
+    assert BALL_US + 2000 not in labels
+    truth = work.source.stream.truth.at(labels)
+    errors = [
+        math.hypot(work.here.labels[t].x_px - truth.u_px[k], work.here.labels[t].y_px - truth.v_px[k])
+        for k, t in enumerate(labels)
+    ]
+    assert sorted(errors)[len(errors) // 2] < 0.5
+    labelling.keys("0", "p", "p", "Enter")
+    wait_for(lambda: len(work.here.labels) > 10 and work.view.camera == "right", "the other camera's segment")
+    labelling.keys("p", "p", "p")
+    labelling.settle()
+    labelling.window.screenshot("label-stereo")
+    labelling.keys("z", "0", "z")
+    labelling.settle()
+    assert len(work.works["right"].labels) == 0
