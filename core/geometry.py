@@ -79,3 +79,8 @@ def matrix_from_quaternion(q_wxyz: ArrayLike) -> Array:
 
     w, x, y, z = np.asarray(q_wxyz, np.float64)
     return Rotation.from_quat([x, y, z, w]).as_matrix()
+
+
+def xyzw_from_wxyz(qs_wxyz: ArrayLike) -> Array:
+    """Quaternions (..., 4) in the order of Rerun and SciPy."""
+    return np.roll(np.asarray(qs_wxyz, np.float64), -1, axis=-1)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera, StereoRig, TriangulatedPoint
-from core.detection import Detection, Detector, make_detector
+from core.detection import Detection, Detector, FastDetector, TrackState, make_detector
 from core.errors import RecordingError
 from core.events import Window
 from core.rally.config import ChainConfig
@@ -103,6 +103,10 @@ class RallyChain:
         """Expect a new ball; the detectors go on as they are."""
         self._gate.reset()
         self._predictor.reset()
+
+    def track_states(self) -> dict[str, TrackState]:
+        """What each detector remembers now: with it the readable pipeline can show the next window's stages."""
+        return {name: one.state for name, one in self._detectors.items() if isinstance(one, FastDetector)}
 
     def step(self, windows: Mapping[str, Window]) -> ChainState:
         """Take the next window of each camera (or of some of them), in order of time.

@@ -1,0 +1,189 @@
+"""A recording as a Rerun file: the rally in 3D, what each camera saw and the detector made of it, and curves."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+from app.export import rrd_camera, rrd_plots, rrd_rally
+from app.export.camera_picture import CameraPicture, PictureJob
+from app.export.picture_pool import PicturePool
+from app.export.rrd_arena import log_arena, log_cameras
+from app.export.rrd_blueprint import recording_blueprint
+from app.export.rrd_paths import APPLICATION, picture_path
+from app.export.selection import DEFAULT_STRIDE_US, Span
+from app.export.steps import Step, follow_span, is_stereo, window_length_us
+from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_file
+from core.detection.methods import method_config
+from core.errors import RecordingError
+from core.rally import ChainConfig
+from core.recordings import Recording
+from core.recordings.layout import Rows
+from labels.arrays import LabelArrays
+
+STEPS_PER_PART = 512
+"""Rows are handed to Rerun in parts of so many windows, about a second."""
+SHARE_OF_STEPS = 0.95
+"""Of the time; the rest is optimizing the file."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RrdContents:
+    """What goes into the file."""
+
+    chain: ChainConfig = field(default_factory=ChainConfig)
+    stride_us: int = DEFAULT_STRIDE_US
+    """Time between two pictures; rounded to whole windows of the detector."""
+    pictures: bool = True
+    stages: bool = True
+    """What each stage of the detector saw, on the pictures."""
+    plots: bool = True
+    labels: Mapping[str, LabelArrays] = field(default_factory=dict)
+    """By camera."""
+
+
+def export_rrd(
+    recording: Recording,
+    path: Path,
+    span: Span,
+    contents: RrdContents,
+    *,
+    groups: Callable[[str], Rows | None] = lambda group: None,
+    overwrite: bool = False,
+    progress: Progress = lambda share: None,
+    cancelled: Cancelled = lambda: False,
+) -> Path:
+    """Write the file. `groups` reads further groups of the recording, such as "/racket".
+
+    Raises:
+        CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
+        ExportCancelledError: if `cancelled` said so; there is no file then.
+    """
+    with unfinished_file(path, overwrite=overwrite) as unfinished:
+        raw = unfinished.with_suffix(".raw.rrd")
+        stream = rr.RecordingStream(APPLICATION, recording_id=f"{recording.uuid}-{span.start_us}-{span.end_us}")
+        cameras = {name: one.calibration is not None for name, one in recording.cameras.items()}
+        stream.save(raw, default_blueprint=recording_blueprint(cameras))
+        try:
+            stream.send_recording_name(path.stem)
+            _Export(stream, recording, span, contents, groups).write(progress, cancelled)
+            stream.flush()
+        finally:
+            stream.disconnect()
+        check_cancelled(cancelled)
+        optimize(raw, unfinished)
+        check_cancelled(cancelled)
+    progress(1.0)
+    return path
+
+
+def optimize(raw: Path, path: Path) -> None:
+    """Let Rerun pack the file: fewer and larger chunks open faster."""
+    command = [sys.executable, "-m", "rerun", "rrd", "optimize", str(raw), "-o", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode or not path.is_file():
+        raise RecordingError("Rerun could not optimize its file", got=(done.stderr or done.stdout)[-300:])
+
+
+class _Export:
+    """One export on its way."""
+
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        recording: Recording,
+        span: Span,
+        contents: RrdContents,
+        groups: Callable[[str], Rows | None],
+    ) -> None:
+        self._stream, self._recording, self._span, self._contents = stream, recording, span, contents
+        self._groups = groups
+        self._paths = {
+            name: picture_path(name, calibrated=one.calibration is not None) for name, one in recording.cameras.items()
+        }
+        self._detector = method_config(contents.chain.method, contents.chain.detector)
+        self._every = max(1, round(contents.stride_us / window_length_us(contents.chain)))
+        self._steps: list[Step] = []
+        self._pictures: dict[str, list[CameraPicture]] = {name: [] for name in recording.cameras}
+
+    def write(self, progress: Progress, cancelled: Cancelled) -> None:
+        """Everything but the optimizing."""
+        self._write_standing()
+        expected = 0
+        if self._contents.pictures:
+            expected = len(self._paths) * self._span.length_us // (self._every * window_length_us(self._contents.chain))
+        with PicturePool(expected) as pool:
+            steps = follow_span(self._recording, self._span, self._contents.chain, picture_every=self._every)
+            for step in steps:
+                check_cancelled(cancelled)
+                self._take(step, pool)
+                if len(self._steps) >= STEPS_PER_PART:
+                    self._write_part(pool, everything=False)
+                    progress(SHARE_OF_STEPS * (step.end_us - self._span.start_us) / self._span.length_us)
+            self._write_part(pool, everything=True)
+
+    def _write_standing(self) -> None:
+        recording, stream, span = self._recording, self._stream, self._span
+        if any(one.calibration is not None for one in recording.cameras.values()):
+            log_arena(stream, self._contents.chain.predictor.hit_x_m)
+        log_cameras(stream, {name: one.calibration for name, one in recording.cameras.items()})
+        if recording.ball is not None:
+            first, last = np.searchsorted(recording.ball.t_us, (span.start_us, span.end_us))
+            rrd_rally.send_ball_truth(stream, recording.ball, slice(int(first), int(last)))
+        senders = {
+            "/racket": (rrd_rally.send_racket, "t_us"),
+            "/predictions": (rrd_rally.send_recorded_predictions, "t_us"),
+            "/episodes": (rrd_rally.send_episodes, "serve_us"),
+        }
+        for group, (write, clock) in senders.items():
+            rows = self._groups(group)
+            if rows is not None:
+                inside = (span.start_us <= rows[clock]) & (rows[clock] < span.end_us)
+                if inside.any():
+                    write(stream, {name: column[inside] for name, column in rows.items()})
+        if self._contents.plots:
+            rrd_plots.log_styles(stream, list(recording.cameras))
+            rrd_plots.send_rates(stream, recording, span)
+        for name, labels in self._contents.labels.items():
+            placed = labels.between(span.start_us, span.end_us)
+            rrd_camera.send_labels(stream, self._paths[name], placed, self._contents.stride_us)
+
+    def _take(self, step: Step, pool: PicturePool) -> None:
+        self._steps.append(step)
+        if step.before is not None and self._contents.pictures:
+            for name, window in step.windows.items():
+                pool.submit(name, PictureJob(window, step.before[name], self._detector, self._contents.stages))
+
+    def _write_part(self, pool: PicturePool, *, everything: bool) -> None:
+        steps, self._steps = self._steps, []
+        if steps:
+            self._write_steps(steps)
+        for name, picture in pool.ready(everything=everything):
+            self._pictures[name].append(picture)
+        for name, pictures in self._pictures.items():
+            if pictures:
+                rrd_camera.send_pictures(self._stream, self._paths[name], pictures, stages=self._contents.stages)
+                self._pictures[name] = []
+
+    def _write_steps(self, steps: list[Step]) -> None:
+        stream, recording = self._stream, self._recording
+        times = [step.end_us for step in steps]
+        if is_stereo(recording):
+            chains = [step.chain for step in steps if step.chain is not None]
+            rrd_rally.send_ball(stream, times, [None if one.point is None else one.point.p_world_m for one in chains])
+            ticks = [step for step in steps if step.before is not None]
+            predictions = [None if one.chain is None else one.chain.prediction for one in ticks]
+            rrd_rally.send_predictions(stream, [one.end_us for one in ticks], predictions)
+        for name, camera in recording.cameras.items():
+            found = [step.detections[name] for step in steps]
+            rrd_camera.send_detections(stream, self._paths[name], times, found)
+            if camera.truth is not None:
+                rrd_camera.send_truth(stream, self._paths[name], camera.truth, np.array(times))
+        if self._contents.plots:
+            rrd_plots.send_step_curves(stream, recording, steps)

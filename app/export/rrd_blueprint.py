@@ -1,0 +1,72 @@
+"""How an exported recording looks when Rerun opens it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import rerun.blueprint as rrb
+
+from app.export.rrd_paths import LANDINGS, TIMELINE, TRAIL, WORLD, picture_path
+from app.export.rrd_plots import ERROR_MM, ERROR_PX, LATENCY, RATES
+
+TRAIL_S = 0.4
+PLOT_BEFORE_S = 1.0
+BACKGROUND = (22, 24, 29)
+
+
+def recording_blueprint(cameras: Mapping[str, bool]) -> rrb.Blueprint:
+    """3D on the left, the pictures on the right, curves below. `cameras`: whether each is calibrated."""
+    calibrated = any(cameras.values())
+    pictures = [
+        rrb.Spatial2DView(origin=picture_path(name, calibrated=ok), name=name, background=BACKGROUND)
+        for name, ok in cameras.items()
+    ]
+    plots = [_plot(RATES, "Event rate"), _plot(LATENCY, "Latency"), _plot(ERROR_PX, "Pixel error")]
+    if calibrated:
+        plots.append(_plot(ERROR_MM, "3D error"))
+        top = rrb.Horizontal(_world(), rrb.Vertical(*pictures), column_shares=[3, 2])
+    else:
+        top = rrb.Horizontal(*pictures)
+    return rrb.Blueprint(
+        rrb.Vertical(top, rrb.Horizontal(*plots), row_shares=[7, 2]),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, playback_speed=0.1, play_state="playing"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )
+
+
+def eye() -> rrb.EyeControls3D:
+    """From the opponent's right: the whole table, the robot's end on the left."""
+    return rrb.EyeControls3D(position=(1.5, -3.0, 1.55), look_target=(-0.25, 0.0, 0.0), eye_up=(0, 0, 1))
+
+
+def _world() -> rrb.Spatial3DView:
+    trail = _window(TIMELINE, -TRAIL_S)
+    landed = rrb.VisibleTimeRanges(
+        timeline=TIMELINE, start=rrb.TimeRangeBoundary.infinite(), end=rrb.TimeRangeBoundary.cursor_relative()
+    )
+    return rrb.Spatial3DView(
+        origin=WORLD,
+        name="Rally",
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=eye(),
+        overrides={TRAIL: trail, LANDINGS: landed},
+    )
+
+
+def _plot(path: str, name: str) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin=path,
+        name=name,
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
+        time_ranges=_window(TIMELINE, -PLOT_BEFORE_S, PLOT_BEFORE_S),
+    )
+
+
+def _window(timeline: str, start_s: float, end_s: float = 0.0) -> rrb.VisibleTimeRanges:
+    return rrb.VisibleTimeRanges(
+        timeline=timeline,
+        start=rrb.TimeRangeBoundary.cursor_relative(seconds=start_s),
+        end=rrb.TimeRangeBoundary.cursor_relative(seconds=end_s),
+    )

@@ -1,0 +1,67 @@
+"""The chain over a part of a recording, window by window; single detectors where nothing can be triangulated."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from app.export.selection import Span
+from core.detection import Detection, FastDetector, TrackState
+from core.detection.methods import method_config
+from core.detection.window import windows_between
+from core.events import Window
+from core.rally import ChainConfig, ChainState, RallyChain
+from core.recordings import Recording
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """One window of every camera, and what came of it."""
+
+    end_us: int
+    windows: dict[str, Window]
+    detections: dict[str, Detection | None]
+    detect_s: float
+    chain: ChainState | None
+    """None for a recording that cannot be triangulated."""
+    before: dict[str, TrackState] | None
+    """What the detectors remembered before this window; only in every `picture_every`-th step."""
+
+
+def is_stereo(recording: Recording) -> bool:
+    """Whether the ball can be triangulated: two cameras or more, all of them calibrated."""
+    streams = recording.cameras.values()
+    return len(streams) > 1 and all(stream.calibration is not None for stream in streams)
+
+
+def window_length_us(config: ChainConfig) -> int:
+    """Of the detector's windows."""
+    return method_config(config.method, config.detector).window.window_us
+
+
+def follow_span(recording: Recording, span: Span, config: ChainConfig, *, picture_every: int) -> Iterator[Step]:
+    """Step after step through the span."""
+    window_us = window_length_us(config)
+    names = list(recording.cameras)
+    streams = [windows_between(one, span.start_us, span.end_us, window_us) for one in recording.cameras.values()]
+    chain = None
+    if is_stereo(recording):
+        calibrated = {name: one.calibration for name, one in recording.cameras.items() if one.calibration is not None}
+        chain = RallyChain(calibrated, config)
+    detectors: dict[str, FastDetector] = {}
+    if chain is None:
+        detector = method_config(config.method, config.detector)
+        detectors = {name: FastDetector(detector, one.sensor) for name, one in recording.cameras.items()}
+    for number, parts in enumerate(zip(*streams, strict=True), start=1):
+        windows = dict(zip(names, parts, strict=True))
+        before = None
+        if number % picture_every == 0:
+            before = chain.track_states() if chain else {name: one.state for name, one in detectors.items()}
+        if chain is not None:
+            state = chain.step(windows)
+            yield Step(parts[0].end_us, windows, state.detections, state.seconds.detect, state, before)
+            continue
+        started_s = time.perf_counter()
+        found = {name: detectors[name].step(window) for name, window in windows.items()}
+        yield Step(parts[0].end_us, windows, found, time.perf_counter() - started_s, None, before)

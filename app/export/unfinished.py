@@ -1,0 +1,64 @@
+"""Files appear under their final names only when they are complete."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from core.errors import CommandError
+
+Progress = Callable[[float], None]
+Cancelled = Callable[[], bool]
+
+
+class ExportCancelledError(Exception):
+    """Somebody asked the export to stop; nothing was left behind."""
+
+
+def check_cancelled(cancelled: Cancelled) -> None:
+    """Raises ExportCancelledError if somebody asked for it."""
+    if cancelled():
+        raise ExportCancelledError
+
+
+@contextmanager
+def unfinished_file(path: Path, *, overwrite: bool) -> Iterator[Path]:
+    """A temporary name beside `path`, renamed to it at the end of the block; removed if the block raises.
+
+    Raises:
+        CommandError: if `path` exists and `overwrite` is not set, or it cannot be written.
+    """
+    with unfinished_folder(path.parent, [path.name], overwrite=overwrite) as folder:
+        yield folder / path.name
+
+
+@contextmanager
+def unfinished_folder(folder: Path, names: list[str], *, overwrite: bool) -> Iterator[Path]:
+    """A temporary folder inside `folder` for the named files; they are moved to `folder` at the end of the block.
+
+    Raises:
+        CommandError: if one of them exists and `overwrite` is not set, or it cannot be written.
+    """
+    there = [name for name in names if (folder / name).exists()]
+    if there and not overwrite:
+        raise CommandError("exists already", where=folder / there[0], remedy="take another name, or --force")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=".unfinished-", dir=folder))
+    except OSError as error:
+        raise CommandError(f"cannot write: {error.strerror}", where=folder) from error
+    try:
+        yield temporary
+        for name in names:
+            with open(temporary / name, "rb+") as written:
+                os.fsync(written.fileno())
+            os.replace(temporary / name, folder / name)
+    except OSError as error:
+        raise CommandError(f"cannot write: {error.strerror or error}", where=folder) from error
+    finally:
+        with suppress(OSError):
+            shutil.rmtree(temporary)
