@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Final, Literal
 
 from core.cameras import TriangulationConfig
 from core.config import check_settings, setting
 from core.detection import DetectorConfig
 from core.trajectory import PaperPredictorConfig
+
+TABLE_FRICTION: Final = 0.15
+"""Of the simulated table (choice), and what a chain expects of one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +60,7 @@ class ChainConfig:
     triangulation: TriangulationConfig = field(default_factory=TriangulationConfig)
     size: SizeCheckConfig = field(default_factory=SizeCheckConfig)
     flight: FlightGateConfig = field(default_factory=FlightGateConfig)
-    predictor: PaperPredictorConfig = field(default_factory=PaperPredictorConfig)
+    predictor: PaperPredictorConfig = field(default_factory=lambda: PaperPredictorConfig(friction=TABLE_FRICTION))
     max_lag_ms: float = setting(6.0, 0.1, 100.0)
     """A camera is read between two of its detections only if they are no farther apart: three windows of 2 ms."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from core.events import Window
 from core.rally.chain import ChainState, RallyChain
@@ -22,6 +23,12 @@ class PlayerState:
     """Whether it was decided in this step."""
     control_s: float
     """Wall time of deciding; the chain's stages tell their own."""
+
+
+FREEZE_S: Final = 0.012
+"""So short before the impact nothing is decided any more: the ball is in front of the racket and their events mix, and
+what is seen after the impact still looks like the old flight for some windows (our measurement: predictions of the time
+that are 7 to 15 ms off)."""
 
 
 class Player:
@@ -60,4 +67,7 @@ class Player:
         if not state.is_new or state.prediction is None or state.prediction.hit_plane is None:
             return None
         hit = state.prediction.hit_plane
+        impact_s = hit.t_s if self._command is None else min(hit.t_s, self._command.target.t_s)
+        if impact_s - state.t_us * 1e-6 < FREEZE_S:
+            return None
         return self.controller.command(hit.t_s, hit.p_world_m, hit.v_world_mps, stage=hit.stage)

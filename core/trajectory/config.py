@@ -26,6 +26,9 @@ class PaperPredictorConfig:
     tangential_factor: float = setting(0.82, 0.0, 1.0)
     """Speed along the table kept (choice). A spinless ball keeps .73 at 3 m/s, .86 at 5 m/s and .92 at 9 m/s on the
     simulated table; real balls with spin .73 to 1.16, median .83. The prediction has room for one factor."""
+    friction: float = setting(0.0, 0.0, 1.0)
+    """If not 0, the factor follows from Coulomb friction on a ball without spin, by the angle at which it comes. That
+    is not the paper's: the chain has it, because the racket moves early on what is expected before the bounce."""
     restitution_sigma: float = setting(0.03, 0.0, 0.3)
     """What is not known of the restitution; goes into the uncertainties only."""
     tangential_sigma: float = setting(0.07, 0.0, 0.3)
@@ -42,6 +45,10 @@ class PaperPredictorConfig:
     predicted from three or four (choice: fast balls leave no time for five; 0 waits for them nevertheless)."""
     bounce_guard_ms: float = setting(3.0, 0.0, 30.0)
     """New observations begin so long after the lowest point, which may lie before the bounce (choice)."""
+
+    bounce_wait_ms: float = setting(40.0, 0.0, 200.0)
+    """From the expected bounce on, points are no longer taken for ones before it, for so long: a bounce is noticed only
+    when the ball has risen again, and a fit across it is centimetres wrong (choice; 0 takes them)."""
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 from core.trajectory.arc import Arcs, fit_arcs
 from core.trajectory.config import PaperPredictorConfig
 from core.trajectory.continuation import Continuation, continue_flights
@@ -104,13 +105,26 @@ def _spread(fit: Arcs, t_s: Array, config: PaperPredictorConfig) -> Continuation
             config.tangential_sigma,
         ]
     )
-    centre = np.concatenate([fit.ps_m[0], fit.vs_mps[0], [config.restitution, config.tangential_factor]])
+    factor = spinless_factor(fit, config) if config.friction else config.tangential_factor
+    centre = np.concatenate([fit.ps_m[0], fit.vs_mps[0], [config.restitution, factor]])
     rows = np.tile(centre, (1 + 2 * UNKNOWNS, 1))
     unknown = np.arange(UNKNOWNS)
     rows[1 + 2 * unknown, unknown] += sigmas
     rows[2 + 2 * unknown, unknown] -= sigmas
     arcs = Arcs(np.full(len(rows), fit.t_s[0]), rows[:, :3], rows[:, 3:6])
     return continue_flights(arcs, rows[:, 6], rows[:, 7])
+
+
+def spinless_factor(fit: Arcs, config: PaperPredictorConfig) -> float:
+    """What the table leaves of the speed along it: 1 - friction (1 + e) vz / v while the ball slides, 3/5 if it rolls.
+
+    Of a hollow ball without spin (moment of inertia 2/3 m r^2) that comes to the table on the fitted arc.
+    """
+    (vx, vy, vz), z = fit.vs_mps[0], fit.ps_m[0, 2]
+    down = math.sqrt(max(0.0, vz * vz + 2 * GRAVITY_MPS2 * (z - BALL_RADIUS_M)))
+    along = math.hypot(vx, vy)
+    push = config.friction * (1 + config.restitution) * down
+    return 1 - push / along if push < 0.4 * along else 0.6
 
 
 def _one_sigma_moves(values: Array) -> Array:

@@ -36,6 +36,7 @@ class PaperPredictor:
         self._observations: list[tuple[int, Array]] = []
         self.bounces_us: tuple[int, ...] = ()
         self.latest: Prediction | None = None
+        self._expected_us = 1 << 62
 
     @property
     def stage(self) -> Stage:
@@ -73,6 +74,8 @@ class PaperPredictor:
         spacing_us = 1000 * self.config.spacing_ms * (1 - EARLY)
         if self._observations and t_us - self._observations[-1][0] < spacing_us:
             return None
+        if self.stage == "pre" and 0 <= t_us - self._expected_us < 1000 * self.config.bounce_wait_ms:
+            return None
         self._observations = [*self._observations, (t_us, p)][-self.config.observations :]
         self._recent = [point for point in self._recent if point[0] > t_us - 200_000]
         missing = self.config.observations - len(self._observations)
@@ -84,6 +87,8 @@ class PaperPredictor:
         if found is not None and missing > 0 and not self._in_a_hurry(found, missing):
             return None
         self.latest = found or self.latest
+        if found is not None and found.bounces:
+            self._expected_us = round(1e6 * found.bounces[0].t_s)
         return found
 
     def _in_a_hurry(self, found: Prediction, missing: int) -> bool:

@@ -9,7 +9,7 @@ from core.events import Events, Window
 from core.rally import RallyChain
 from core.rally.controller import BuiltInController
 from core.rally.follow import calibrated_cameras
-from core.rally.player import Player, PlayerState
+from core.rally.player import FREEZE_S, Player, PlayerState
 from core.recordings import open_recording
 
 
@@ -61,3 +61,13 @@ def test_deciding_takes_its_time_and_is_counted(followed) -> None:
     fresh = [state.control_s for state in states if state.is_new]
     idle = [state.control_s for state in states if not state.is_new]
     assert 0 < np.median(idle) < np.median(fresh) < 0.005
+
+
+def test_just_before_the_impact_and_after_it_nothing_is_decided(followed) -> None:
+    _, states = followed
+    decided = [state for state in states if state.is_new]
+    assert all(state.command.target.t_s - state.chain.t_us * 1e-6 >= FREEZE_S for state in decided)
+    impact_s = decided[-1].command.target.t_s
+    predicted = [state for state in states if state.chain.is_new and state.chain.prediction.hit_plane is not None]
+    late = [state for state in predicted if impact_s - state.chain.t_us * 1e-6 < FREEZE_S]
+    assert late and not any(state.is_new for state in late)
