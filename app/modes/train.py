@@ -20,7 +20,7 @@ from app.train.replay import Replay
 from app.train.run_panel import LAST_ONES, NEWEST, NOBODY, RunPanel, confirm_stop
 from app.train.run_state import RunPhase
 from app.train.scene_panel import ScenePanel
-from app.train.status import counts_html, log_html
+from app.train.status import counts_html, log_html, offsets_title_html
 from app.train.trainer import trainer_of
 from app.train.view import Details, RunsView, RunsViewer, ViewRequest
 from app.worker import LatestWins
@@ -72,6 +72,8 @@ class TrainMode:
         with self._left.add_tab("Landings", viser.Icon.TARGET):
             self._plan_picture = gui.add_image(FIRST_PIXELS, format="png")
             self._counts = gui.add_html("")
+            gui.add_html(offsets_title_html())
+            self._offsets_picture = gui.add_image(FIRST_PIXELS, format="png")
         with self._left.add_tab("Log", viser.Icon.LIST):
             self._log = gui.add_html("")
         self._left.dock_left()
@@ -155,6 +157,7 @@ class TrainMode:
         assert view.run is not None
         self._charts.show(view.run.name, details.charts, view.compared, several_seeds=view.run.config.seeds > 1)
         set_png(self._plan_picture, details.plan_png)
+        set_png(self._offsets_picture, details.offsets_png)
         self._counts.content = counts_html(details.counts)
 
     def _tell_ends(self, view: RunsView) -> None:

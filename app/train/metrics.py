@@ -15,7 +15,7 @@ from core.learning.run_files import read_lines, seed_files
 
 Array = NDArray[np.float64]
 COLUMNS: Final = ("case", "reward", "error_mm", "noise", "w1", "w2", "speed_mps")
-WIDTH: Final = len(COLUMNS) + 2
+WIDTH: Final = len(COLUMNS) + 4
 RECENT: Final = 24
 """Whole lines that are kept, to play those balls again."""
 FILES_KEPT: Final = 64
@@ -28,6 +28,8 @@ class Metrics:
     columns: dict[str, Array]
     """Each (N,), by the names in COLUMNS."""
     landings_m: Array
+    """(N, 2)."""
+    goals_m: Array
     """(N, 2)."""
     evaluations: tuple[dict[str, object], ...]
     recent: tuple[dict[str, object], ...]
@@ -56,7 +58,9 @@ class MetricsReader:
         self._evaluations.extend(more)
         rows = self._rows[: self._count]
         columns = {name: rows[:, k].copy() for k, name in enumerate(COLUMNS)}
-        return Metrics(columns, rows[:, -2:].copy(), tuple(self._evaluations), tuple(self._recent))
+        return Metrics(
+            columns, rows[:, -4:-2].copy(), rows[:, -2:].copy(), tuple(self._evaluations), tuple(self._recent)
+        )
 
     def _append(self, lines: list[dict[str, object]]) -> None:
         needed = self._count + len(lines)
@@ -93,9 +97,11 @@ class MetricsStore:
 
 
 def _row(line: dict[str, object]) -> list[float]:
-    landing = line.get("landing_m")
-    x, y = landing if isinstance(landing, list) and len(landing) == 2 else (None, None)
-    return [*(_number(line.get(name)) for name in COLUMNS), _number(x), _number(y)]
+    numbers = [line.get(name) for name in COLUMNS]
+    for name in ("landing_m", "goal_m"):
+        point = line.get(name)
+        numbers += point if isinstance(point, list) and len(point) == 2 else [None, None]
+    return [_number(number) for number in numbers]
 
 
 def _number(value: object) -> float:

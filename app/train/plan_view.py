@@ -1,4 +1,4 @@
-"""The table seen from above with every landing spot in the colour of its case, as a small picture."""
+"""Where balls came down, as small pictures: on the table seen from above, and seen from their targets."""
 
 from __future__ import annotations
 
@@ -25,6 +25,15 @@ NET_RGB: Final = (160, 165, 174)
 OLDEST_SHARE: Final = 0.35
 """How much of its colour the oldest spot keeps; newer ones have more."""
 SUB_PIXEL_BITS: Final = 4
+OFFSETS_REACH_M: Final = 0.5
+"""Half a side of the square round the target; a ball farther off is drawn at its edge."""
+OFFSETS_PX: Final = 680
+OFFSETS_RINGS_M: Final = (0.1, 0.2, 0.3, 0.4)
+RING_RGB: Final = (74, 79, 90)
+NEW_BALLS: Final = 25
+"""The last ones stand out."""
+OLD_RGB: Final = (120, 84, 56)
+NEW_RGB: Final = (255, 140, 40)
 
 
 def draw_plan(cases: Array, landings_m: Array, goal_m: Array | None) -> Picture:
@@ -41,6 +50,31 @@ def draw_plan(cases: Array, landings_m: Array, goal_m: Array | None) -> Picture:
     if goal_m is not None:
         for radius_m in (0.05, 0.10):
             _ring(picture, goal_m, radius_m * PIXELS_PER_M, TARGET_RGB)
+    return picture
+
+
+def draw_offsets(landings_m: Array, goals_m: Array) -> Picture:
+    """(S, S, 3) RGB: landings (N, 2) as seen from their targets (N, 2), oldest first, the last ones bright.
+
+    The target is the middle, with a ring every 10 cm; right is farther from the robot, up is to its left.
+    """
+    picture = np.full((OFFSETS_PX, OFFSETS_PX, 3), FLOOR_RGB, np.uint8)
+    scale = OFFSETS_PX / 2 / OFFSETS_REACH_M
+    middle = OFFSETS_PX // 2
+    for radius_m in OFFSETS_RINGS_M:
+        cv2.circle(picture, (middle, middle), round(radius_m * scale), RING_RGB, 2, cv2.LINE_AA)
+        above = (middle + 6, middle - round(radius_m * scale) - 6)
+        cv2.putText(picture, f"{100 * radius_m:.0f} cm", above, cv2.FONT_HERSHEY_SIMPLEX, 0.6, LINE_RGB, 1, cv2.LINE_AA)
+    offsets = landings_m - goals_m
+    offsets = offsets[np.isfinite(offsets).all(axis=1)]
+    edge = OFFSETS_REACH_M * (1 - 12 / OFFSETS_PX)
+    places = np.clip(offsets, -edge, edge) * [scale, -scale] + middle
+    for k, place in enumerate(places):
+        is_new = k >= len(places) - NEW_BALLS
+        centre = (round(place[0] * 2**SUB_PIXEL_BITS), round(place[1] * 2**SUB_PIXEL_BITS))
+        radius = round((8 if is_new else 6) * 2**SUB_PIXEL_BITS)
+        cv2.circle(picture, centre, radius, NEW_RGB if is_new else OLD_RGB, -1, cv2.LINE_AA, SUB_PIXEL_BITS)
+    cv2.drawMarker(picture, (middle, middle), LINE_RGB, cv2.MARKER_CROSS, 24, 2)
     return picture
 
 

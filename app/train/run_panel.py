@@ -69,7 +69,7 @@ class RunPanel:
         self._now.visible = active is None
         self._pause.visible = active is not None and active.phase == "running"
         self._go_on.visible = active is not None and active.phase == "paused"
-        self._stop.visible = active is not None and active.phase != "stopping"
+        self._stop.visible = active is not None and active.phase not in ("stopping", "ending")
         self._resume.visible = active is None and run is not None and run.resumable
         self._progress.visible = active is not None
         if active is not None:

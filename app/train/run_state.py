@@ -10,8 +10,8 @@ from typing import Final, Literal
 from core.learning.config import RunConfig
 from core.learning.control import Status, is_held, read_control, read_status
 
-RunPhase = Literal["new", "starting", "running", "paused", "stopping", "stopped", "finished", "failed"]
-ACTIVE: Final[tuple[RunPhase, ...]] = ("starting", "running", "paused", "stopping")
+RunPhase = Literal["new", "starting", "running", "paused", "stopping", "ending", "stopped", "finished", "failed"]
+ACTIVE: Final[tuple[RunPhase, ...]] = ("starting", "running", "paused", "stopping", "ending")
 UNEXPECTED: Final = "the process ended unexpectedly"
 LOG_NAME: Final = "train.log"
 LOG_TAIL_BYTES: Final = 16_384
@@ -65,7 +65,7 @@ def judge_run(
     elif status is not None and status.state in ("running", "paused") and (child_lives or is_held(run)):
         phase = "stopping" if stopping else status.state
     elif child_lives:
-        phase = "stopping"  # its last word is said
+        phase = "ending"  # its last word is said
     elif ended is not None and ended.returncode != 0:
         phase, message = "failed", _why(status, ended)
     elif status is None:

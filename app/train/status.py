@@ -8,6 +8,7 @@ from typing import Final
 
 from app import theme
 from app.scene.landing import CASE_NAMES, CASE_RGB
+from app.train.plan_view import NEW_BALLS, NEW_RGB
 from app.train.replay import Replay
 from app.train.run_state import RunPhase, RunState
 from app.train.view import Details
@@ -20,6 +21,7 @@ COLOURS: Final[dict[RunPhase, str]] = {
     "failed": theme.BAD,
 }
 EVALUATIONS_SHOWN: Final = 12
+NEWEST_COLOUR: Final = "#{:02x}{:02x}{:02x}".format(*NEW_RGB)
 LOG_STYLE: Final = "font-size:11.5px;white-space:pre-wrap;overflow-wrap:anywhere;margin:2px 0 0"
 CELL: Final = "text-align:right;font-weight:400;padding:0 4px"
 
@@ -98,6 +100,11 @@ def counts_html(counts: dict[Case, int]) -> str:
         for case in Case
     ]
     return _box(" &nbsp; ".join(cells))
+
+
+def offsets_title_html() -> str:
+    """What the picture below the table is."""
+    return _box(f"Seen from their targets; <span style='color:{NEWEST_COLOUR}'>●</span> the last {NEW_BALLS}")
 
 
 def log_html(log: tuple[str, ...], details: Details | None) -> str:

@@ -12,7 +12,7 @@ from app.scene.landing import REACH_M, SPOTS
 from app.scene.rally_picture import LandingSpot
 from app.train.curves import CURVES, Curves, curves_of, mean_curve, on_axis, points_on_axis, shared_axis
 from app.train.metrics import Metrics
-from app.train.plan_view import draw_plan, encode_plan
+from app.train.plan_view import draw_offsets, draw_plan, encode_plan
 from app.train.run_state import RunState, read_log_tail
 from app.train.trainer import Trainer
 from app.workspace import Workspace
@@ -60,6 +60,7 @@ class Details:
     charts: ChartData
     counts: dict[Case, int]
     plan_png: bytes
+    offsets_png: bytes
     spots: tuple[LandingSpot, ...]
     recent: tuple[dict[str, object], ...]
     evaluations: tuple[dict[str, object], ...]
@@ -149,6 +150,7 @@ def make_details(metrics: dict[int, Metrics], others: list[Metrics]) -> Details:
         plan_png=encode_plan(
             draw_plan(cases[-PLAN_SPOTS:], landings[-PLAN_SPOTS:], np.array(goal) if isinstance(goal, list) else None)
         ),
+        offsets_png=encode_plan(draw_offsets(landings[-PLAN_SPOTS:], newest.goals_m[-PLAN_SPOTS:])),
         spots=_spots(cases, landings),
         recent=recent,
         evaluations=newest.evaluations,

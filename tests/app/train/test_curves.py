@@ -57,6 +57,6 @@ def test_the_mean_over_seeds_goes_as_far_as_the_longest() -> None:
 def test_returned_counts_case_four_in_per_cent() -> None:
     columns = {name: np.zeros(10) for name in COLUMNS} | {"case": np.array([4.0] * 5 + [1, 2, 3, 5, 4])}
     evaluations = ({"episode": 10, "returned": 0.5, "error_mm": None},)
-    curves = curves_of(Metrics(columns, np.zeros((10, 2)), evaluations, ()))
+    curves = curves_of(Metrics(columns, np.zeros((10, 2)), np.zeros((10, 2)), evaluations, ()))
     assert curves.values["returned"][4] == 100.0 and curves.values["returned"][9] == 60.0
     assert curves.evaluated["returned"][0] == 50.0 and np.isnan(curves.evaluated["error_mm"][0])

@@ -18,6 +18,7 @@ def test_every_line_is_a_row(trained: Workspace) -> None:
     for name in ("case", "reward", "noise", "w1"):
         assert metrics.columns[name] == pytest.approx([line[name] for line in lines])
     assert metrics.landings_m[7] == pytest.approx(lines[7]["landing_m"])
+    assert metrics.goals_m[7] == pytest.approx(lines[7]["goal_m"])
     assert metrics.recent == tuple(lines[-RECENT:])
     assert [line["episode"] for line in metrics.evaluations] == list(range(4, 41, 4))
 

@@ -62,7 +62,7 @@ def test_a_run_is_starting_until_its_process_has_spoken(run) -> None:
     assert judge(run, child=7).phase == "running"
     assert judge(run, child=7, stopping=True).phase == "stopping"
     write_status(run, dataclasses.replace(STATUS, state="finished", pid=7))
-    assert judge(run, child=7).phase == "stopping" and judge(run).phase == "finished"
+    assert judge(run, child=7).phase == "ending" and judge(run).phase == "finished"
 
 
 def test_a_run_whose_process_number_is_now_anothers_has_failed(run) -> None:

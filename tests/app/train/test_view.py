@@ -7,7 +7,20 @@ import pytest
 from app.scene.landing import CASE_RGB
 from app.train.curves import CURVES
 from app.train.plan import Plan, run_of_plan
-from app.train.plan_view import FLOOR_RGB, HIGH_M, LOW_M, PIXELS_PER_M, TABLE_RGB, draw_plan
+from app.train.plan_view import (
+    FLOOR_RGB,
+    HIGH_M,
+    LOW_M,
+    NEW_BALLS,
+    NEW_RGB,
+    OFFSETS_PX,
+    OFFSETS_REACH_M,
+    OLD_RGB,
+    PIXELS_PER_M,
+    TABLE_RGB,
+    draw_offsets,
+    draw_plan,
+)
 from app.train.trainer import Trainer, trainer_of
 from app.train.view import COMPARED, RunsViewer, ViewRequest, chosen_run, compared_runs
 from app.workspace import Workspace
@@ -101,3 +114,18 @@ def test_the_plan_shows_each_spot_at_its_place_in_the_colour_of_its_case() -> No
     newer, older = np.array(pixel(0.5, 0.5)), np.array(pixel(0.9, -0.4))
     assert newer.argmax() == older.argmax() == 1 and newer[1] > older[1] > 100  # green, and fading with age
     assert (draw_plan(cases, landings, np.array([0.7, 0.1])) != picture).any()
+
+
+def test_offsets_are_drawn_from_the_target_in_the_middle() -> None:
+    goals = np.full((NEW_BALLS + 1, 2), (0.8, 0.2))
+    landings = goals + np.array([[0.25, 0.15]] + [[-0.15, 0.05]] * (NEW_BALLS - 1) + [[9.0, 0.0]])
+    picture = draw_offsets(landings, goals)
+
+    def pixel(dx_m: float, dy_m: float) -> tuple[int, ...]:
+        scale, middle = OFFSETS_PX / 2 / OFFSETS_REACH_M, OFFSETS_PX / 2
+        return tuple(picture[round(middle - dy_m * scale), round(middle + dx_m * scale)].tolist())
+
+    assert pixel(0.25, 0.15) == OLD_RGB and pixel(-0.15, 0.05) == NEW_RGB and pixel(-0.25, 0.15) == FLOOR_RGB
+    assert pixel(0.485, 0.0) == NEW_RGB  # far out: at the edge
+    empty = draw_offsets(np.full((1, 2), np.nan), np.zeros((1, 2)))
+    assert not (empty == NEW_RGB).all(axis=-1).any()
