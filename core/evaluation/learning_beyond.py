@@ -23,7 +23,7 @@ by
 
 ```
 rallyscope train --agent landing-model --state-source events --episodes 150 --seeds 2 --out runs/chain
-rallyscope evaluate runs/chain --balls 100 --json > rallyscope-data/bench-learning/events.json
+rallyscope evaluate runs/chain --balls 50 --json > rallyscope-data/bench-learning/events.json
 ```
 """
 TIMED = (

@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera, stereo_preset
 from core.config import check_settings, setting
-from core.detection.window import windows_between
 from core.errors import ConfigError
-from core.events import Events
 from core.learning.config import EnvironmentConfig, RewardConfig
 from core.learning.environment import Deliveries, strokes_of
 from core.learning.gym_environment import OneStepReturn
+from core.rally.block_windows import block_windows
 from core.rally.chain import RallyChain
 from core.rally.config import ChainConfig
 from core.rally.link.world import Block, JudgedBall, SimulatedWorld, WorldConfig
@@ -73,7 +72,8 @@ class EventCourt:
         self._seed = seed
         self._world_config = dataclasses.replace(world or WorldConfig(), task=task)
         self.world = SimulatedWorld(self._world_config, cameras, seed)
-        predictor = predictor_for("real" if task.physics.has_air else "paper", hit_x_m=task.stroke.hit_plane_x_m)
+        table = predictor_for("real") if task.physics.has_air else self._config.chain.predictor
+        predictor = dataclasses.replace(table, hit_x_m=task.stroke.hit_plane_x_m)
         self._chain = RallyChain(cameras, dataclasses.replace(self._config.chain, predictor=predictor))
         self._served_s = 0.0
         self._judged: JudgedBall | None = None
@@ -130,14 +130,10 @@ class EventCourt:
 
     def _watch(self, block: Block) -> HitPlane | None:
         """The newest prediction that this block's events led to."""
-        names = list(block.events)
         window_us = round(1000 * self._config.window_ms)
-        streams = [
-            windows_between(_BlockEvents(block.events[name]), block.start_us, block.end_us, window_us) for name in names
-        ]
         found = None
-        for windows in zip(*streams, strict=True):
-            state = self._chain.step(dict(zip(names, windows, strict=True)))
+        for windows in block_windows(block.events, block.start_us, block.end_us, window_us):
+            state = self._chain.step(windows)
             if state.is_new and state.prediction is not None and state.prediction.hit_plane is not None:
                 found = state.prediction.hit_plane
         return found
@@ -167,16 +163,6 @@ class EventCourt:
         self.world.aim(None)
         while self.world.ball_is_visible:
             self.world.advance()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _BlockEvents:
-    """One camera's events of a block, as a source of windows."""
-
-    events: Events
-
-    def slice(self, start_us: int, end_us: int) -> Events:
-        return self.events.between(start_us, end_us)
 
 
 def event_environment(
