@@ -10,9 +10,9 @@ import json
 from app.cli.progress import progress_bar
 from core.errors import NotBuiltError
 
-HOMES = ("core.evaluation", "labels", "app")
+HOMES = ("core.evaluation", "core.rally", "labels", "app")
 """Packages in which the module `bench_NAME` may be: that of the layer it measures."""
-BENCHES = ("import", "detection", "simulation", "prediction", "learning", "labels", "export", "app")
+BENCHES = ("import", "detection", "simulation", "physics", "prediction", "rally", "learning", "labels", "export", "app")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ is the delay of the perception here, on top of the window.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,8 +76,8 @@ class ClosedLoop:
         self.player = Player(RallyChain(cameras, chain), controller or BuiltInController(world.task))
         self._window_us = window_us
 
-    def play(self, speed_mps: float) -> PlayedBall:
-        """Serve one ball of a speed and play it to its outcome.
+    def play(self, speed_mps: float, heard: Callable[[Block, list[PlayerState]], None] | None = None) -> PlayedBall:
+        """Serve one ball of a speed and play it to its outcome; `heard` is told every block and its steps.
 
         Raises:
             ConfigError: if there is no legal serve of that speed.
@@ -88,7 +88,10 @@ class ClosedLoop:
         end_us = self.world.now_us + round(1e6 * LONGEST_BALL_S)
         while self.world.now_us < end_us:
             block = self.world.advance()
-            decided = [self._decide(state) for state in self._perceive(block)]
+            states = list(self._perceive(block))
+            if heard is not None:
+                heard(block, states)
+            decided = [self._decide(state) for state in states]
             commands += [command for command in decided if command is not None]
             if block.outcomes:
                 judged = block.outcomes[0]
