@@ -78,7 +78,11 @@ def export(
         if not FORMATS[order.format].of_runs:
             known = ", ".join(f"--{name}" for name, kind in FORMATS.items() if kind.of_runs)
             raise CommandError("a training run has no such export", expected=known, got=f"--{order.format}")
-        raise CommandError("nothing to export")
+        if run is None:
+            raise CommandError("nothing to export")
+        from app.export.rrd_run import export_run
+
+        return (export_run(run, order.destination, overwrite=order.overwrite, progress=progress, cancelled=cancelled),)
     span = span_of(recording, order.start_us, order.end_us)
     path = order.destination
     if order.format == "rrd":

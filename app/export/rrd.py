@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,12 +14,12 @@ from app.export.camera_picture import CameraPicture, PictureJob
 from app.export.picture_pool import PicturePool
 from app.export.rrd_arena import log_arena, log_cameras
 from app.export.rrd_blueprint import recording_blueprint
-from app.export.rrd_paths import APPLICATION, picture_path
+from app.export.rrd_file import rerun_file
+from app.export.rrd_paths import picture_path
 from app.export.selection import DEFAULT_STRIDE_US, Span
 from app.export.steps import Step, follow_span, is_stereo, window_length_us
-from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_file
+from app.export.unfinished import Cancelled, Progress, check_cancelled
 from core.detection.methods import method_config
-from core.errors import RecordingError
 from core.rally import ChainConfig
 from core.recordings import Recording
 from core.recordings.layout import Rows
@@ -65,30 +63,13 @@ def export_rrd(
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
         ExportCancelledError: if `cancelled` said so; there is no file then.
     """
-    with unfinished_file(path, overwrite=overwrite) as unfinished:
-        raw = unfinished.with_suffix(".raw.rrd")
-        stream = rr.RecordingStream(APPLICATION, recording_id=f"{recording.uuid}-{span.start_us}-{span.end_us}")
-        cameras = {name: one.calibration is not None for name, one in recording.cameras.items()}
-        stream.save(raw, default_blueprint=recording_blueprint(cameras))
-        try:
-            stream.send_recording_name(path.stem)
-            _Export(stream, recording, span, contents, groups).write(progress, cancelled)
-            stream.flush()
-        finally:
-            stream.disconnect()
-        check_cancelled(cancelled)
-        optimize(raw, unfinished)
-        check_cancelled(cancelled)
+    cameras = {name: one.calibration is not None for name, one in recording.cameras.items()}
+    name = f"{recording.uuid}-{span.start_us}-{span.end_us}"
+    blueprint = recording_blueprint(cameras)
+    with rerun_file(path, blueprint, recording_id=name, overwrite=overwrite, cancelled=cancelled) as stream:
+        _Export(stream, recording, span, contents, groups).write(progress, cancelled)
     progress(1.0)
     return path
-
-
-def optimize(raw: Path, path: Path) -> None:
-    """Let Rerun pack the file: fewer and larger chunks open faster."""
-    command = [sys.executable, "-m", "rerun", "rrd", "optimize", str(raw), "-o", str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode or not path.is_file():
-        raise RecordingError("Rerun could not optimize its file", got=(done.stderr or done.stdout)[-300:])
 
 
 class _Export:

@@ -41,8 +41,8 @@ THICKNESS_M = 0.025
 LEG_M = 0.05
 
 
-def log_arena(stream: rr.RecordingStream, hit_x_m: float) -> None:
-    """Table, net, hitting plane."""
+def log_arena(stream: rr.RecordingStream, hit_x_m: float | None) -> None:
+    """Table, net, and the hitting plane if there is one."""
     stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     leg = TABLE_HEIGHT_M - THICKNESS_M
     centres = [(0.0, 0.0, -THICKNESS_M / 2)]
@@ -56,6 +56,8 @@ def log_arena(stream: rr.RecordingStream, hit_x_m: float) -> None:
     stream.log(f"{WORLD}/table", table, static=True)
     stream.log(f"{WORLD}/table/lines", _lines(), static=True)
     stream.log(f"{WORLD}/net", _net(), static=True)
+    if hit_x_m is None:
+        return
     y, z = PLANE_WIDTH_M / 2, PLANE_HEIGHT_M
     corners = [(hit_x_m, -y, 0), (hit_x_m, y, 0), (hit_x_m, y, z), (hit_x_m, -y, z), (hit_x_m, -y, 0)]
     plane = rr.LineStrips3D([corners], colors=PLANE_RGB, radii=0.003)

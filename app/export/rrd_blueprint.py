@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import rerun.blueprint as rrb
 
-from app.export.rrd_paths import LANDINGS, TIMELINE, TRAIL, WORLD, picture_path
+from app.export.rrd_paths import EPISODE, LANDINGS, TIMELINE, TRAIL, WORLD, picture_path
 from app.export.rrd_plots import ERROR_MM, ERROR_PX, LATENCY, RATES
 
 TRAIL_S = 0.4
 PLOT_BEFORE_S = 1.0
+RECENT_EPISODES = 100
 BACKGROUND = (22, 24, 29)
+_LEGEND = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
 
 
 def recording_blueprint(cameras: Mapping[str, bool]) -> rrb.Blueprint:
@@ -30,6 +32,18 @@ def recording_blueprint(cameras: Mapping[str, bool]) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Vertical(top, rrb.Horizontal(*plots), row_shares=[7, 2]),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, playback_speed=0.1, play_state="playing"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+    )
+
+
+def run_blueprint(seeds: Sequence[str], curves: Mapping[str, str]) -> rrb.Blueprint:
+    """Landing spots in 3D, one view per seed, curves beside them. `curves`: entity -> title."""
+    spots = [_landings(f"{WORLD}/{seed}", seed) for seed in seeds]
+    plots = [rrb.TimeSeriesView(origin=path, name=name, plot_legend=_LEGEND) for path, name in curves.items()]
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Grid(*spots), rrb.Grid(*plots, grid_columns=2), column_shares=[1, 1]),
+        rrb.TimePanel(state="collapsed", timeline=EPISODE, play_state="paused"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
     )
@@ -55,11 +69,28 @@ def _world() -> rrb.Spatial3DView:
     )
 
 
+def _landings(origin: str, name: str) -> rrb.Spatial3DView:
+    recent = rrb.VisibleTimeRanges(
+        timeline=EPISODE,
+        start=rrb.TimeRangeBoundary.cursor_relative(seq=-RECENT_EPISODES),
+        end=rrb.TimeRangeBoundary.cursor_relative(),
+    )
+    return rrb.Spatial3DView(
+        origin=WORLD,
+        name=f"The last {RECENT_EPISODES} landings, {name}",
+        contents=[f"+ /{WORLD}", f"+ /{WORLD}/table/**", f"+ /{WORLD}/net/**", f"+ /{origin}/**"],
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(position=(-0.4, -2.6, 2.6), look_target=(0.3, 0.0, 0.0), eye_up=(0, 0, 1)),
+        overrides={f"{origin}/landing": recent},
+    )
+
+
 def _plot(path: str, name: str) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin=path,
         name=name,
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
+        plot_legend=_LEGEND,
         time_ranges=_window(TIMELINE, -PLOT_BEFORE_S, PLOT_BEFORE_S),
     )
 

@@ -97,7 +97,7 @@ def send_recorded_predictions(stream: rr.RecordingStream, rows: Rows) -> None:
     """Those that the recording holds: where the ball was expected at the hitting plane."""
     variances = np.diagonal(rows["cov"][:, :3, :3], axis1=1, axis2=2)
     sigmas = np.sqrt(np.maximum(variances, 0.0))
-    known = np.isfinite(rows["p_hit_m"]).all(axis=1).tolist()
+    known = np.isfinite(rows["p_hit_m"].sum(axis=1)).tolist()
     points = [
         [(p, np.nan_to_num(sigma))] if ok else [] for p, sigma, ok in zip(rows["p_hit_m"], sigmas, known, strict=True)
     ]
