@@ -13,7 +13,8 @@ import viser
 from app.commands import Command, LookAt, SetMode, TogglePlay, UseConfig
 from app.history import History
 from app.interface import Interface
-from app.jobs import Job
+from app.jobs import Job, Progress
+from app.label.scoring import LabelScore, find_reference, score_with_labels
 from app.library import Library
 from app.modes import FACTORIES, Mode
 from app.panels.recording_info import RecordingInfo, gather_info
@@ -64,7 +65,7 @@ class Session:
         self._inbox: queue.SimpleQueue[Command | Callable[[], None]] = queue.SimpleQueue()
         self._pictures = LatestWins(pool, answer_request, self._picture_done, self._failed)
         self._openings = LatestWins(pool, self._open, self._opened, self._failed)
-        self._score: Job[Score] | None = None
+        self._score: Job[Score | LabelScore] | None = None
         self._state: ClientState | None = None
         self._recording: Recording | None = None
         self._shown: ClientState | None = None
@@ -308,14 +309,22 @@ class Session:
             return
         stream, config = self._recording.cameras[self._state.camera], self._state.config
         title = f"{self._state.recording}, {self._state.camera}, config {self._state.tune.slot}"
+        folder, uuid = self.workspace.labels, self._recording.uuid
+
+        def work(progress: Progress, cancelled: Callable[[], bool]) -> Score | LabelScore:
+            reference = find_reference(folder, uuid, stream.name)  # what a person said, else what the simulation knows
+            if reference is None:
+                return score_recording(stream, config, progress=progress, cancelled=cancelled)
+            return score_with_labels(folder, reference, stream, config, progress=progress, cancelled=cancelled)
+
         self._score = Job(
-            lambda progress, cancelled: score_recording(stream, config, progress=progress, cancelled=cancelled),
+            work,
             lambda score: self._enqueue(lambda: self._score_done(title, score)),
             lambda error: self._enqueue(lambda: self._score_failed(error)),
         )
         self._interface.score.show_running(True)
 
-    def _score_done(self, title: str, score: Score) -> None:
+    def _score_done(self, title: str, score: Score | LabelScore) -> None:
         self._score = None
         self._interface.score.show_score(title, score)
         self._interface.score.show_running(False)

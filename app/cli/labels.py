@@ -22,9 +22,13 @@ from core.detection.methods import METHODS, method_config
 from core.errors import CommandError, LabelError
 from core.recordings import CameraStream, Recording, open_recording
 from labels.agreement import Agreement, measure_agreement
+from labels.arrays import STATES
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelSet
+from labels.formats.exchange import write_text
 from labels.formats.pictures import write_pictures
-from labels.score import GroupScore, score_labels
+from labels.model import State
+from labels.score import GroupScore, answers_at, score_groups
+from labels.score_picture import measure_curves, score_svg
 from labels.store import LabelStore, Layer, find_layers
 
 MAX_SHOWN = 20
@@ -62,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     score.add_argument("--method", default="auto", choices=METHODS, metavar="|".join(METHODS), help="(%(default)s)")
     score.add_argument("--config", type=Path, metavar="FILE", help="settings saved in the app, a TOML file")
     score.add_argument("--window-us", type=positive_int, metavar="N", help="length of a window (the config's)")
+    score.add_argument("--picture", type=Path, metavar="FILE.svg", help="precision, recall and errors as a picture")
 
     agree = acts.add_parser("agree", help="compare two annotators, or one with the blind repeats")
     _add_common(agree)
@@ -141,9 +146,16 @@ def _score(arguments: argparse.Namespace, recording: Recording, stream: CameraSt
     config = method_config(arguments.method, saved)
     window_us = arguments.window_us or config.window.window_us
     detector = make_detector(arguments.method, stream.sensor, config)
+    labels = store.labels()
+    asked = labels.rows(labels.state != STATES.index(State.OCCLUDED))
     with progress_bar("Scoring") as progress:
-        scores = score_labels(stream, detector, store.labels(), window_us, progress=progress)
+        answers = answers_at(stream, detector, asked.t_us, window_us, progress=progress)
+    scores = score_groups(answers, asked)
     noise = _own_noise(arguments.data / "labels", store)
+    if arguments.picture is not None:
+        title = f"{arguments.method}, {stream.name}, against {len(labels)} labels by {store.layer.annotator}"
+        sigma_px = None if noise is None or not noise.both_seen else noise.sigma_px
+        write_text(arguments.picture, score_svg(measure_curves(answers, asked), title, noise_px=sigma_px))
     report = {
         "annotator": store.layer.annotator,
         "method": arguments.method,

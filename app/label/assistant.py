@@ -105,7 +105,8 @@ class Assistant:
         cancelled: Callable[[], bool],
     ) -> None:
         window_us = config.window.window_us
-        start_us = start_us // window_us * window_us
+        # From a little before the cursor: what is proposed there is judged by its neighbours on both sides.
+        start_us = max(start_us - LEAD_IN_US, 0) // window_us * window_us
         for begin_us in range(start_us, end_us, CHUNK_US):
             for stream in streams:
                 if cancelled():

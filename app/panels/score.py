@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import viser
 
+from app.label.scoring import LabelScore, label_score_html
 from app.panels.settings import counts_html
 from app.widgets import when_clicked
 from core.evaluation import Score
@@ -23,6 +24,7 @@ class ScorePanel:
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._progress = gui.add_progress_bar(0.0, visible=False)
         self._table = gui.add_html(counts_html("not scored yet"))
+        self._labels = gui.add_html("", visible=False)
         self._rows: list[str] = []
         when_clicked(self._start, start)
         when_clicked(self._cancel, cancel)
@@ -38,8 +40,14 @@ class ScorePanel:
         """Share of the recording that is done."""
         self._progress.value = 100.0 * share
 
-    def show_score(self, title: str, score: Score) -> None:
-        """Add a row."""
+    def show_score(self, title: str, score: Score | LabelScore) -> None:
+        """Add a row; a score against labels has a table and a picture of its own."""
+        if isinstance(score, LabelScore):
+            self._labels.content = label_score_html(title, score)
+            self._labels.visible = True
+            self._table.visible = bool(self._rows)
+            return
+        self._table.visible = True
         self._rows = [_row(title, score), *self._rows][:KEPT]
         self._table.content = score_html(self._rows)
 

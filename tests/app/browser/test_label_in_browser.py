@@ -218,3 +218,18 @@ def test_proposals_are_accepted_by_key_and_by_segment(labelling, wait_for) -> No
     labelling.keys("z", "0", "z")
     labelling.settle()
     assert len(work.works["right"].labels) == 0
+
+
+def test_tune_scores_a_config_against_the_labels(labelling, wait_for) -> None:
+    window, work = labelling.window, labelling.work
+    labelling.keys("i")
+    wait_for(lambda: len(work.here.proposals or ()) > 60, "proposals", 60)
+    labelling.settle(BALL_US)
+    labelling.keys("Enter")
+    wait_for(lambda: len(work.here.labels) > 20, "the segment")
+    window.press("Tune")
+    window.page.get_by_role("tab", name="Score").click()
+    window.press("Score this config on the whole recording")
+    window.page.get_by_text("labels by").first.wait_for(timeout=60_000)
+    window.page.wait_for_timeout(300)
+    window.screenshot("tune-score-labels")
