@@ -27,6 +27,7 @@ from core.rally.live_flight import LiveFlight
 from core.rally.live_meter import LiveMeter
 from core.rally.live_snapshot import Decision, RallySnapshot
 from core.rally.player import Player, PlayerState
+from core.rally.warm_up import warm_up
 from core.simulation.event_camera import BLOCK_US
 
 MOST_WAITING: Final = 8
@@ -76,7 +77,7 @@ class LivePlayer:
         *,
         playing: bool = True,
     ) -> None:
-        """Begin at once; without `playing` it only watches and sends no commands."""
+        """Begin as soon as everything is loaded; without `playing` it only watches and sends no commands."""
         self._client = client
         self._controller: LiveController = controller or BuiltInController()
         self._config = config or LivePlayerConfig()
@@ -99,7 +100,6 @@ class LivePlayer:
         self._snapshot = self._flight.snapshot(0, "", self._controller, playing, self._meter, NOBODY)
         self._thread = threading.Thread(target=self._run, name="live-player", daemon=True)
         self._thread.start()
-        client.add_listener(self)
 
     @property
     def snapshot(self) -> RallySnapshot:
@@ -156,11 +156,11 @@ class LivePlayer:
 
     def close(self) -> None:
         """End the threads. The client stays open."""
-        self._client.remove_listener(self)
         with self._changed:
             self._stop = True
             self._changed.notify()
         self._thread.join()
+        self._client.remove_listener(self)
         self._sender.close()
 
     # What the link says, in its thread: only put into the queue.
@@ -209,6 +209,8 @@ class LivePlayer:
     # The player's own thread.
 
     def _run(self) -> None:
+        self._warm_up()
+        self._client.add_listener(self)
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._stop or self._waiting)
@@ -226,6 +228,14 @@ class LivePlayer:
             elif isinstance(item, m.OutcomeNotice):
                 self._flight.finish(item, self._controller.goal_m)
             self._publish()
+
+    def _warm_up(self) -> None:
+        """Before anything is heard, so that no block has to wait for it."""
+        try:
+            cameras = {info.name: info.camera() for info in self._client.welcome.cameras}
+            warm_up(Player(RallyChain(cameras, self._config.chain), self._controller), cameras, self._config.window_us)
+        except RallyscopeError as error:
+            self._problem = str(error)
 
     def _begin(self, welcome: m.Reply) -> None:
         self._session, self._cameras = welcome.session, {}
