@@ -25,6 +25,7 @@ W1: Final = "#5aa9ff"
 W2: Final = "#6eeb82"
 AXIS: Final = "#9aa0aa"
 GRID: Final = "#32363e"
+FIRST_END: Final = 100
 ERROR_TOPS_MM: Final = (50.0, 100.0, 200.0, 400.0, 800.0)
 """The error's scale ends at one of these: it changes rarely, and says at once where one is."""
 TITLES: Final = (
@@ -58,11 +59,11 @@ class ChartsPanel:
                 data.evaluated.get(name, nothing),
             ]
             chart.data = (data.axis, *curves)
-            scales = _scales(data.axis, _range_of(name, curves))
+            scales = _scales(data.end, _range_of(name, curves))
             if scales != chart.scales:
                 chart.scales = scales
         self._weights.data = (data.axis, *(data.run[name] for name in ("w1", "w2", "noise")))
-        scales = _scales(data.axis, (0.0, 1.02))
+        scales = _scales(data.end, (0.0, 1.02))
         if scales != self._weights.scales:
             self._weights.scales = scales
 
@@ -92,20 +93,11 @@ def _range_of(name: str, curves: list[Array] | None) -> tuple[float, float]:
     return 0.0, next((top for top in ERROR_TOPS_MM if highest <= top), ERROR_TOPS_MM[-1])
 
 
-def _scales(axis: Array, y_range: tuple[float, float]) -> dict[str, uplot.Scale]:
-    end = _round_up(float(axis[-1]))
+def _scales(end: int, y_range: tuple[float, float]) -> dict[str, uplot.Scale]:
     return {
-        "x": uplot.Scale(time=False, auto=False, range=(0.0, end)),
+        "x": uplot.Scale(time=False, auto=False, range=(0.0, float(end))),
         "y": uplot.Scale(auto=False, range=y_range),
     }
-
-
-def _round_up(episodes: float) -> float:
-    """The axis ends at a round number, so that it does not move with every ball."""
-    for top in (50, 100, 200, 300, 500, 800, 1000, 1700, 2000, 3000, 5000, 10_000, 20_000, 50_000, 100_000):
-        if episodes <= top:
-            return float(top)
-    return episodes
 
 
 def _add_chart(
@@ -116,7 +108,7 @@ def _add_chart(
     return gui.add_uplot(
         (axis, *empty),
         series,
-        scales=_scales(axis, y_range),
+        scales=_scales(FIRST_END, y_range),
         axes=(_axis(size=22), _axis(size=38)),
         legend=uplot.Legend(show=False),
         height=CHART_HEIGHT_PX,

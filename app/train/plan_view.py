@@ -26,7 +26,7 @@ OLDEST_SHARE: Final = 0.35
 """How much of its colour the oldest spot keeps; newer ones have more."""
 SUB_PIXEL_BITS: Final = 4
 OFFSETS_REACH_M: Final = 0.5
-"""Half a side of the square round the target; a ball farther off is drawn at its edge."""
+"""Half a side of the picture round the target; a ball farther off is drawn at its rim."""
 OFFSETS_PX: Final = 680
 OFFSETS_RINGS_M: Final = (0.1, 0.2, 0.3, 0.4)
 RING_RGB: Final = (74, 79, 90)
@@ -67,8 +67,9 @@ def draw_offsets(landings_m: Array, goals_m: Array) -> Picture:
         cv2.putText(picture, f"{100 * radius_m:.0f} cm", above, cv2.FONT_HERSHEY_SIMPLEX, 0.6, LINE_RGB, 1, cv2.LINE_AA)
     offsets = landings_m - goals_m
     offsets = offsets[np.isfinite(offsets).all(axis=1)]
-    edge = OFFSETS_REACH_M * (1 - 12 / OFFSETS_PX)
-    places = np.clip(offsets, -edge, edge) * [scale, -scale] + middle
+    distances = np.maximum(np.hypot(offsets[:, 0], offsets[:, 1]), 1e-9)
+    edge = OFFSETS_REACH_M * (1 - 16 / OFFSETS_PX)
+    places = offsets * np.minimum(1.0, edge / distances)[:, None] * [scale, -scale] + middle
     for k, place in enumerate(places):
         is_new = k >= len(places) - NEW_BALLS
         centre = (round(place[0] * 2**SUB_PIXEL_BITS), round(place[1] * 2**SUB_PIXEL_BITS))

@@ -42,7 +42,9 @@ class ChartData:
     """Aligned arrays of every chart."""
 
     axis: Array
-    """Episodes."""
+    """Episodes of the run."""
+    end: int
+    """How many it will have at most."""
     run: dict[str, Array]
     """By the names in CURVES."""
     evaluated: dict[str, Array]
@@ -106,7 +108,9 @@ class RunsViewer:
             tuple((seed, len(m), len(m.evaluations)) for seed, m in metrics.items()),
             tuple((name, len(m)) for name, m in others.items()),
         )
-        details = None if key == request.shown else make_details(metrics, list(others.values()))
+        details = None
+        if key != request.shown:
+            details = make_details(metrics, list(others.values()), run.config.episodes)
         log = read_log_tail(self._workspace.run_path(run.name))
         return RunsView(runs, run, tuple(others), log, key, details)
 
@@ -136,8 +140,11 @@ def started_seeds(run: RunState) -> tuple[int, ...]:
     return tuple(range(config.first_seed, min(last, config.first_seed + config.seeds - 1) + 1))
 
 
-def make_details(metrics: dict[int, Metrics], others: list[Metrics]) -> Details:
-    """Curves, spots and figures of a run's newest seed, beside the first seeds of other runs."""
+def make_details(metrics: dict[int, Metrics], others: list[Metrics], planned: int) -> Details:
+    """Curves, spots and figures of a run's newest seed, beside the first seeds of other runs.
+
+    `planned` is how many episodes the run is to have; what others did after as many is not drawn.
+    """
     seed, newest = max(metrics.items())
     recent = newest.recent
     goal = recent[-1].get("goal_m") if recent else None
@@ -145,7 +152,7 @@ def make_details(metrics: dict[int, Metrics], others: list[Metrics]) -> Details:
     curves = [curves_of(m) for m in metrics.values()]
     ours = curves[-1]
     return Details(
-        charts=_charts(curves, [curves_of(m) for m in others]),
+        charts=_charts(curves, [curves_of(m) for m in others], planned),
         counts={case: int(np.count_nonzero(cases == case)) for case in Case},
         plan_png=encode_plan(
             draw_plan(cases[-PLAN_SPOTS:], landings[-PLAN_SPOTS:], np.array(goal) if isinstance(goal, list) else None)
@@ -161,14 +168,16 @@ def make_details(metrics: dict[int, Metrics], others: list[Metrics]) -> Details:
     )
 
 
-def _charts(curves: list[Curves], others: list[Curves]) -> ChartData:
-    axis = shared_axis(max([1, *(len(c) for c in curves), *(len(c) for c in others)]))
+def _charts(curves: list[Curves], others: list[Curves], planned: int) -> ChartData:
+    longest = max(len(c) for c in curves)
+    axis = shared_axis(max(longest, min(planned, max((len(c) for c in others), default=0)), 1))
     ours = curves[-1]
     nothing = np.full(len(axis), np.nan)
     several = len(curves) > 1
     shown = [{name: on_axis(c.values[name], axis) for name in CURVES} for c in others]
     return ChartData(
         axis,
+        max(planned, longest),
         {name: on_axis(ours.values[name], axis) for name in CURVES},
         {name: points_on_axis(ours.evaluated_at, values, axis) for name, values in ours.evaluated.items()},
         {name: on_axis(mean_curve([c.values[name] for c in curves]), axis) if several else nothing for name in CURVES},

@@ -22,7 +22,7 @@ from app.train.plan_view import (
     draw_plan,
 )
 from app.train.trainer import Trainer, trainer_of
-from app.train.view import COMPARED, RunsViewer, ViewRequest, chosen_run, compared_runs
+from app.train.view import COMPARED, RunsViewer, ViewRequest, chosen_run, compared_runs, make_details
 from app.workspace import Workspace
 from core.learning.run_files import create_run, read_lines, seed_files
 from core.simulation.physics.episode import Case
@@ -59,6 +59,14 @@ def test_charts_are_aligned_and_hold_the_mean_of_the_seeds(viewer: RunsViewer) -
     assert np.isfinite(charts.seeds_mean["reward"][10:]).all()
     assert np.isnan(charts.compared[0]["reward"]).all()
     assert np.count_nonzero(np.isfinite(charts.evaluated["returned"])) == 10
+
+
+def test_other_runs_are_drawn_as_far_as_the_chosen_one_is_to_go(viewer: RunsViewer, trained: Workspace) -> None:
+    metrics = {seed: viewer._trainer.metrics.read(trained.run_path("small"), seed) for seed in (0, 1)}
+    nothing = viewer._trainer.metrics.read(trained.run_path("nobody"), 0)
+    young = make_details({0: nothing}, [metrics[0]], 30).charts
+    assert young.end == 30 and young.axis[-1] == 30 and np.isfinite(young.compared[0]["reward"][10:]).all()
+    assert make_details({0: metrics[0]}, [nothing], 100).charts.axis[-1] == 40
 
 
 def test_what_is_shown_already_is_not_made_again(viewer: RunsViewer) -> None:
@@ -126,6 +134,6 @@ def test_offsets_are_drawn_from_the_target_in_the_middle() -> None:
         return tuple(picture[round(middle - dy_m * scale), round(middle + dx_m * scale)].tolist())
 
     assert pixel(0.25, 0.15) == OLD_RGB and pixel(-0.15, 0.05) == NEW_RGB and pixel(-0.25, 0.15) == FLOOR_RGB
-    assert pixel(0.485, 0.0) == NEW_RGB  # far out: at the edge
+    assert pixel(0.485, 0.0) == NEW_RGB  # far out: at the rim
     empty = draw_offsets(np.full((1, 2), np.nan), np.zeros((1, 2)))
     assert not (empty == NEW_RGB).all(axis=-1).any()
