@@ -99,7 +99,8 @@ class Window:
 
     def screenshot(self, name: str) -> np.ndarray:
         """(720, 1280, 3) RGB of the window, also kept as a file to look at."""
-        self.page.evaluate("document.querySelectorAll('.mantine-Notification-root').forEach(note => note.style.display = 'none')")
+        hide = "document.querySelectorAll('.mantine-Notification-root').forEach(note => note.style.display = 'none')"
+        self.page.evaluate(hide)
         data = self.page.screenshot(timeout=60_000)
         ARTIFACTS.mkdir(exist_ok=True)
         (ARTIFACTS / f"{name}.png").write_bytes(data)
