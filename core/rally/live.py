@@ -143,7 +143,7 @@ class LiveRecording:
             self._duration_us = max(self._duration_us, state.t_us)
             self._forget_old(int((self._duration_us - self._config.seconds * 1e6) // self._block_us))
 
-    def hear_notice(self, notice: m.ServeNotice | m.OutcomeNotice) -> None:
+    def hear_notice(self, notice: m.Notice) -> None:
         """Nothing to keep."""
 
     def _forget_old(self, keep_from: int) -> None:

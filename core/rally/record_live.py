@@ -80,7 +80,7 @@ class LiveRecorder:
         if len(state.ball_t_us):
             self._queue(state)
 
-    def hear_notice(self, notice: m.ServeNotice | m.OutcomeNotice) -> None:
+    def hear_notice(self, notice: m.Notice) -> None:
         """Outcomes become episodes."""
         if isinstance(notice, m.OutcomeNotice):
             self._queue(notice)

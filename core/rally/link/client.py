@@ -27,7 +27,7 @@ class LinkListener(Protocol):
     def hear_session(self, welcome: m.Reply) -> None: ...
     def hear_events(self, batch: m.EventBatch) -> None: ...
     def hear_state(self, state: m.State) -> None: ...
-    def hear_notice(self, notice: m.ServeNotice | m.OutcomeNotice) -> None: ...
+    def hear_notice(self, notice: m.Notice) -> None: ...
 
 
 class SimulationClient:
@@ -191,7 +191,7 @@ class SimulationClient:
         finally:
             socket.close(0)
 
-    def _dispatch(self, message: m.State | m.EventBatch | m.ServeNotice | m.OutcomeNotice) -> None:
+    def _dispatch(self, message: m.State | m.EventBatch | m.Notice) -> None:
         if isinstance(message, m.Reply):
             raise LinkError("a reply was published")
         self._heard_s = time.monotonic()

@@ -97,7 +97,7 @@ class LinkCourt:
     def hear_state(self, state: m.State) -> None:
         """Not used here."""
 
-    def hear_notice(self, notice: m.ServeNotice | m.OutcomeNotice) -> None:
+    def hear_notice(self, notice: m.Notice) -> None:
         """Pass an outcome to the thread that waits."""
         if isinstance(notice, m.OutcomeNotice):
             self._notices.put(notice)

@@ -18,29 +18,71 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.errors import EventsError, LinkError, RallyscopeError
 from core.events import Events, SensorSize
+from core.rally.link.bounds import COMMAND_BYTES, LONGEST_US, MESSAGE_BYTES, MOST_EVENTS, MOST_ROWS, WALL_NS
+from core.rally.link.commands import (
+    AimRacket,
+    AutoServe,
+    Hello,
+    Pause,
+    Reset,
+    RestRacket,
+    Resume,
+    Serve,
+    SetNoise,
+    SetSpeed,
+    SingleStep,
+)
 from core.rally.link.fields import (
     choice,
     column,
     flag,
     listing,
     number,
-    optional,
     read_fields,
     text,
     vector,
     whole,
     write_fields,
 )
+from core.rally.link.notices import BounceNotice, HitNotice, Notice, OutcomeNotice, ServeNotice
 from core.recordings import BallTruth, PixelTruth
 
+__all__ = [
+    "COMMANDS",
+    "COMMAND_BYTES",
+    "KINDS",
+    "LONGEST_US",
+    "MESSAGE_BYTES",
+    "MOST_EVENTS",
+    "MOST_ROWS",
+    "VERSION",
+    "WALL_NS",
+    "AimRacket",
+    "Array",
+    "AutoServe",
+    "BounceNotice",
+    "CameraInfo",
+    "EventBatch",
+    "Hello",
+    "HitNotice",
+    "Notice",
+    "OutcomeNotice",
+    "Pause",
+    "Reply",
+    "Reset",
+    "RestRacket",
+    "Resume",
+    "Serve",
+    "ServeNotice",
+    "SetNoise",
+    "SetSpeed",
+    "SingleStep",
+    "State",
+    "decode",
+    "encode",
+]
+
 VERSION: Final = 1
-MOST_EVENTS: Final = 2_000_000
-"""In one batch: two hundred times what a busy block of 10 ms holds."""
-MOST_ROWS: Final = 10_000
-COMMAND_BYTES: Final = 64 << 10
-MESSAGE_BYTES: Final = 32 << 20
-LONGEST_US: Final = 24 * 3600 * 1_000_000
-WALL_NS: Final = 1 << 62
 
 Array = NDArray[np.float64]
 
@@ -134,43 +176,6 @@ class EventBatch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ServeNotice:
-    """A ball was put into play."""
-
-    session: str = text(64)
-    seq: int = whole(0, WALL_NS)
-    t_us: int = whole(0, LONGEST_US)
-    speed_mps: float = number(0.0, 100.0)
-    p_m: tuple[float, ...] = vector(3, 100.0)
-    v_mps: tuple[float, ...] = vector(3, 100.0)
-    spin_radps: tuple[float, ...] = vector(3, 2000.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OutcomeNotice:
-    """What came of a served ball."""
-
-    session: str = text(64)
-    seq: int = whole(0, WALL_NS)
-    t_us: int = whole(0, LONGEST_US)
-    serve_us: int = whole(0, LONGEST_US)
-    speed_mps: float = number(0.0, 100.0)
-    case: int = whole(1, 5)
-    """1 own half, 2 net, 3 out, 4 returned, 5 missed."""
-    arrival: tuple[float, ...] = vector(6, 1000.0, nan=True)
-    """Position and velocity of the ball at the hitting plane or the racket, whichever it met first."""
-    q_wxyz: tuple[float, ...] = vector(4, 1.001, nan=True)
-    """Of the racket when it hit."""
-    landing_m: tuple[float, ...] = vector(3, 1000.0, nan=True)
-    landing_v_mps: tuple[float, ...] = vector(3, 1000.0, nan=True)
-    net_z_m: float = number(-1000.0, 1000.0, nan=True)
-
-
-Notice = ServeNotice | OutcomeNotice
-"""What a listener hears besides events and states."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CameraInfo:
     """A simulated camera."""
 
@@ -220,108 +225,12 @@ class Reply:
     cameras: tuple[CameraInfo, ...] = listing(CameraInfo, 16)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Hello:
-    """Asks who is there."""
-
-    id: int = whole(0, WALL_NS)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Serve:
-    """Serve a ball: drawn for a speed, or launched exactly as told. A ball still in play is taken away."""
-
-    id: int = whole(0, WALL_NS)
-    speed_mps: float = number(3.0, 9.0, default=5.0)
-    p_m: tuple[float, ...] | None = optional(vector(3, 5.0))
-    v_mps: tuple[float, ...] | None = optional(vector(3, 40.0))
-    spin_radps: tuple[float, ...] | None = optional(vector(3, 1500.0))
-
-    def __post_init__(self) -> None:
-        if (self.p_m is None) != (self.v_mps is None):
-            raise LinkError("a launch needs both p_m and v_mps", where="serve")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AimRacket:
-    """Send the middle of the racket's face to a place, with a velocity, at a time; it keeps its own limits."""
-
-    id: int = whole(0, WALL_NS)
-    p_m: tuple[float, ...] = vector(3, 5.0)
-    q_wxyz: tuple[float, ...] = vector(4, 1.001)
-    v_mps: tuple[float, ...] = vector(3, 20.0)
-    t_us: int = whole(0, LONGEST_US)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RestRacket:
-    """Send the racket back to rest."""
-
-    id: int = whole(0, WALL_NS)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pause:
-    """Stop the simulated clock."""
-
-    id: int = whole(0, WALL_NS)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Resume:
-    """Let the clock run."""
-
-    id: int = whole(0, WALL_NS)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SingleStep:
-    """Pause, after some more blocks."""
-
-    id: int = whole(0, WALL_NS)
-    blocks: int = whole(1, 1000, default=1)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetSpeed:
-    """Simulated seconds per second: below 1 is slow motion."""
-
-    id: int = whole(0, WALL_NS)
-    factor: float = number(0.001, 100.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SetNoise:
-    """Background events per pixel and second."""
-
-    id: int = whole(0, WALL_NS)
-    noise_hz: float = number(0.0, 20.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AutoServe:
-    """Serve again and again at a speed of 3 to 9 m/s; 0 stops."""
-
-    id: int = whole(0, WALL_NS)
-    speed_mps: float = number(0.0, 9.0)
-
-    def __post_init__(self) -> None:
-        if 0 < self.speed_mps < 3:
-            raise LinkError("no such serve", expected="3 to 9 m/s, or 0", got=self.speed_mps, where="auto_serve")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reset:
-    """Begin a new session at time 0; without a seed the same one again, and so the same serves and events."""
-
-    id: int = whole(0, WALL_NS)
-    seed: int | None = optional(whole(0, WALL_NS))
-
-
 KINDS: Final[dict[str, type]] = {
     "state": State,
     "events": EventBatch,
     "serve_notice": ServeNotice,
+    "bounce": BounceNotice,
+    "hit": HitNotice,
     "outcome": OutcomeNotice,
     "reply": Reply,
 }

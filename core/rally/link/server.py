@@ -16,7 +16,8 @@ from core.cameras import Camera
 from core.config import check_settings, setting
 from core.errors import LinkError, RallyscopeError
 from core.rally.link import messages as m
-from core.rally.link.world import Block, JudgedBall, SimulatedWorld, WorldConfig
+from core.rally.link.published import ball_rows, contact_notice, event_batch, outcome_notice, serve_notice
+from core.rally.link.world import Block, SimulatedWorld, WorldConfig
 from core.simulation.event_camera import BLOCK_US
 from core.simulation.physics.racket import RacketTarget
 
@@ -166,49 +167,18 @@ class SimulationServer:
             self._serve(m.Serve(id=0, speed_mps=self._auto_mps))
 
     def _publish(self, block: Block) -> None:
-        for name, events in block.events.items():
-            circle = block.circles[name]
-            batch = m.EventBatch(
-                session=self._session,
-                seq=self._next(),
-                wall_ns=time.time_ns(),
-                camera=name,
-                start_us=block.start_us,
-                end_us=block.end_us,
-                width_px=events.sensor.width_px,
-                height_px=events.sensor.height_px,
-                since_us=(events.t_us - block.start_us).astype(np.uint32),
-                x_px=events.x_px,
-                y_px=events.y_px,
-                on=events.on.view(np.uint8),
-                truth_t_us=circle.t_us,
-                circle=np.column_stack([circle.u_px, circle.v_px, circle.r_px]),
-            )
-            self._send("events", batch)
+        for name in block.events:
+            self._send("events", event_batch(block, name, self._session, self._next()))
+        for contact in block.contacts:
+            self._send(contact.event.kind, contact_notice(contact, self._session, self._next()))
         for judged in block.outcomes:
             self._returned += judged.outcome.case == 4
-            self._send("outcome", self._outcome(judged))
+            self._send("outcome", outcome_notice(judged, self._session, self._next()))
         self._send("state", self._state(block))
-
-    def _outcome(self, judged: JudgedBall) -> m.OutcomeNotice:
-        outcome, serve = judged.outcome, judged.serve
-        return m.OutcomeNotice(
-            session=self._session,
-            seq=self._next(),
-            t_us=round(outcome.t_s * 1e6),
-            serve_us=round(serve.t_s * 1e6),
-            speed_mps=float(np.linalg.norm(serve.state[3:6])),
-            case=int(outcome.case),
-            arrival=tuple(judged.arrival.tolist()),
-            q_wxyz=tuple(judged.q_wxyz.tolist()),
-            landing_m=tuple(outcome.landing_m.tolist()),
-            landing_v_mps=tuple(outcome.landing_v_mps.tolist()),
-            net_z_m=float(outcome.net_z_m),
-        )
 
     def _state(self, block: Block | None) -> m.State:
         world, no_times = self._world, np.empty(0, np.int64)
-        ball = np.empty((0, 9)) if block is None else _ball_rows(block)
+        ball = np.empty((0, 9)) if block is None else ball_rows(block)
         if not world.ball_is_visible:
             phase = "idle"
         else:
@@ -310,15 +280,4 @@ class SimulationServer:
         else:
             event = self._world.serve(command.p_m, command.v_mps, command.spin_radps or (0.0, 0.0, 0.0))
         self._served += 1
-        p, v, spin = (tuple(event.state[k : k + 3].tolist()) for k in (0, 3, 6))
-        speed = float(np.linalg.norm(event.state[3:6]))
-        t_us = round(event.t_s * 1e6)
-        notice = m.ServeNotice(
-            session=self._session, seq=self._next(), t_us=t_us, speed_mps=speed, p_m=p, v_mps=v, spin_radps=spin
-        )
-        self._send("serve_notice", notice)
-
-
-def _ball_rows(block: Block) -> m.Array:
-    ball = block.ball
-    return np.concatenate([ball.p_world_m, ball.v_world_mps, ball.spin_radps], axis=1)
+        self._send("serve_notice", serve_notice(event, self._session, self._next()))

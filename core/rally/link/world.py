@@ -55,6 +55,15 @@ class JudgedBall:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Contact:
+    """A bounce on the table or a hit of the racket."""
+
+    event: RallyEvent
+    q_wxyz: Array
+    """(4,) of the racket then."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Block:
     """All that happened in [start_us, end_us)."""
 
@@ -66,6 +75,8 @@ class Block:
     racket_t_us: NDArray[np.int64]
     racket: Array
     """(M, 10) position, orientation wxyz, velocity."""
+    contacts: tuple[Contact, ...]
+    """Bounces on the table and hits of the racket, in order."""
     outcomes: tuple[JudgedBall, ...]
 
 
@@ -92,6 +103,7 @@ class SimulatedWorld:
         self._new_launch = False
         self._arrival, self._q_hit = np.full(6, np.nan), np.full(4, np.nan)
         self._unreported: list[JudgedBall] = []
+        self._contacts: list[Contact] = []
 
     def serve(self, p_m: ArrayLike, v_mps: ArrayLike, spin_radps: ArrayLike) -> RallyEvent:
         """Put a ball into play now; one still in play counts as missed.
@@ -137,6 +149,7 @@ class SimulatedWorld:
     def advance(self) -> Block:
         """Simulate the next block."""
         start_us, end_us = self.now_us, self.now_us + BLOCK_US
+        self._contacts = []
         path, rows, outcomes = self._advance_rally(start_us, end_us)
         normals, physics = normals_from_orientations(rows[:, 4:8]), self.config.task.physics
         radius_m, thickness_m = physics.racket_radius_m, physics.racket_thickness_m
@@ -148,7 +161,9 @@ class SimulatedWorld:
         events = {name: future.result() for name, future in running.items()}
         self.now_us = end_us
         racket_t_us = np.round(rows[:-1, 0] * 1e6).astype(np.int64)
-        return Block(start_us, end_us, events, circles, ball, racket_t_us, rows[:-1, 1:], outcomes)
+        return Block(
+            start_us, end_us, events, circles, ball, racket_t_us, rows[:-1, 1:], tuple(self._contacts), outcomes
+        )
 
     def close(self) -> None:
         """End the threads."""
@@ -193,6 +208,8 @@ class SimulatedWorld:
         return self._judged(happened)
 
     def _note_contact(self, event: RallyEvent) -> None:
+        if event.kind in ("bounce", "hit"):
+            self._contacts.append(Contact(event, self.rally.racket.q_wxyz.copy()))
         if event.kind in ("hit", "hit_plane") and np.isnan(self._arrival[0]):
             self._arrival = event.touched[:6].copy()
         if event.kind == "hit" and not self.struck:

@@ -67,6 +67,10 @@ def examples() -> list[object]:
         state(),
         batch(),
         m.ServeNotice(session="s", seq=1, t_us=5, speed_mps=5.0, p_m=(1, 2, 3), v_mps=(4, 5, 6), spin_radps=(0, 0, 0)),
+        m.BounceNotice(session="s", seq=2, t_us=5, p_m=(-0.8, 0, 0.02), v_mps=(-4, 0, 2)),
+        m.HitNotice(
+            session="s", seq=3, t_us=6, p_m=(0, 0, 0), v_mps=(5, 0, 1), v_before_mps=(-4, 0, 1), q_wxyz=(1, 0, 0, 0)
+        ),
         m.OutcomeNotice(
             session="s",
             seq=1,

@@ -84,6 +84,11 @@ def test_a_served_ball_is_seen_by_both_cameras_and_judged(client):
     (outcome,) = outcomes(ear)
     assert outcome.case == 5  # it passes beside the resting racket
     assert outcome.speed_mps == pytest.approx(np.hypot(5, 1))
+    bounce = next(notice for notice in ear.notices if isinstance(notice, m.BounceNotice))
+    assert bounce.p_m[2] == pytest.approx(0.02) and bounce.v_mps[2] > 0
+    fall_s = (1 + np.sqrt(1 + 2 * 9.81 * 0.28)) / 9.81
+    assert bounce.t_us - outcome.serve_us == pytest.approx(1e6 * fall_s, abs=2)
+    assert bounce.p_m[0] == pytest.approx(1 - 5 * fall_s, abs=1e-5)
     assert {batch.camera for batch in ear.batches} == {"left", "right"}
     rows = np.concatenate([state.ball for state in ear.states])
     visible = np.concatenate([state.ball_visible for state in ear.states]).astype(bool)
