@@ -7,17 +7,13 @@ from __future__ import annotations
 
 import json
 import math
-import platform
 from collections.abc import Callable, Sequence
 from pathlib import Path
-
-import numba
-import numpy as np
-import torch
 
 from core.evaluation.learning_plan import Counts, Experiment, is_minor, plan
 from core.evaluation.learning_report import write_report
 from core.evaluation.learning_runs import SeedResult, load_results, train_seed
+from core.evaluation.machine import describe_machine
 from core.learning.summary import number, spread_of
 
 Progress = Callable[[float], None]
@@ -25,6 +21,7 @@ Progress = Callable[[float], None]
 FOLDER = Path("rallyscope-data/bench-learning")
 REPORT = Path("docs/learning-report.md")
 CHAIN = "events.json"
+CLOCK = "processor time of one thread"
 SEEDS_AT_A_TIME = 5
 
 
@@ -34,7 +31,7 @@ def run(
     """A row per training, the report's place, and the machine."""
     counts = counts or Counts()
     experiments = plan(counts)
-    machine = describe_machine()
+    machine = describe_machine("numpy", "torch", "numba", clock=CLOCK)
     if report == REPORT and not report.parent.is_dir():
         report = folder / REPORT.name  # not in a source checkout
     total = sum(experiment.config.episodes * experiment.config.seeds for experiment in experiments)
@@ -83,14 +80,6 @@ def read_chain(folder: Path) -> list[dict[str, object]]:
     path = folder / CHAIN
     rows = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
     return [dict(row) for row in rows]
-
-
-def describe_machine() -> str:
-    """Processor and versions that the timings depend on."""
-    return (
-        f"{platform.processor() or platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, "
-        f"torch {torch.__version__}, numba {numba.__version__}, one thread"
-    )
 
 
 def _row(experiment: Experiment, results: list[SeedResult]) -> dict[str, object]:

@@ -55,15 +55,16 @@ def write_report(
     experiments: Sequence[Experiment],
     results: Results,
     counts: Counts,
-    machine: str,
+    machine: Mapping[str, object],
     chain: Sequence[Mapping[str, object]] = (),
 ) -> None:
     """Write the report and its charts with whatever results there are; `chain`: rows of `rallyscope evaluate --json`
     for runs whose states come from event cameras."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    about = ", ".join(f"{name} {value}" for name, value in machine.items() if name != "load")
     parts = [
         HEADER.format(
-            balls=counts.balls, seeds=counts.seeds, rivals=counts.rival_seeds, minor=counts.minor_seeds, machine=machine
+            balls=counts.balls, seeds=counts.seeds, rivals=counts.rival_seeds, minor=counts.minor_seeds, machine=about
         ),
         "## The figures aimed at\n",
         targets_table(results),
