@@ -229,7 +229,7 @@ class Session:
 
     def _request_picture(self, state: ClientState, recording: Recording, now_us: int) -> None:
         view = state.tune
-        if state.mode == "Watch":
+        if state.mode != "Tune":
             request = WatchRequest(recording, now_us, state.look, state.configs.present.a, view.show_truth)
             key: object = (recording.uuid, now_us, state.look, state.configs.present.a, view.show_truth)
         else:

@@ -52,6 +52,11 @@ class Workspace:
         """Folder of the labels, one layer per recording, camera and annotator."""
         return self._folder("labels")
 
+    @property
+    def exports(self) -> Path:
+        """Folder of what was exported."""
+        return self._folder("exports")
+
     def run_path(self, name: str) -> Path:
         """Where the training of this name is or will be."""
         return self.runs / slug_from(name)

@@ -43,7 +43,7 @@ def run_blueprint(seeds: Sequence[str], curves: Mapping[str, str]) -> rrb.Bluepr
     plots = [rrb.TimeSeriesView(origin=path, name=name, plot_legend=_LEGEND) for path, name in curves.items()]
     return rrb.Blueprint(
         rrb.Horizontal(rrb.Grid(*spots), rrb.Grid(*plots, grid_columns=2), column_shares=[1, 1]),
-        rrb.TimePanel(state="collapsed", timeline=EPISODE, play_state="paused"),
+        rrb.TimePanel(state="collapsed", timeline=EPISODE, play_state="following"),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
     )

@@ -24,7 +24,8 @@ from core.simulation.physics.episode import Case
 Array = NDArray[np.float64]
 Lines = Sequence[dict[str, object]]
 SMOOTHED_OVER: Final = 100
-ABOVE_M: Final = 0.004
+ABOVE_M: Final = 0.018
+"""Spots are balls of their radius: lower, half of them would be in the table."""
 SPOT_M: Final = 0.02
 GOAL_M: Final = 0.03
 GOAL_RGB: Final = (255, 90, 10)

@@ -1,0 +1,141 @@
+"""The one export of a workspace that runs, whichever browser asked for it, and the files that were made."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from app.export.unfinished import Cancelled, ExportCancelledError, Progress
+from app.jobs import Job
+from app.workspace import Workspace, slug_from
+from core.errors import CommandError, RallyscopeError
+
+logger = logging.getLogger(__name__)
+Work = Callable[[Path, Progress, Cancelled], tuple[Path, ...]]
+"""Makes the files under the path it is given."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExportState:
+    """How the latest export does."""
+
+    name: str
+    running: bool
+    share: float
+    """0..1."""
+    seconds: float
+    """Since it began, or what it took."""
+    message: str
+    """How it ended; empty while it runs."""
+    failed: bool
+
+    @property
+    def left_s(self) -> float | None:
+        """Time left at the pace so far; None while that cannot be said."""
+        return None if self.share < 0.02 else self.seconds * (1 - self.share) / self.share
+
+
+@dataclass(frozen=True, slots=True)
+class ExportedFile:
+    """One of the files in the folder of exports."""
+
+    name: str
+    """Its path below that folder."""
+    size: int
+    changed_s: float
+
+
+class Exporter:
+    """Shared by all browsers; every method may be called from any thread."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        self._workspace = workspace
+        self._lock = threading.Lock()
+        self._job: Job[tuple[Path, ...]] | None = None
+        self._name = ""
+        self._started_s = self._ended_s = 0.0
+        self._message = ""
+        self._failed = False
+
+    def start(self, stem: str, suffix: str, work: Work) -> str:
+        """Begin; the file (or folder, without a suffix) gets a free name made of `stem`, which is returned.
+
+        Raises:
+            CommandError: if another export runs.
+        """
+        with self._lock:
+            if self._job is not None and self._job.running:
+                raise CommandError("another export runs", got=self._name, remedy="wait for it, or cancel it")
+            self._name = self._free_name(stem, suffix)
+            path = self._workspace.exports / self._name
+            self._started_s, self._ended_s, self._message, self._failed = time.monotonic(), 0.0, "", False
+            self._job = Job(lambda progress, cancelled: work(path, progress, cancelled), self._done, self._went_wrong)
+            return self._name
+
+    def cancel(self) -> None:
+        """Stop the export that runs; it leaves no file."""
+        with self._lock:
+            if self._job is not None and self._job.running and not self._message:
+                self._job.cancel()
+                self._ended_s, self._message = time.monotonic(), "cancelled"
+
+    def state(self) -> ExportState | None:
+        """Of the latest export; None if there was none."""
+        job = self._job
+        if job is None:
+            return None
+        running = job.running and not self._message
+        until_s = self._ended_s or time.monotonic()
+        return ExportState(self._name, running, job.share, until_s - self._started_s, self._message, self._failed)
+
+    def files(self) -> tuple[ExportedFile, ...]:
+        """What was made, the newest first."""
+        root = self._workspace.exports
+        found: list[ExportedFile] = []
+        for path in [*root.glob("*"), *root.glob("*/*")]:
+            name = path.relative_to(root)
+            if path.is_file() and not any(part.startswith(".") for part in name.parts):
+                about = path.stat()
+                found.append(ExportedFile(name.as_posix(), about.st_size, about.st_mtime))
+        return tuple(sorted(found, key=lambda file: (-file.changed_s, file.name)))
+
+    def path_of(self, name: str) -> Path:
+        """The file of a name in the list.
+
+        Raises:
+            CommandError: if it is not in the list.
+        """
+        if name not in {file.name for file in self.files()}:  # never a path made from what a browser sent
+            raise CommandError("no such export", got=repr(name[:80]), remedy="choose one from the list")
+        return self._workspace.exports / name
+
+    def _free_name(self, stem: str, suffix: str) -> str:
+        stem, root = slug_from(stem)[:50], self._workspace.exports
+        number = 1
+        while (root / f"{stem}-{number}{suffix}").exists():
+            number += 1
+        return f"{stem}-{number}{suffix}"
+
+    def _done(self, files: tuple[Path, ...]) -> None:
+        size = sum(path.stat().st_size for path in files)
+        self._ended_s, self._message = time.monotonic(), f"{self._name}: {size / 1e6:.1f} MB"
+
+    def _went_wrong(self, error: Exception) -> None:
+        if not isinstance(error, RallyscopeError | ExportCancelledError):
+            logger.error("an export failed", exc_info=error)
+        self._failed, self._ended_s = True, time.monotonic()
+        self._message = str(error) or "it could not be made; the log says why"
+
+
+_exporters: dict[Path, Exporter] = {}
+_exporters_lock = threading.Lock()
+
+
+def exporter_of(workspace: Workspace) -> Exporter:
+    """The exporter of a workspace: the same for every browser of this app."""
+    with _exporters_lock:
+        return _exporters.setdefault(workspace.root.resolve(), Exporter(workspace))

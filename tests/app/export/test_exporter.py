@@ -1,0 +1,93 @@
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from app.export.exporter import Exporter, ExportState
+from app.export.frozen import freeze
+from app.export.selection import Span
+from app.export.unfinished import check_cancelled, unfinished_file
+from app.workspace import Workspace
+from core.errors import CommandError
+from core.recordings import open_recording
+
+
+def wait(condition) -> None:
+    deadline = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def write(path, progress, cancelled):
+    with unfinished_file(path, overwrite=False) as unfinished:
+        unfinished.write_bytes(b"x" * 2_000_000)
+    return (path,)
+
+
+def test_names_are_made_by_the_server_and_never_taken_twice(tmp_path) -> None:
+    exporter = Exporter(Workspace(tmp_path))
+    assert exporter.state() is None and exporter.files() == ()
+    for number in (1, 2):
+        assert exporter.start("../Rally One", ".rrd", write) == f"rally-one-{number}.rrd"
+        wait(lambda: not exporter.state().running)
+    assert {(file.name, file.size) for file in exporter.files()} == {
+        ("rally-one-1.rrd", 2_000_000), ("rally-one-2.rrd", 2_000_000)
+    }  # fmt: skip
+    state = exporter.state()
+    assert not state.failed and state.message == "rally-one-2.rrd: 2.0 MB"
+    assert exporter.path_of("rally-one-1.rrd") == tmp_path / "exports" / "rally-one-1.rrd"
+    for name in ("../../etc/passwd", "rally-one-3.rrd", ""):
+        with pytest.raises(CommandError, match="no such export"):
+            exporter.path_of(name)
+
+
+def test_one_export_at_a_time_and_a_cancelled_one_leaves_nothing(tmp_path) -> None:
+    exporter, go = Exporter(Workspace(tmp_path)), threading.Event()
+
+    def slow(path, progress, cancelled):
+        with unfinished_file(path, overwrite=False) as unfinished:
+            unfinished.write_bytes(b"half")
+            progress(0.5)
+            go.wait(10)
+            check_cancelled(cancelled)
+        return (path,)
+
+    exporter.start("a", ".rrd", slow)
+    wait(lambda: exporter.state().share == 0.5)
+    assert exporter.files() == (), "what is unfinished is not in the list"
+    with pytest.raises(CommandError, match="another export runs"):
+        exporter.start("b", ".rrd", write)
+    exporter.cancel()
+    go.set()
+    assert exporter.state().message == "cancelled"
+    wait(lambda: not list((tmp_path / "exports").iterdir()))
+
+
+def test_what_went_wrong_is_said(tmp_path) -> None:
+    exporter = Exporter(Workspace(tmp_path))
+
+    def fail(path, progress, cancelled):
+        raise CommandError("the disk is full")
+
+    exporter.start("a", "", fail)
+    wait(lambda: exporter.state().message)
+    assert exporter.state().failed and "the disk is full" in exporter.state().message
+
+
+def test_the_time_left_follows_from_the_pace() -> None:
+    assert ExportState("a", True, 0.25, 10.0, "", False).left_s == pytest.approx(30)
+    assert ExportState("a", True, 0.0, 10.0, "", False).left_s is None
+
+
+def test_a_frozen_recording_is_the_part_that_it_was_taken_from(serve_recording) -> None:
+    span = Span(100_000, 300_000)
+    with open_recording(serve_recording) as recording:
+        frozen, left = freeze(recording, span), recording.cameras["left"]
+        held = frozen.cameras["left"]
+        assert frozen.uuid == recording.uuid and frozen.duration_us == span.end_us and frozen.ball is recording.ball
+        assert held.event_count == len(left.slice(100_000, 300_000)) > 0
+        assert np.array_equal(held.slice(0, 150_000).t_us, left.slice(100_000, 150_000).t_us)
+        assert held.calibration is left.calibration and held.sensor == left.sensor
+        assert np.array_equal(held.counts_per_ms(), left.counts_per_ms())
