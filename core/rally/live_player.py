@@ -143,7 +143,7 @@ class LivePlayer:
         self._playing = playing
 
     def add_listener(self, listener: StateListener) -> None:
-        """Hear of every new prediction in the player's thread: session, state, and the decision if one was made."""
+        """Hear of every new prediction in the player's thread: session, state, and the decision if one was sent."""
         self._listeners = (*self._listeners, listener)
 
     def add_step_listener(self, listener: StateListener) -> None:
@@ -284,7 +284,7 @@ class LivePlayer:
             listener(self._session, state, decision)
         if state.chain.is_new:
             for listener in self._listeners:
-                listener(self._session, state, decision)
+                listener(self._session, state, decision if playing else None)
 
     def _order(self, decision: Decision, heard: _Heard) -> Order:
         state = heard.state

@@ -4,27 +4,43 @@ from __future__ import annotations
 
 import queue
 import threading
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
-
-import numpy as np
 
 from core.errors import LinkError, RallyscopeError, RecordingError
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
+from core.rally.live_player import LivePlayer
+from core.rally.live_snapshot import Decision
+from core.rally.player import PlayerState
+from core.rally.recorded_rally import EPISODES, PREDICTIONS, TARGETS, episode_rows, prediction_rows, target_rows
 from core.recordings import BallTruth, PixelTruth, RecordingWriter
+from core.trajectory import Prediction
 
 QUEUE: Final = 3000
 """Messages that may wait for the disk, about ten seconds."""
 FLUSH_BLOCKS: Final = 100
-Heard = m.EventBatch | m.State | m.OutcomeNotice | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Thought:
+    """What the player expected, and decided."""
+
+    prediction: Prediction
+    decision: Decision | None
+
+
+Heard = m.EventBatch | m.State | m.OutcomeNotice | _Thought | None
 
 
 class LiveRecorder:
     """Records from the next whole block until `stop`, or until the session ends. Time starts at 0 again."""
 
-    def __init__(self, client: SimulationClient, path: Path, *, overwrite: bool = False) -> None:
-        """Begin.
+    def __init__(
+        self, client: SimulationClient, path: Path, *, player: LivePlayer | None = None, overwrite: bool = False
+    ) -> None:
+        """Begin. With a player, its predictions and decisions are recorded too.
 
         Raises:
             RecordingError: if the file exists and `overwrite` is not set, or it cannot be made.
@@ -40,6 +56,8 @@ class LiveRecorder:
         self._writer = RecordingWriter(
             self.path, sensors, calibration=cameras, seed=welcome.seed, config=config, overwrite=overwrite
         )
+        self._player = player
+        self._decision: Decision | None = None  # the writer's thread only
         self._zero_us: int | None = None
         self._blocks = 0
         self._heard: queue.Queue[Heard] = queue.Queue(QUEUE)
@@ -47,6 +65,8 @@ class LiveRecorder:
         self._thread = threading.Thread(target=self._write, name="live-recorder", daemon=True)
         self._thread.start()
         client.add_listener(self)
+        if player is not None:
+            player.add_listener(self._hear_thought)
 
     @property
     def recording(self) -> bool:
@@ -60,6 +80,8 @@ class LiveRecorder:
             RecordingError: if it could not be written to its end.
         """
         self._client.remove_listener(self)
+        if self._player is not None:
+            self._player.remove_listener(self._hear_thought)
         self._end()
         self._thread.join()
         if self.error is not None:
@@ -84,6 +106,11 @@ class LiveRecorder:
         """Outcomes become episodes."""
         if isinstance(notice, m.OutcomeNotice):
             self._queue(notice)
+
+    def _hear_thought(self, session: str, state: PlayerState, decision: Decision | None) -> None:
+        found = state.chain.prediction
+        if session == self._session and found is not None:
+            self._queue(_Thought(found, decision))
 
     def _queue(self, message: Heard) -> None:
         if self._ending:
@@ -116,7 +143,7 @@ class LiveRecorder:
             self.error = self.error or error
             self._ending = True
 
-    def _write_one(self, message: m.EventBatch | m.State | m.OutcomeNotice) -> None:
+    def _write_one(self, message: m.EventBatch | m.State | m.OutcomeNotice | _Thought) -> None:
         if self._zero_us is None:
             if not isinstance(message, m.State):  # the first state ends the block that was joined in its middle
                 return
@@ -126,8 +153,22 @@ class LiveRecorder:
             self._write_events(message, self._zero_us)
         elif isinstance(message, m.State):
             self._write_state(message, self._zero_us)
+        elif isinstance(message, _Thought):
+            self._write_thought(message, self._zero_us)
         elif message.serve_us >= self._zero_us:
-            self._writer.append_rows("/episodes", _episode(message, self._zero_us))
+            last = self._decision
+            made = last if last is not None and message.serve_us <= last.t_us <= message.t_us else None
+            policy = "live" if self._player is None else self._player.controller.name
+            self._writer.append_rows(EPISODES, episode_rows(message, made, policy, self._zero_us))
+
+    def _write_thought(self, thought: _Thought, zero_us: int) -> None:
+        rows = prediction_rows(thought.prediction, zero_us)
+        if rows is None or thought.prediction.t_us < zero_us:
+            return
+        self._writer.append_rows(PREDICTIONS, rows)
+        if thought.decision is not None:
+            self._decision = thought.decision
+            self._writer.append_rows(TARGETS, target_rows(thought.decision, zero_us))
 
     def _write_events(self, batch: m.EventBatch, zero_us: int) -> None:
         events, truth = batch.events(), batch.truth()
@@ -148,21 +189,3 @@ class LiveRecorder:
         self._blocks += 1
         if self._blocks % FLUSH_BLOCKS == 0:
             self._writer.flush()
-
-
-def _episode(notice: m.OutcomeNotice, zero_us: int) -> dict[str, np.ndarray]:
-    """One row of `/episodes`; goal, action and reward belong to a policy, which the simulation does not know."""
-    unknown = np.nan
-    return {
-        "serve_us": np.array([notice.serve_us - zero_us]),
-        "speed_mps": np.array([notice.speed_mps]),
-        "s": np.array([notice.arrival]),
-        "g": np.full((1, 2), unknown),
-        "a": np.full((1, 3), unknown),
-        "q_wxyz": np.array([notice.q_wxyz]),
-        "case": np.array([notice.case], np.int64),
-        "f": np.array([notice.landing_m]),
-        "s_next": np.array([notice.landing_m + notice.landing_v_mps]),
-        "reward": np.array([unknown]),
-        "policy": np.array([b"live"], "S16"),
-    }

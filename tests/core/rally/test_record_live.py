@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 
@@ -10,18 +11,21 @@ import numpy as np
 import pytest
 
 from core.cameras import stereo_preset
+from core.cameras.presets import SENSOR_720
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.rally.link.client import SimulationClient
 from core.rally.link.server import ServerConfig, SimulationServer
 from core.rally.live import LiveRecording
+from core.rally.live_player import LivePlayer
 from core.rally.record_live import LiveRecorder
+from core.rally.recorded_rally import REWARD, read_predictions, read_targets
 from core.recordings import open_recording
 
 
-@pytest.fixture
-def client():
-    server = SimulationServer(ServerConfig(), stereo_preset("side", SensorSize(320, 240)), "tcp://127.0.0.1:0")
+@pytest.fixture(params=[SensorSize(320, 240)])
+def client(request):
+    server = SimulationServer(ServerConfig(), stereo_preset("side", request.param), "tcp://127.0.0.1:0")
     ended = threading.Event()
     thread = threading.Thread(target=server.run, args=(ended.is_set,))
     thread.start()
@@ -32,8 +36,8 @@ def client():
     thread.join()
 
 
-def wait_for(true) -> None:
-    until = time.monotonic() + 15
+def wait_for(true, seconds: float = 15.0) -> None:
+    until = time.monotonic() + seconds
     while not true():
         assert time.monotonic() < until
         time.sleep(0.01)
@@ -78,3 +82,44 @@ def test_a_new_session_ends_the_recording_and_a_file_is_not_overwritten(client, 
     open_recording(recorder.path).close()
     with pytest.raises(RecordingError):
         LiveRecorder(client, tmp_path / "live.h5")
+
+
+@pytest.mark.parametrize("client", [SENSOR_720], indirect=True)
+def test_what_the_player_expected_and_decided_is_read_back(client, tmp_path):
+    player = LivePlayer(client)
+    heard = []
+    wait_for(lambda: player.snapshot.t_us > 0)
+    client.set_speed(0.4)
+    recorder = LiveRecorder(client, tmp_path / "played.h5", player=player)
+    player.add_listener(lambda session, state, decision: heard.append((state.chain.prediction, decision)))
+    t_us = player.snapshot.t_us
+    wait_for(lambda: player.snapshot.t_us > t_us + 30_000)
+    client.serve(5.0)
+    wait_for(lambda: player.snapshot.played == 1, 40)
+    ball = player.snapshot.finished[-1]
+    wait_for(lambda: player.snapshot.t_us > ball.t_us + 50_000)
+    recorder.stop()
+    player.close()
+    with contextlib.closing(open_recording(recorder.path)) as recording:
+        predictions, targets = read_predictions(recording), read_targets(recording)
+        racket, episodes = recording.read_rows("/racket"), recording.read_rows("/episodes")
+    expected = [one for one, _ in heard if one.hit_plane is not None][: len(predictions)]
+    assert len(predictions) > 10
+    zero_us = expected[0].t_us - predictions[0].t_us
+    for found, one in zip(predictions, expected, strict=True):
+        assert (found.t_us + zero_us, found.stage) == (one.t_us, one.stage)
+        assert found.t_hit_us + zero_us == round(1e6 * one.hit_plane.t_s)
+        np.testing.assert_array_equal(found.p_hit_m, one.hit_plane.p_world_m)
+        np.testing.assert_array_equal(found.cov, one.hit_plane.covariance)
+    decided = [decision for _, decision in heard if decision is not None][: len(targets)]
+    for found, one in zip(targets, decided, strict=True):
+        assert found.t_us + zero_us == one.t_us
+        np.testing.assert_array_equal(found.target.p_m, one.command.target.p_m)
+        np.testing.assert_array_equal(found.action, one.command.action)
+    assert episodes["s"][0] == pytest.approx(ball.decision.state) and episodes["g"][0].tolist() == [0.8, 0.0]
+    assert episodes["a"][0] == pytest.approx(ball.decision.command.action) and episodes["policy"][0] == b"built-in"
+    if ball.returned:
+        accuracy = REWARD.base + REWARD.scale * max(0, 1 - ball.error_m / REWARD.reach_m)
+        assert episodes["reward"][0] == pytest.approx(0.5 * REWARD.base + 0.5 * accuracy)
+    gap_m = np.linalg.norm(racket["p_world_m"] - targets[-1].target.p_m, axis=1).min()
+    assert gap_m < 0.05, "the racket went there"
