@@ -88,7 +88,7 @@ class LiveRally:
             if self._recorder is not None:
                 raise RecordingError("the rally is being recorded already", where=self._recorder.path)
             self._recorded_since_s = time.monotonic()
-            self._recorder = LiveRecorder(self.client, path)
+            self._recorder = LiveRecorder(self.client, path, player=self.player)
 
     def stop_recording(self) -> int:
         """Finish the file; returns its duration in microseconds, 0 if none was being written.
