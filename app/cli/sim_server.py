@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 
-from app.cli.simulate import _cameras, _sensor
+from app.cli.cameras import named_cameras, sensor_size
 from core.errors import CommandError
 from core.rally.link.server import ServerConfig, SimulationServer
 from core.rally.link.world import WorldConfig
@@ -26,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="publish here and take commands on the next port (default: %(default)s; port 0 takes free ones)",
     )
     parser.add_argument("--cameras", default="side", metavar="PRESET|FILE", help="placement, or a calibration file")
-    parser.add_argument("--sensor", type=_sensor, metavar="WxH", help="of a placement's cameras (default: 1280x720)")
+    parser.add_argument(
+        "--sensor", type=sensor_size, metavar="WxH", help="of a placement's cameras (default: 1280x720)"
+    )
     parser.add_argument("--noise-hz", type=float, default=0.1, metavar="HZ", help="background events (default: 0.1)")
     parser.add_argument("--physics", default="paper", choices=("paper", "real"), help="default: %(default)s")
     parser.add_argument("--auto-serve", type=float, default=0.0, metavar="MPS", help="serve by itself at 3 to 9 m/s")
@@ -47,7 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
         stereo=StereoConfig(sensor=SensorConfig(noise_hz=arguments.noise_hz)),
     )
     config = ServerConfig(world=world, auto_serve_mps=arguments.auto_serve)
-    cameras = _cameras(arguments.cameras, arguments.sensor)
+    cameras = named_cameras(arguments.cameras, arguments.sensor)
     server = SimulationServer(config, cameras, arguments.bind, seed=arguments.seed)
     host = server.address.removeprefix("tcp://").rpartition(":")[0]
     if host not in LOOPBACK:

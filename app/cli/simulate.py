@@ -8,11 +8,10 @@ import json
 from pathlib import Path
 
 from app.cli.arguments import positive_int
+from app.cli.cameras import named_cameras, sensor_size
 from app.cli.progress import progress_bar
-from core.cameras import Camera, load_calibration, stereo_preset
-from core.cameras.presets import PLACEMENTS, SENSOR_720
+from core.cameras.presets import PLACEMENTS
 from core.errors import CommandError, NotBuiltError
-from core.events import SensorSize
 from core.simulation import SensorConfig, ServeConfig, StereoConfig, scene_named, simulate_recording
 from core.simulation.scene import SCENES, SCENES_TO_COME
 
@@ -30,7 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scene", default="ball", metavar=scenes, help="default: %(default)s")
     parser.add_argument("--cameras", default="side", metavar=f"{presets}|FILE", help="placement, or a calibration file")
     parser.add_argument("--noise-hz", type=float, metavar="HZ", help="background events per pixel and second (0.1)")
-    parser.add_argument("--sensor", type=_sensor, metavar="WxH", help="of a placement's cameras (default: 1280x720)")
+    parser.add_argument(
+        "--sensor", type=sensor_size, metavar="WxH", help="of a placement's cameras (default: 1280x720)"
+    )
     parser.add_argument("--physics", default="paper", metavar="paper|real", help="flight of the ball (default: paper)")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="default: 0; the same seed, the same events")
     parser.add_argument("--force", action="store_true", help="replace REC.h5 if it exists")
@@ -48,7 +49,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise CommandError("no such seed", expected=expected, got=arguments.seed, where="--seed")
     noise = {} if arguments.noise_hz is None else {"noise_hz": arguments.noise_hz}
     config = StereoConfig(scene=scene_named(arguments.scene), sensor=SensorConfig(**noise))
-    cameras = _cameras(arguments.cameras, arguments.sensor)
+    cameras = named_cameras(arguments.cameras, arguments.sensor)
     serves = [ServeConfig(speed_mps=arguments.speed)] * arguments.serves
     with progress_bar(f"Simulating {arguments.out.name}") as progress:
         made = simulate_recording(
@@ -66,21 +67,3 @@ def run(arguments: argparse.Namespace) -> None:
         noun = "serve" if made.serves == 1 else "serves"
         events = ", ".join(f"{name} {count:,}" for name, count in made.events.items())
         print(f"{made.path}: {made.serves} {noun}, {made.duration_us / 1e6:.3f} s, events: {events}")
-
-
-def _cameras(where: str, sensor: SensorSize | None) -> dict[str, Camera]:
-    if where in PLACEMENTS:
-        return stereo_preset(where, sensor or SENSOR_720)
-    if not Path(where).exists():
-        expected = f"{', '.join(PLACEMENTS)} or a calibration file"
-        raise CommandError("no such cameras", expected=expected, got=repr(where), where="--cameras")
-    if sensor is not None:
-        raise CommandError("--sensor goes with a placement; a calibration file has its own", where="--sensor")
-    return load_calibration(Path(where))
-
-
-def _sensor(text: str) -> SensorSize:
-    width, _, height = text.lower().partition("x")
-    if not (width.isdecimal() and height.isdecimal() and 16 <= int(width) <= 4096 and 16 <= int(height) <= 4096):
-        raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT from 16 to 4096, such as 1280x720, got {text!r}")
-    return SensorSize(int(width), int(height))
