@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from app.export.selection import DEFAULT_STRIDE_US, span_of
+from app.export.selection import DEFAULT_STRIDE_US, Span, span_of
 from app.export.unfinished import Cancelled, Progress
 from core.errors import CommandError
 from core.rally import ChainConfig
@@ -30,6 +30,10 @@ class Format:
 
 FORMATS: Final = {
     "rrd": Format("a Rerun recording: 3D, pictures with the detector's stages, curves", ".rrd", of_runs=True),
+    "html": Format("the 3D scene with playback as one web page", ".html"),
+    "viser": Format("the 3D scene with playback for viser's own player", ".viser"),
+    "mp4": Format("a film: 3D drawing and event pictures", ".mp4"),
+    "png": Format("a picture of the end of the part: 3D drawing and event pictures", ".png"),
     "dsec": Format("event files in DSEC's HDF5 layout, one per camera", "", folder=True),
     "evt3": Format("Prophesee RAW files (EVT3), one per camera", "", folder=True),
     "csv": Format("events, truth and the chain's columns as tables", "", folder=True),
@@ -84,31 +88,113 @@ def export(
 
         return (export_run(run, order.destination, overwrite=order.overwrite, progress=progress, cancelled=cancelled),)
     span = span_of(recording, order.start_us, order.end_us)
-    path = order.destination
-    if order.format == "rrd":
-        from app.export.rrd import RrdContents, export_rrd
+    return _EXPORTS[order.format](_Task(order, recording, span, groups, labels or {}, progress, cancelled))
 
-        contents = RrdContents(
-            chain=order.chain,
-            stride_us=order.stride_us or DEFAULT_STRIDE_US,
-            pictures=order.pictures,
-            stages=order.stages,
-            plots=order.plots,
-            labels=labels or {},
-        )
-        made = export_rrd(
-            recording, path, span, contents, groups=groups, overwrite=order.overwrite, progress=progress,
-            cancelled=cancelled,
-        )  # fmt: skip
-        return (made,)
-    if order.format == "csv":
-        from app.export.csv_tables import export_csv
 
-        return export_csv(
-            recording, path, span, groups=groups, overwrite=order.overwrite, progress=progress, cancelled=cancelled
-        )
+@dataclass(frozen=True, slots=True, eq=False)
+class _Task:
+    """An order with everything that it takes."""
+
+    order: Order
+    recording: Recording
+    span: Span
+    groups: Callable[[str], Rows | None]
+    labels: Mapping[str, LabelArrays]
+    progress: Progress
+    cancelled: Cancelled
+
+    @property
+    def path(self) -> Path:
+        return self.order.destination
+
+
+# The formats are imported when they are asked for: each loads what only it needs.
+
+
+def _rrd(task: _Task) -> tuple[Path, ...]:
+    from app.export.rrd import RrdContents, export_rrd
+
+    order = task.order
+    contents = RrdContents(
+        chain=order.chain,
+        stride_us=order.stride_us or DEFAULT_STRIDE_US,
+        pictures=order.pictures,
+        stages=order.stages,
+        plots=order.plots,
+        labels=task.labels,
+    )
+    made = export_rrd(
+        task.recording, task.path, task.span, contents, groups=task.groups, overwrite=order.overwrite,
+        progress=task.progress, cancelled=task.cancelled,
+    )  # fmt: skip
+    return (made,)
+
+
+def _csv(task: _Task) -> tuple[Path, ...]:
+    from app.export.csv_tables import export_csv
+
+    return export_csv(
+        task.recording, task.path, task.span, groups=task.groups, overwrite=task.order.overwrite,
+        progress=task.progress, cancelled=task.cancelled,
+    )  # fmt: skip
+
+
+def _dsec(task: _Task) -> tuple[Path, ...]:
     from app.export.dsec import export_dsec
+
+    return export_dsec(
+        task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,
+        cancelled=task.cancelled,
+    )  # fmt: skip
+
+
+def _evt3(task: _Task) -> tuple[Path, ...]:
     from app.export.evt3 import export_evt3
 
-    write = export_dsec if order.format == "dsec" else export_evt3
-    return write(recording, path, span, overwrite=order.overwrite, progress=progress, cancelled=cancelled)
+    return export_evt3(
+        task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,
+        cancelled=task.cancelled,
+    )  # fmt: skip
+
+
+def _film(task: _Task) -> tuple[Path, ...]:
+    from app.export.drawn_picture import STRIDE_US, export_mp4
+
+    made = export_mp4(
+        task.recording, task.path, task.span, task.order.chain, stride_us=task.order.stride_us or STRIDE_US,
+        groups=task.groups, overwrite=task.order.overwrite, progress=task.progress, cancelled=task.cancelled,
+    )  # fmt: skip
+    return (made,)
+
+
+def _still(task: _Task) -> tuple[Path, ...]:
+    from app.export.drawn_picture import export_png
+
+    made = export_png(
+        task.recording, task.path, task.span, task.order.chain, groups=task.groups, overwrite=task.order.overwrite,
+        progress=task.progress, cancelled=task.cancelled,
+    )  # fmt: skip
+    return (made,)
+
+
+def _scene(task: _Task) -> tuple[Path, ...]:
+    from app.export.scene_file import STRIDE_US, export_scene
+
+    made = export_scene(
+        task.recording, task.path, task.span, task.order.chain, as_html=task.order.format == "html",
+        stride_us=task.order.stride_us or STRIDE_US, groups=task.groups, overwrite=task.order.overwrite,
+        progress=task.progress, cancelled=task.cancelled,
+    )  # fmt: skip
+    return (made,)
+
+
+_EXPORTS: Final[dict[str, Callable[[_Task], tuple[Path, ...]]]] = {
+    "rrd": _rrd,
+    "html": _scene,
+    "viser": _scene,
+    "mp4": _film,
+    "png": _still,
+    "dsec": _dsec,
+    "evt3": _evt3,
+    "csv": _csv,
+}

@@ -17,8 +17,9 @@ from app.export.rrd_blueprint import recording_blueprint
 from app.export.rrd_file import rerun_file
 from app.export.rrd_paths import picture_path
 from app.export.selection import DEFAULT_STRIDE_US, Span
-from app.export.steps import Step, follow_span, is_stereo, window_length_us
+from app.export.steps import Step, follow_span, window_length_us
 from app.export.unfinished import Cancelled, Progress, check_cancelled
+from app.watch.following import is_stereo
 from core.detection.methods import method_config
 from core.rally import ChainConfig
 from core.recordings import Recording

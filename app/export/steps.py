@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from app.export.selection import Span
+from app.watch.following import is_stereo
 from core.detection import Detection, FastDetector, TrackState
 from core.detection.methods import method_config
 from core.detection.window import windows_between
@@ -27,12 +28,6 @@ class Step:
     """None for a recording that cannot be triangulated."""
     before: dict[str, TrackState] | None
     """What the detectors remembered before this window; only in every `picture_every`-th step."""
-
-
-def is_stereo(recording: Recording) -> bool:
-    """Whether the ball can be triangulated: two cameras or more, all of them calibrated."""
-    streams = recording.cameras.values()
-    return len(streams) > 1 and all(stream.calibration is not None for stream in streams)
 
 
 def window_length_us(config: ChainConfig) -> int:

@@ -143,7 +143,7 @@ def _recording_work(
             destination=path,
             start_us=span.start_us,
             end_us=span.end_us,
-            stride_us=plan.stride_us,
+            stride_us=plan.stride_us if plan.format == "rrd" else None,
             pictures=plan.pictures,
             stages=plan.stages,
             plots=plan.plots,

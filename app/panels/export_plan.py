@@ -19,6 +19,10 @@ STRIDES_US: Final = {"2 ms": 2000, "4 ms": 4000, "10 ms": 10_000, "20 ms": 20_00
 NOBODY: Final = "nobody"
 TITLES: Final = {
     "rrd": "Rerun (.rrd)",
+    "html": "3D scene as a web page (.html)",
+    "viser": "3D scene for viser (.viser)",
+    "mp4": "Film (.mp4)",
+    "png": "Picture of the end (.png)",
     "dsec": "DSEC (HDF5 per camera)",
     "evt3": "Prophesee RAW (EVT3)",
     "csv": "CSV tables",
