@@ -90,11 +90,9 @@ class PicturePlane:
         if wanted == self._framed and not again:
             return
         self._framed = wanted
-        width, height = self._sheet.width * UNIT * 1.02, self._sheet.height * UNIT * 1.02
-        visible = max(height / (1 - self.panel_share), width / aspect)
-        distance = visible / 2 / math.tan(FOV_RAD / 2)
-        top_margin = (visible * (1 - self.panel_share) - height) / 2
-        look_at = np.array([self._sheet.width * UNIT / 2, visible / 2 - top_margin - height * 0.01, 0.0])
+        visible, middle = framing(self._sheet.width, self._sheet.height, aspect, self.panel_share)
+        distance = visible * UNIT / 2 / math.tan(FOV_RAD / 2)
+        look_at = np.array([self._sheet.width * UNIT / 2, middle * UNIT, 0.0])
         camera = self._client.camera
         with self._client.atomic():
             camera.fov = FOV_RAD
@@ -120,6 +118,14 @@ class PicturePlane:
         image.on_drag("left")(dragged)
         image.on_drag("right")(keep)
         return image
+
+
+def framing(width: float, height: float, aspect: float, panel_share: float) -> tuple[float, float]:
+    """For a sheet (all in its pixels): the height that the window shows, and how far down its middle is."""
+    width, height = width * 1.02, height * 1.02
+    visible = max(height / (1 - panel_share), width / aspect)
+    top_margin = (visible * (1 - panel_share) - height) / 2
+    return visible, visible / 2 - top_margin - height * 0.01
 
 
 def sheet_point(ray_origin: np.ndarray, ray_direction: np.ndarray) -> tuple[float, float]:

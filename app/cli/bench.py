@@ -12,7 +12,19 @@ from core.errors import NotBuiltError
 
 HOMES = ("core.evaluation", "core.rally", "labels", "app")
 """Packages in which the module `bench_NAME` may be: that of the layer it measures."""
-BENCHES = ("import", "detection", "simulation", "physics", "prediction", "rally", "learning", "labels", "export", "app")
+BENCHES = (
+    "import",
+    "detection",
+    "simulation",
+    "physics",
+    "prediction",
+    "rally",
+    "learning",
+    "labels",
+    "label-mode",
+    "export",
+    "app",
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +53,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def find_bench(name: str) -> str | None:
     """The module that measures this, or None while there is none."""
-    modules = (f"{home}.bench_{name}" for home in HOMES)
+    modules = (f"{home}.bench_{name.replace('-', '_')}" for home in HOMES)
     return next((module for module in modules if importlib.util.find_spec(module)), None)
 
 

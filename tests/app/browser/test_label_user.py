@@ -1,0 +1,22 @@
+"""A scripted person labels through the screen and the keyboard, survives a kill of the server, exports and scores."""
+
+from pathlib import Path
+
+import pytest
+
+from app.label.trial_user import find_chromium, label_with_browser
+
+pytestmark = pytest.mark.browser
+COUNT = 14
+
+
+def test_what_the_screen_calls_saved_survives_a_kill_and_comes_back_from_every_format(tmp_path: Path) -> None:
+    if find_chromium() is None:
+        pytest.skip("no Chromium here; see tests/ensure_chromium.py")
+    result = label_with_browser(tmp_path, COUNT)
+    assert result.labels >= COUNT and result.before_kill >= COUNT // 2 and result.lost == 0
+    assert result.clicked >= 1 and result.accepted > result.clicked
+    assert result.median_error_px < 0.3
+    assert result.formats_failed == 0, result.formats
+    assert "voc by LabelImg" in result.formats and "coco by pycocotools" in result.formats
+    assert result.scored_labels == result.labels
