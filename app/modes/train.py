@@ -144,6 +144,7 @@ class TrainMode:
         before, self._view = self._view, view
         if view.run is None or before is None or before.run is None or before.run.name != view.run.name:
             self._rally.restart()
+            self._scene_panel.show_ball(None)
         if view.details is not None or view.run is None:
             self._details = view.details
         with self._host.client.atomic():

@@ -73,7 +73,9 @@ class RunPanel:
         self._resume.visible = active is None and run is not None and run.resumable
         self._progress.visible = active is not None
         if active is not None:
-            self._progress.value = 0.0 if active.status is None else 100.0 * active.status.share
+            status = None if active.phase == "starting" else active.status
+            self._progress.animated = status is None
+            self._progress.value = 100.0 if status is None else 100.0 * status.share
             pace = next((name for name, rate in PACES.items() if rate == active.episodes_per_s), None)
             self._pace.show(pace or next(iter(PACES)))
 

@@ -29,7 +29,7 @@ class ScenePanel:
     """Of one browser."""
 
     def __init__(self, gui: viser.GuiApi, actions: SceneActions) -> None:
-        self._ball = gui.add_html("")
+        self._ball = gui.add_html(ball_html(None))
         self._player = gui.add_dropdown("Balls of", PLAYERS, hint="The same ball, with noise or as a policy plays it")
         self._view = gui.add_dropdown("View", VIEWS, hint="Drag to turn, wheel to zoom")
         self._speed = Choice(gui, "Speed", tuple(SPEEDS), actions.play_at, hint="Of the ball; 1 is real time")
