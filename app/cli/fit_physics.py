@@ -1,0 +1,89 @@
+"""`rallyscope fit-physics`: drag, restitution and friction from recorded flights."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from app.cli.bench import format_table
+from app.cli.progress import progress_bar
+from core.errors import CommandError
+
+TEST_SHARE = 0.3
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The verb's arguments."""
+    parser.add_argument(
+        "flights", nargs="+", type=Path, metavar="FLIGHTS", help="CSV of t_s,x_m,y_m,z_m (world), or as tt3d writes it"
+    )
+    parser.add_argument(
+        "--magnus", type=float, default=0.10, metavar="CM", help="Magnus coefficient, which flights do not fix (0.10)"
+    )
+    parser.add_argument("--samples", type=int, default=20, metavar="N", help="bootstrap samples for the spread (20)")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the split into fit and test (default: 0)")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Fit on most of the flights, test on the others, print both."""
+    if not 0 <= arguments.magnus <= 0.5:
+        raise CommandError("no such coefficient", expected="0 to 0.5", got=arguments.magnus, where="--magnus")
+    if arguments.samples < 2 or arguments.seed < 0:
+        raise CommandError("not a usable count", expected="--samples from 2, --seed from 0")
+    if len(arguments.flights) < 4:
+        raise CommandError(
+            "not enough flights", expected="4 or more: some are kept for the test", got=len(arguments.flights)
+        )
+    from core.evaluation.physics_report import compare_models
+    from core.simulation.physics.fit_flights import bootstrap, fit_physics
+    from core.simulation.physics.flight_files import read_flight
+
+    flights = [read_flight(path) for path in arguments.flights]
+    order = np.random.default_rng(arguments.seed).permutation(len(flights))
+    tests = max(1, round(TEST_SHARE * len(flights)))
+    test, fit = ([flights[k] for k in part] for part in (order[:tests], order[tests:]))
+    with progress_bar("Fitting") as progress:
+        fitted = fit_physics(fit, arguments.magnus)
+        progress(0.2)
+        spread = bootstrap(fit, fitted, arguments.samples, arguments.seed, lambda share: progress(0.2 + 0.7 * share))
+        errors = compare_models(test, fitted, lambda share: progress(0.9 + 0.1 * share))
+    constants = {
+        "drag_coefficient": {"value": fitted.drag_coefficient, "sigma": spread.drag_coefficient},
+        "restitution": {"value": fitted.restitution, "sigma": spread.restitution},
+        "friction": {"value": fitted.friction, "sigma": spread.friction},
+    }
+    if arguments.json:
+        spins = np.linalg.norm(fitted.starts[:, 6:], axis=1)
+        report = {
+            **constants,
+            "magnus_coefficient": fitted.magnus_coefficient,
+            "residual_m": {"rms": fitted.rms_m, "median": fitted.median_m},
+            "spins_radps": {flight.name: float(spin) for flight, spin in zip(fit, spins, strict=True)},
+            "test": [asdict(row) for row in errors],
+            "flights": {"fit": len(fit), "test": len(test)},
+        }
+        print(json.dumps(report))
+        return
+    print(f"{len(fit)} flights fitted, {len(test)} kept for the test; median distance {1e3 * fitted.median_m:.1f} mm")
+    print(format_table([{"constant": name, **values} for name, values in constants.items()]))
+    print()
+    print("Test flights, errors after 150 ms of observation, mm (median, 95 %):")
+    print(
+        format_table(
+            [
+                {
+                    "model": row.model,
+                    "bounce": row.bounce_median_mm,
+                    "bounce 95 %": row.bounce_p95_mm,
+                    **{f"{1e3 * ahead:.0f} ms": value for ahead, value in row.ahead_median_mm.items()},
+                    **{f"{1e3 * ahead:.0f} ms 95 %": value for ahead, value in row.ahead_p95_mm.items()},
+                }
+                for row in errors
+            ]
+        )
+    )
