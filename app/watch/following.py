@@ -16,6 +16,7 @@ from core.rally.config import ChainConfig
 from core.rally.controller import BuiltInController
 from core.rally.follow import calibrated_cameras
 from core.rally.player import Player
+from core.rally.recorded_rally import read_targets
 from core.recordings import Recording
 from core.recordings.reader import FileRecording
 from core.simulation.physics.episode import Case
@@ -70,6 +71,7 @@ class Following:
         if rackets is not None:
             t_us, ps, qs = (np.asarray(rackets[name]) for name in ("t_us", "p_world_m", "q_world_wxyz"))
             self.history.add_rackets(t_us, ps, qs)
+        self.history.add_targets(read_targets(self._recording))
         episodes = self._recording.read_rows("/episodes")
         if episodes is not None:
             for serve_us, speed, case, landing in zip(

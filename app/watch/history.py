@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from bisect import bisect_left, bisect_right
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
@@ -12,9 +13,11 @@ from numpy.typing import NDArray
 
 from app.scene.rally_picture import LandingSpot, Pose, RallyPicture
 from core.rally.chain import BallPoint
-from core.rally.controller import RacketCommand
+from core.rally.controller import Stage
 from core.rally.player import PlayerState
+from core.rally.recorded_rally import RecordedTarget
 from core.recordings import BallTruth
+from core.simulation.physics.racket import RacketTarget
 from core.trajectory import Prediction
 from core.trajectory.prediction import HitPlane
 
@@ -28,7 +31,8 @@ BALL_US: Final = 30_000
 """A ball that was not seen for so long is not drawn."""
 EXPECTED_US: Final = 60_000
 """Predictions stay this long after the time at which the ball was to be hit."""
-RACKET_US: Final = 100_000
+RACKET_US: Final = 200_000
+"""A racket's target is shown for so long after the time at which it was to be there."""
 PATH_POINTS: Final = 48
 TUBE_POINTS: Final = 20
 SPEED_POINTS: Final = 6
@@ -52,6 +56,18 @@ class Expected:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Sent:
+    """Where the racket was sent."""
+
+    target: RacketTarget
+    stage: Stage
+    action: Array
+    """(3,) in [-1, 1]."""
+    landing_m: Array | None
+    """(2,) where the ball was to land; None before that was decided."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Step:
     """What was known after one step of the chain."""
 
@@ -62,7 +78,7 @@ class Step:
     before: Expected | None
     """Of this flight, the last prediction before the bounce."""
     after: Expected | None
-    command: RacketCommand | None
+    sent: Sent | None
     seconds: float
     """Wall time of the step."""
 
@@ -84,6 +100,8 @@ class Moment:
     t_us: int
     picture: RallyPicture
     step: Step | None
+    sent: Sent | None
+    """Where the racket is sent at this time."""
     speed_mps: float | None
     """Of the ball, from its last points."""
     outcomes: tuple[Outcome, ...]
@@ -131,6 +149,7 @@ class RallyHistory:
             self._rackets: _Line[Pose] = _Line()
             self._truths: _Line[Array | None] = _Line()
             self._outcomes: _Line[Outcome] = _Line()
+            self._targets: _Line[Sent] = _Line()
             self._hits: _Line[tuple[int, HitPlane]] = _Line()
             self._before: Expected | None = None
             self._after: Expected | None = None
@@ -160,7 +179,9 @@ class RallyHistory:
         with self._lock:
             if chain.is_new and chain.prediction is not None:
                 self._expect(chain.prediction)
-            step = Step(chain.t_us, chain.point, circles, self._before, self._after, state.command, chain.seconds.total)
+            told = state.command
+            sent = None if told is None else Sent(told.target, told.stage, told.action, told.landing_m)
+            step = Step(chain.t_us, chain.point, circles, self._before, self._after, sent, chain.seconds.total)
             self._steps.add(chain.t_us, step)
             if chain.point is not None:
                 self._points.add(chain.point.t_us, chain.point)
@@ -170,6 +191,12 @@ class RallyHistory:
         with self._lock:
             for t, p, q in zip(t_us.tolist(), ps_world_m, qs_wxyz, strict=True):
                 self._rackets.add(t, Pose(p, q))
+
+    def add_targets(self, targets: Iterable[RecordedTarget]) -> None:
+        """Where the racket was sent when the recording was made: it counts, and not what the chain would do now."""
+        with self._lock:
+            for one in targets:
+                self._targets.add(one.t_us, Sent(one.target, one.stage, one.action, one.goal_m))
 
     def add_truth(self, truth: BallTruth) -> None:
         """Where the ball really was."""
@@ -196,6 +223,7 @@ class RallyHistory:
             racket = self._rackets.last(t_us)
             truth = self._truths.last(t_us)
             outcomes = tuple(self._outcomes.between(-1, t_us))
+            sent = self._targets.last(t_us) if self._targets.items else step.sent if step else None
         points = _one_flight(points)
         newest = points[-1] if points and t_us - points[-1].t_us <= BALL_US else None
         rays = (
@@ -206,7 +234,7 @@ class RallyHistory:
         before, after = (_still(step.before, t_us), _still(step.after, t_us)) if step else (None, None)
         newest_expected = after or before
         hit = newest_expected.hit if newest_expected else None
-        command = step.command if step and step.command and _near(step.command, t_us) else None
+        sent = sent if sent is not None and _near(sent, t_us) else None
         tube = newest_expected.sigmas() if newest_expected else (np.empty((0, 3)), np.empty((0, 3)))
         bounce = next((one.bounce for one in (before, after) if one is not None and one.bounce is not None), None)
         picture = RallyPicture(
@@ -221,11 +249,11 @@ class RallyHistory:
             bounce=bounce,
             hit=None if hit is None else hit.p_world_m,
             racket=racket,
-            racket_target=Pose(command.target.p_m, command.target.q_wxyz) if command else None,
-            landing_target=command.landing_m if command else None,
+            racket_target=Pose(sent.target.p_m, sent.target.q_wxyz) if sent else None,
+            landing_target=sent.landing_m if sent else None,
             spots=tuple(outcome.spot for outcome in outcomes),
         )
-        return Moment(t_us, picture, step, _speed_mps(points) if newest else None, outcomes)
+        return Moment(t_us, picture, step, sent, _speed_mps(points) if newest else None, outcomes)
 
     def _expect(self, prediction: Prediction) -> None:
         path = prediction.curve_ps_world_m
@@ -260,8 +288,8 @@ def _still(expected: Expected | None, t_us: int) -> Expected | None:
     return expected if t_us <= end_us + EXPECTED_US else None
 
 
-def _near(command: RacketCommand, t_us: int) -> bool:
-    return t_us - RACKET_US * 4 <= command.target.t_s * 1e6 + RACKET_US
+def _near(sent: Sent, t_us: int) -> bool:
+    return t_us <= sent.target.t_s * 1e6 + RACKET_US
 
 
 def _speed_mps(points: list[BallPoint]) -> float | None:

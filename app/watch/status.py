@@ -10,8 +10,7 @@ import numpy as np
 
 from app import theme
 from app.scene.landing import CASE_NAMES, CASE_RGB
-from app.watch.history import Moment, Outcome, Step
-from core.rally.controller import RacketCommand
+from app.watch.history import Moment, Outcome, Sent, Step
 from core.rally.live_snapshot import RallySnapshot
 from core.simulation.physics.episode import Case
 from core.trajectory.prediction import HitPlane
@@ -20,16 +19,16 @@ from core.trajectory.prediction import HitPlane
 def moment_html(moment: Moment, action_limit_deg: float, followed: float) -> str:
     """Ball, predictions and racket at one time; `followed` is the share of the recording that the chain has seen."""
     step = moment.step
-    command = step.command if step is not None else None
+    sent = moment.sent
     rows = [
         ("Ball", "-" if moment.speed_mps is None else f"{moment.speed_mps:.2f} m/s"),
         ("Contact in", _contact(step, moment.t_us)),
         ("Residual", _residual(step)),
         ("Before bounce", _hit(step.before.hit if step and step.before else None)),
         ("After bounce", _hit(step.after.hit if step and step.after else None)),
-        ("Racket action", _action(command, action_limit_deg)),
-        ("Quaternion", "-" if command is None else " ".join(f"{value:+.3f}" for value in command.target.q_wxyz)),
-        ("Aims at", _target(command)),
+        ("Racket action", _action(sent, action_limit_deg)),
+        ("Quaternion", "-" if sent is None else " ".join(f"{value:+.3f}" for value in sent.target.q_wxyz)),
+        ("Aims at", _target(sent)),
         ("Last ball", _last(moment.outcomes)),
         ("Balls", _balls(moment.outcomes)),
     ]
@@ -101,16 +100,16 @@ def _hit(hit: HitPlane | None) -> str:
     return f"y {y:+.3f}, z {z:+.3f} m, {float(np.linalg.norm(hit.v_world_mps)):.2f} m/s"
 
 
-def _action(command: RacketCommand | None, limit_deg: float) -> str:
-    if command is None:
+def _action(sent: Sent | None, limit_deg: float) -> str:
+    if sent is None:
         return "-"
-    return ", ".join(f"{angle * limit_deg:+.1f}&deg;" for angle in command.action) + f" ({command.stage}-bounce)"
+    return ", ".join(f"{angle * limit_deg:+.1f}&deg;" for angle in sent.action) + f" ({sent.stage}-bounce)"
 
 
-def _target(command: RacketCommand | None) -> str:
-    if command is None or command.landing_m is None:
+def _target(sent: Sent | None) -> str:
+    if sent is None or sent.landing_m is None:
         return "-"
-    return f"x {command.landing_m[0]:.2f}, y {command.landing_m[1]:+.2f} m"
+    return f"x {sent.landing_m[0]:.2f}, y {sent.landing_m[1]:+.2f} m"
 
 
 def _last(outcomes: tuple[Outcome, ...]) -> str:

@@ -12,8 +12,10 @@ from app.watch.live import positions
 from app.watch.status import moment_html
 from core.rally.config import ChainConfig
 from core.rally.follow import follow_recording, true_positions
+from core.rally.recorded_rally import RecordedTarget
 from core.recordings import open_recording
 from core.simulation.physics.episode import Case
+from core.simulation.physics.racket import RacketTarget
 
 
 @pytest.fixture(scope="module")
@@ -111,3 +113,17 @@ def test_one_pass_is_shared_and_flat_recordings_have_none(recording) -> None:
 def test_the_figures_say_how_far_the_chain_has_come() -> None:
     empty = RallyHistory().at(0, {})
     assert "43%" in moment_html(empty, 15.0, 0.43) and "Chain" not in moment_html(empty, 15.0, 1.0)
+
+
+def test_where_the_racket_was_sent_counts_and_not_what_the_chain_would_do_now(recording) -> None:
+    following = Following(recording)
+    following.wait()
+    pose = RacketTarget(np.array([-1.4, 0.2, 0.3]), np.array([1.0, 0, 0, 0]), np.zeros(3), 0.5)
+    goal = np.array([0.7, -0.2])
+    following.history.add_targets([RecordedTarget(100_000, "post", pose, np.array([0.0, 0.5, -0.5]), goal)])
+    assert moment(following, 99_999).picture.racket_target is None
+    now = moment(following, 400_000)
+    np.testing.assert_array_equal(now.picture.racket_target.p_world_m, pose.p_m)
+    np.testing.assert_array_equal(now.picture.landing_target, goal)
+    assert "+7.5&deg;, -7.5&deg; (post-bounce)" in moment_html(now, 15.0, 1.0)
+    assert moment(following, 800_000).picture.racket_target is None, "the ball is long gone"
