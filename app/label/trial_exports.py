@@ -94,7 +94,7 @@ def _coco_by_pycocotools(labels: LabelSet, folder: Path) -> dict[int, Array]:
     found = {}
     for entry in coco.loadAnns(coco.getAnnIds()):
         picture = Path(coco.loadImgs(entry["image_id"])[0]["file_name"]).stem
-        found[times[picture]] = np.array(dict(entry)["keypoints"][:2]) - 0.5
+        found[times[picture]] = np.array(entry["keypoints"][:2]) - 0.5  # pyright: ignore[reportGeneralTypeIssues]
     return found
 
 

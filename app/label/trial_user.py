@@ -120,7 +120,7 @@ class _User:
         self.before_kill = self._count()
         assert self._server is not None
         self._server.kill()
-        self._server.wait()
+        self._forget_server()
         self._open()
         self.lost = max(0, self.before_kill - self._count())
         self._label_until(count)
@@ -139,7 +139,13 @@ class _User:
         """End the server."""
         if self._server is not None:
             self._server.terminate()
-            self._server.wait(timeout=30)
+            self._forget_server()
+
+    def _forget_server(self) -> None:
+        assert self._server is not None and self._server.stdout is not None
+        self._server.wait(timeout=30)
+        self._server.stdout.close()
+        self._server = None
 
     def _open(self) -> None:
         """Start the server, go to Label mode and to the first unchecked time, and have the detector propose."""

@@ -1,0 +1,232 @@
+"""A browser's labelling without a browser: everything that a key does, written to the disk and read again."""
+
+import queue
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from app.label.assistant import Assistant
+from app.label.plan import Plan, Scene, agreement_at, centre_at, plan_at
+from app.label.view import LabelView
+from app.label.work import Hooks, LabelWork
+from core.detection import DetectorConfig
+from core.recordings import open_recording
+from labels.model import Source, State
+from labels.store import LabelStore, Layer, find_layers
+
+BALL_US = 300_000
+
+
+class Bench:
+    """A work with a loop of its own."""
+
+    def __init__(self, folder: Path, recording: Path) -> None:
+        from concurrent.futures import ThreadPoolExecutor
+
+        self.folder, self.errors, self.notes = folder, [], []
+        self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self.recording = open_recording(recording)
+        hooks = Hooks(self._inbox.put, self.errors.append, lambda *words: self.notes.append(words), lambda t_us: None)
+        self.work = LabelWork(folder, self.recording, hooks, LabelView(camera="left", annotator="anna"), 2000)
+        self.pool = ThreadPoolExecutor(1)
+        self.assistant = Assistant(self.work, self.pool)
+        self.wait(lambda: {"left", "right"} <= self.work.ready)
+
+    def wait(self, condition: Callable[[], object] | None = None, timeout_s: float = 60.0) -> None:
+        """Run the loop until the condition holds, or until nothing is waiting."""
+        deadline = time.monotonic() + timeout_s
+        while True:
+            while not self._inbox.empty():
+                self._inbox.get()()
+            if (condition or (lambda: not self.work.desk.waiting))() and self._inbox.empty():
+                return
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+
+    def scene(self) -> Scene:
+        work = self.work
+        partner = work.partner
+        assert partner is not None
+        return Scene(work.source, partner, work.view, "polarity", "orange / blue", work.here, work.works[partner.name])
+
+    def look(self, t_us: int | None = None) -> Plan:
+        """As if the picture at the cursor had been shown."""
+        if t_us is not None:
+            self.work.move_to(t_us)
+        scene = self.scene()
+        self.work.shown = plan_at(scene, self.work.t_us, centre_at(scene, self.work.t_us, None))
+        return self.work.shown
+
+    def press(self, *names: str) -> None:
+        for name in names:
+            self.look()
+            assert self.work.perform(name)
+        self.wait()
+
+    def truth(self, t_us: int, camera: str = "left") -> tuple[float, float]:
+        truth = self.recording.cameras[camera].truth
+        assert truth is not None
+        here = truth.at(t_us)
+        return float(here.u_px[0]), float(here.v_px[0])
+
+    def click_truth(self, t_us: int, off_px: float = 1.0) -> None:
+        self.look(t_us)
+        x, y = self.truth(t_us, self.work.view.camera)
+        self.work.click(x + off_px, y)
+        self.wait()
+
+
+@pytest.fixture
+def bench(tmp_path: Path, serve_recording: Path) -> Iterator[Bench]:
+    bench = Bench(tmp_path / "labels", serve_recording)
+    yield bench
+    bench.assistant.close()
+    bench.work.close()
+    bench.pool.shutdown()
+    bench.recording.close()
+
+
+def test_looking_leaves_no_trace(bench: Bench) -> None:
+    bench.look(BALL_US)
+    assert find_layers(bench.folder) == ()
+
+
+def test_a_click_is_snapped_and_on_the_disk(bench: Bench) -> None:
+    bench.click_truth(BALL_US, off_px=2.0)
+    stored = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna")).at(BALL_US)
+    assert stored is not None and stored == bench.work.here.labels[BALL_US]
+    assert (stored.x_px, stored.y_px) == pytest.approx(bench.truth(BALL_US), abs=0.5)
+    made = stored.provenance
+    assert (made.source, made.window_us, made.rendering) == (Source.SNAPPED, (299_000, 301_000), "polarity")
+    assert made.tool.startswith("rallyscope") and made.annotator == "anna"
+
+
+def test_nudges_in_quick_succession_all_count(bench: Bench) -> None:
+    bench.click_truth(BALL_US)
+    before = bench.work.here.labels[BALL_US]
+    bench.press("right", "right", "down_more", "larger", "left", "right")
+    after = bench.work.here.labels[BALL_US]
+    assert before.x_px and before.y_px and before.r_px
+    assert (after.x_px, after.y_px, after.r_px) == pytest.approx(
+        (before.x_px + 0.5, before.y_px + 1, before.r_px + 0.25)
+    )
+
+
+def test_a_key_that_has_nothing_to_change_says_so(bench: Bench) -> None:
+    bench.press("right")
+    assert len(bench.errors) == 1 and "click the ball first" in str(bench.errors[0])
+    bench.press("copy")
+    assert "no label before" in str(bench.errors[1])
+
+
+def test_undo_goes_back_to_nothing_and_redo_forth_again(bench: Bench) -> None:
+    bench.click_truth(BALL_US)
+    bench.press("right", "next", "copy", "partly", "next", "no_ball")
+    labels = dict(bench.work.here.labels)
+    assert [labels[BALL_US + 2000 * k].state for k in range(3)] == [
+        State.VISIBLE, State.PARTLY_OCCLUDED, State.NO_BALL,
+    ]  # fmt: skip
+    bench.press(*["undo"] * 6)
+    assert dict(bench.work.here.labels) == {} and not bench.work.saved["left"].can_undo
+    bench.press(*["redo"] * 6)
+    assert dict(bench.work.here.labels) == labels
+
+
+def test_what_is_not_on_the_screen_is_not_accepted(bench: Bench) -> None:
+    propose(bench, BALL_US)
+    bench.look(BALL_US)
+    bench.work.accept()
+    bench.work.accept()  # the cursor is further, the picture is not
+    bench.wait()
+    assert sorted(bench.work.here.labels) == [BALL_US]
+
+
+def test_a_rejected_proposal_is_gone_and_the_time_stays_unchecked(bench: Bench) -> None:
+    propose(bench, BALL_US)
+    assert bench.work.here.draft(BALL_US) is not None
+    bench.look(BALL_US)
+    bench.press("reject")
+    assert bench.work.here.draft(BALL_US) is None and not bench.work.here.labels
+
+
+def test_a_segment_is_accepted_as_one_step(bench: Bench) -> None:
+    propose(bench, BALL_US)
+    bench.look(BALL_US)
+    bench.assistant.accept_segment()
+    bench.wait()
+    labels = bench.work.here.labels
+    assert len(labels) > 20 and {label.provenance.source for label in labels.values()} == {Source.ACCEPTED}
+    truth = {t_us: bench.truth(t_us) for t_us in labels}
+    assert max(abs((label.x_px or 0) - truth[t][0]) for t, label in labels.items()) < 2.0
+    bench.press("undo")
+    assert not bench.work.here.labels
+
+
+def test_labels_between_keyframes_are_interpolated_in_space_where_both_cameras_are_labelled(bench: Bench) -> None:
+    times = range(BALL_US, BALL_US + 81_000, 10_000)
+    for camera in ("right", "left"):
+        bench.work.change_view(camera=camera)
+        for t_us in times:
+            bench.click_truth(t_us)
+    bench.work.move_to(BALL_US + 6_000)
+    bench.assistant.interpolate()
+    bench.wait()
+    labels = bench.work.here.labels
+    between = {t: label for t, label in labels.items() if label.provenance.source is Source.INTERPOLATED}
+    assert len(between) == 4 * 8 and {label.provenance.detector for label in between.values()} == {"flight"}
+    errors = [abs((label.x_px or 0) - bench.truth(t)[0]) for t, label in between.items()]
+    assert max(errors) < 1.0
+
+
+def test_the_cameras_agree_on_the_same_ball_and_not_on_another(bench: Bench) -> None:
+    for camera in ("right", "left"):
+        bench.work.change_view(camera=camera)
+        bench.click_truth(BALL_US)
+    good = agreement_at(bench.scene(), BALL_US)
+    assert good is not None and good.residual_px < 0.6
+    bench.press(*["down_more"] * 8)
+    bad = agreement_at(bench.scene(), BALL_US)
+    assert bad is not None and bad.residual_px > 2.5
+
+
+def test_the_queue_leads_to_the_label_that_is_wrong(bench: Bench) -> None:
+    for t_us in range(BALL_US, BALL_US + 30_000, 2000):
+        bench.click_truth(t_us)
+    wrong = BALL_US + 14_000
+    bench.look(wrong)
+    bench.press(*["down_more"] * 9)
+    bench.look(BALL_US)
+    bench.assistant.next_suspicious()
+    bench.wait(lambda: bench.assistant.reason)
+    assert bench.work.t_us == wrong and "neighbours" in bench.assistant.reason
+
+
+def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:
+    for t_us in range(0, 600_000, 2000):  # one in twenty of 280: none at all is unthinkable
+        bench.look(t_us)
+        bench.work.set_state(State.OUT_OF_FRAME)
+    bench.wait()
+    bench.assistant.second_look()
+    bench.wait(lambda: bench.work.view.blind or bench.notes)
+    assert bench.work.view.blind
+    asked = bench.work.t_us
+    assert bench.look().main.marks == ()
+    bench.work.set_state(State.NO_BALL)
+    bench.wait(lambda: not bench.work.view.blind)
+    second = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna", blind=True))
+    label = second.at(asked)
+    assert label is not None and label.state is State.NO_BALL
+    assert bench.work.here.labels[asked].state is State.OUT_OF_FRAME
+
+
+def propose(bench: Bench, t_us: int) -> None:
+    """Until the detector has been through 100 ms from there."""
+    bench.work.move_to(t_us)
+    bench.assistant.toggle_propose(DetectorConfig())
+    bench.wait(
+        lambda: (bench.assistant.share is not None and bench.assistant.share > 0.3) or bench.assistant.share is None
+    )
+    if bench.assistant.share is not None:
+        bench.assistant.toggle_propose(DetectorConfig())
