@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Final
 
 import numpy as np
@@ -20,7 +21,7 @@ from app.train.replay import Replay
 from app.train.run_panel import LAST_ONES, NEWEST, NOBODY, RunPanel, confirm_stop
 from app.train.run_state import RunPhase
 from app.train.scene_panel import ScenePanel
-from app.train.status import counts_html, log_html, offsets_title_html
+from app.train.status import counts_html, log_html, offsets_title_html, runs_html
 from app.train.trainer import trainer_of
 from app.train.view import Details, RunsView, RunsViewer, ViewRequest
 from app.worker import LatestWins
@@ -28,6 +29,7 @@ from core.learning.control import Wish
 from core.recordings import Recording
 
 LOOK_EVERY_S: Final = 0.5
+AFTER_FAILURE_S: Final = 10.0
 DRAW_EVERY_S: Final = 1 / 40
 CHARTS_WIDTH_PX: Final = 340
 """The panel on the left."""
@@ -67,14 +69,16 @@ class TrainMode:
             with gui.add_folder("In the 3D view"):
                 self._scene_panel = ScenePanel(gui, self)
         self._left = gui.add_panel(visible=False)
-        with self._left.add_tab("Curves", viser.Icon.CHART_LINE):
+        with self._left.add_tab("Curves"):
             self._charts = ChartsPanel(gui)
-        with self._left.add_tab("Landings", viser.Icon.TARGET):
+        with self._left.add_tab("Landings"):
             self._plan_picture = gui.add_image(FIRST_PIXELS, format="png")
             self._counts = gui.add_html("")
             gui.add_html(offsets_title_html())
             self._offsets_picture = gui.add_image(FIRST_PIXELS, format="png")
-        with self._left.add_tab("Log", viser.Icon.LIST):
+        with self._left.add_tab("Runs"):
+            self._runs = gui.add_html("")
+        with self._left.add_tab("Log"):
             self._log = gui.add_html("")
         self._left.dock_left()
         self._left.set_width(CHARTS_WIDTH_PX)
@@ -149,6 +153,7 @@ class TrainMode:
             self._details = view.details
         with self._host.client.atomic():
             self._run_panel.show(view.runs, view.run, self._details)
+            self._runs.content = runs_html(view.runs, view.results)
             self._log.content = log_html(view.log, self._details)
             if view.run is not None and view.details is not None:
                 self._show_details(view, view.details)
@@ -191,6 +196,7 @@ class TrainMode:
 
     def _fail(self, error: Exception) -> None:
         self._waiting = False
+        self._asked_s = time.monotonic() + AFTER_FAILURE_S  # the same note every half second helps nobody
         self._rally.restart()
         self._host.report(error)
 

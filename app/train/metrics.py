@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from collections import OrderedDict, deque
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from core.errors import ConfigError
 from core.learning.run_files import read_lines, seed_files
 
 Array = NDArray[np.float64]
@@ -19,6 +21,8 @@ WIDTH: Final = len(COLUMNS) + 4
 RECENT: Final = 24
 """Whole lines that are kept, to play those balls again."""
 FILES_KEPT: Final = 64
+LAST_LINE_BYTES: Final = 1024
+"""More than an evaluation's line."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,9 +51,20 @@ class MetricsReader:
         self._forget()
 
     def read(self) -> Metrics:
-        """Everything that is written by now."""
+        """Everything that is written by now.
+
+        Raises:
+            ConfigError: if something else has written there.
+        """
         if _size(self._files.metrics) < self._at or _size(self._files.evaluations) < self._evaluations_at:
             self._forget()
+        try:
+            return self._read_on()
+        except ValueError as error:
+            self._forget()
+            raise ConfigError("a broken line in the metrics", got=str(error), where=self._files.folder) from error
+
+    def _read_on(self) -> Metrics:
         lines, self._at = read_lines(self._files.metrics, self._at)
         if lines:
             self._append(lines)
@@ -94,6 +109,18 @@ class MetricsStore:
             while len(self._readers) > FILES_KEPT:
                 self._readers.popitem(last=False)
             return reader.read()
+
+
+def last_line(path: Path) -> dict[str, object] | None:
+    """The last complete line of a .jsonl file; None if there is none."""
+    try:
+        with path.open("rb") as file:
+            file.seek(max(0, _size(path) - LAST_LINE_BYTES))
+            complete = file.read().split(b"\n")[:-1]
+        line = json.loads(complete[-1])
+    except (OSError, IndexError, ValueError):
+        return None
+    return line if isinstance(line, dict) else None
 
 
 def _row(line: dict[str, object]) -> list[float]:

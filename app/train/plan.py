@@ -135,7 +135,7 @@ def _check(plan: Plan) -> None:
         ("first seed", plan.first_seed, 0, MOST_FIRST_SEED),
     ):
         if not low <= value <= high:
-            raise ConfigError("out of range", expected=f"{low} to {high}", got=value, where=what)
+            raise ConfigError("out of range", expected=f"{low} to {high}", got=f"{value:g}", where=what)
 
 
 def parse_speeds(text: str) -> tuple[float, ...]:

@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-import typing
 from collections.abc import Callable
-from typing import Final, get_args
+from typing import get_args
 
 import viser
 
+from app.train.form import ADVANCE, SEEN_AS, FormValues, plan_of_form
 from app.train.plan import (
     MOST_FIRST_SEED,
     MOST_SEEDS,
     PRESETS,
-    SOURCES,
     TRAIN_NOW,
     Plan,
     Preset,
     numbers_text,
     offered_agents,
     offered_presets,
-    parse_episodes,
-    parse_speeds,
 )
 from app.widgets import when_changed, when_clicked
 from core.learning.config import ReplayRule, RewardKind
-
-ADVANCE: Final = {"after its balls": "episodes", "as soon as 98 % come back": "converged"}
-SEEN_AS: Final = {
-    "exactly": "truth",
-    "predicted from five points": "predicted",
-    "exactly, with noise": "truth+noise",
-}
 
 
 class PlanPanel:
@@ -59,20 +49,20 @@ class PlanPanel:
         button = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
         when_changed(self._preset, lambda name: later(lambda: self._use(str(name))))
         when_clicked(button, lambda: later(self._send))
-        self._fill(TRAIN_NOW)
+        self._fill(PRESETS[TRAIN_NOW])
 
     @property
     def preset(self) -> Preset:
         """The one that was chosen last."""
-        return PRESETS[self._preset.value]
+        return self._chosen
 
     def _use(self, name: str) -> None:
         if name in offered_presets():
-            self._fill(name)
+            self._fill(PRESETS[name])
             self._choose(PRESETS[name])
 
-    def _fill(self, name: str) -> None:
-        plan = PRESETS[name].plan
+    def _fill(self, preset: Preset) -> None:
+        self._chosen, plan = preset, preset.plan
         self._agent.value, self._reward.value, self._replay.value = plan.agent, plan.reward, plan.replay
         self._speeds.value, self._episodes.value = numbers_text(plan.speeds_mps), numbers_text(plan.episodes)
         self._advance.value = next(shown for shown, value in ADVANCE.items() if value == plan.advance)
@@ -80,19 +70,15 @@ class PlanPanel:
         self._seeds.value, self._first_seed.value = plan.seeds, plan.first_seed
 
     def _send(self) -> None:
-        speeds = parse_speeds(str(self._speeds.value))
-        plan = Plan(
+        form = FormValues(
             agent=self._agent.value,
             reward=self._reward.value,
             replay=self._replay.value,
-            speeds_mps=speeds,
-            episodes=parse_episodes(str(self._episodes.value), len(speeds)),
-            advance=typing.cast('typing.Literal["episodes", "converged"]', ADVANCE.get(self._advance.value, "")),
-            source=typing.cast("typing.Any", SEEN_AS.get(self._source.value, "")),
-            seeds=int(self._seeds.value),
-            first_seed=int(self._first_seed.value),
+            speeds=self._speeds.value,
+            episodes=self._episodes.value,
+            advance=self._advance.value,
+            source=self._source.value,
+            seeds=self._seeds.value,
+            first_seed=self._first_seed.value,
         )
-        self._start(str(self._name.value), plan)
-
-
-assert set(SEEN_AS.values()) == set(SOURCES)
+        self._start(str(self._name.value), plan_of_form(form))

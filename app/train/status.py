@@ -11,7 +11,7 @@ from app.scene.landing import CASE_NAMES, CASE_RGB
 from app.train.plan_view import NEW_BALLS, NEW_RGB
 from app.train.replay import Replay
 from app.train.run_state import RunPhase, RunState
-from app.train.view import Details
+from app.train.view import LISTED, Details
 from core.simulation.physics.episode import Case
 
 COLOURS: Final[dict[RunPhase, str]] = {
@@ -117,6 +117,38 @@ def log_html(log: tuple[str, ...], details: Details | None) -> str:
         f"<b>The policy on the fixed balls</b><table style='width:100%'><tr>{titles}</tr>{rows}</table>"
         f"<b>Log</b><pre style='{LOG_STYLE}'>{text}</pre>"
     )
+
+
+def runs_html(runs: tuple[RunState, ...], results: dict[str, dict[str, object]]) -> str:
+    """The list of runs, with the last evaluation of each."""
+    titles = "".join(
+        f"<th style='{CELL};text-align:{side}'>{title}</th>"
+        for side, title in (
+            ("left", "run"),
+            ("left", "agent"),
+            ("right", "at"),
+            ("right", "returned"),
+            ("right", "error"),
+        )
+    )
+    rows = "".join(_run_row(run, results.get(run.name, {})) for run in runs[:LISTED])
+    more = f"and {len(runs) - LISTED} older" if len(runs) > LISTED else ""
+    return _box(f"<table style='width:100%;font-size:11.5px'><tr>{titles}</tr>{rows}</table>{more}")
+
+
+def _run_row(run: RunState, line: dict[str, object]) -> str:
+    speed, error = _number(line.get("speed_mps")), _number(line.get("error_mm"))
+    returned = 100 * _number(line.get("returned"))
+    colour = COLOURS.get(run.phase, theme.MUTED)
+    cells = (
+        ("left", f"<span style='color:{colour}' title='{run.phase}'>●</span> {html.escape(run.name)}"),
+        ("left", run.config.agent),
+        ("right", f"{speed:g} m/s" if math.isfinite(speed) else "-"),
+        ("right", f"{returned:.0f} %" if math.isfinite(returned) else "-"),
+        ("right", f"{error:.0f} mm" if math.isfinite(error) else "-"),
+    )
+    shown = "".join(f"<td style='{CELL};text-align:{side}'>{cell}</td>" for side, cell in cells)
+    return f"<tr>{shown}</tr>"
 
 
 def _evaluation_row(line: dict[str, object]) -> str:

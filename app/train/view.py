@@ -11,18 +11,21 @@ from numpy.typing import NDArray
 from app.scene.landing import REACH_M, SPOTS
 from app.scene.rally_picture import LandingSpot
 from app.train.curves import CURVES, Curves, curves_of, mean_curve, on_axis, points_on_axis, shared_axis
-from app.train.metrics import Metrics
+from app.train.metrics import Metrics, last_line
 from app.train.plan_view import draw_offsets, draw_plan, encode_plan
 from app.train.run_state import RunState, read_log_tail
 from app.train.trainer import Trainer
 from app.workspace import Workspace
 from core.learning.config import RunConfig
+from core.learning.run_files import seed_files
 from core.simulation.physics.episode import Case
 
 Array = NDArray[np.float64]
 COMPARED: Final = 3
 """Runs that are drawn beside the chosen one, at most."""
 PLAN_SPOTS: Final = 2000
+LISTED: Final = 40
+"""Runs in the table, at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +81,8 @@ class RunsView:
     """The answer."""
 
     runs: tuple[RunState, ...]
+    results: dict[str, dict[str, object]]
+    """Name of a run -> its last evaluation."""
     run: RunState | None
     compared: tuple[str, ...]
     log: tuple[str, ...]
@@ -87,18 +92,19 @@ class RunsView:
 
 
 class RunsViewer:
-    """Answers requests; used by many browsers at once."""
+    """Answers the requests of one browser, one at a time."""
 
     def __init__(self, workspace: Workspace, trainer: Trainer) -> None:
         self._workspace = workspace
         self._trainer = trainer
+        self._known: dict[str, tuple[float, dict[str, object] | None]] = {}
 
     def __call__(self, request: ViewRequest) -> RunsView:
         """What there is to show now."""
         runs = self._trainer.runs()
         run = chosen_run(runs, request.run)
         if run is None:
-            return RunsView(runs, None, (), (), None, None)
+            return RunsView(runs, {}, None, (), (), None, None)
         compared = compared_runs(runs, run, request.compared)
         seeds = started_seeds(run)
         metrics = {seed: self._trainer.metrics.read(self._workspace.run_path(run.name), seed) for seed in seeds}
@@ -112,7 +118,16 @@ class RunsViewer:
         if key != request.shown:
             details = make_details(metrics, list(others.values()), run.config.episodes)
         log = read_log_tail(self._workspace.run_path(run.name))
-        return RunsView(runs, run, tuple(others), log, key, details)
+        return RunsView(runs, self._results(runs), run, tuple(others), log, key, details)
+
+    def _results(self, runs: tuple[RunState, ...]) -> dict[str, dict[str, object]]:
+        for run in runs[:LISTED]:
+            known = self._known.get(run.name)
+            if known is None or known[0] != run.changed_s:
+                seed = run.config.first_seed if run.status is None else run.status.seed
+                line = last_line(seed_files(self._workspace.run_path(run.name), seed).evaluations)
+                self._known[run.name] = (run.changed_s, line)
+        return {name: line for name, (_, line) in self._known.items() if line is not None}
 
     def _first_seed(self, run: RunState) -> Metrics:
         return self._trainer.metrics.read(self._workspace.run_path(run.name), run.config.first_seed)

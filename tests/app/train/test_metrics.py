@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from app.train.metrics import FILES_KEPT, RECENT, MetricsReader, MetricsStore
+from app.train.metrics import FILES_KEPT, RECENT, MetricsReader, MetricsStore, last_line
 from app.workspace import Workspace
+from core.errors import ConfigError
 from core.learning.run_files import read_lines, seed_files
 
 
@@ -62,3 +63,20 @@ def test_a_store_keeps_what_was_asked_for_lately(tmp_path) -> None:
     for seed in range(FILES_KEPT + 5):
         assert len(store.read(tmp_path, seed)) == 0
     assert len(store._readers) == FILES_KEPT
+
+
+def test_the_last_complete_line_is_found_without_reading_the_rest(tmp_path) -> None:
+    file = tmp_path / "lines.jsonl"
+    assert last_line(file) is None
+    for written, expected in ((b'{"a"', None), (b": 1}\n" + b'{"a": 2}\n' * 1000, {"a": 2}), (b'{"a": 3', {"a": 2})):
+        with file.open("ab") as handle:
+            handle.write(written)
+        assert last_line(file) == expected
+
+
+def test_what_something_else_has_written_is_said_in_one_line(tmp_path) -> None:
+    files = seed_files(tmp_path, 0)
+    files.folder.mkdir()
+    files.metrics.write_text("no json\n")
+    with pytest.raises(ConfigError, match="broken line"):
+        MetricsReader(tmp_path, 0).read()

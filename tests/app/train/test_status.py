@@ -6,7 +6,7 @@ import pytest
 
 from app.train.plan import Plan, run_of_plan
 from app.train.run_state import Ended, RunState, judge_run
-from app.train.status import ball_html, log_html, plan_text, status_html, time_text
+from app.train.status import ball_html, log_html, plan_text, runs_html, status_html, time_text
 from core.learning.control import Status, hold_run, write_status
 from core.learning.run_files import create_run
 
@@ -37,6 +37,12 @@ def test_another_run_that_is_being_trained_is_named() -> None:
     other = dataclasses.replace(STATE, name="other")
     assert "other is being trained" in status_html(STATE, None, other)
     assert "is being trained" not in status_html(STATE, None, STATE)
+
+
+def test_the_list_of_runs_tells_how_good_each_is() -> None:
+    other = dataclasses.replace(STATE, name="other")
+    shown = runs_html((STATE, other), {"mine": {"speed_mps": 5.0, "returned": 0.99, "error_mm": 21.6}})
+    assert "99 %" in shown and "22 mm" in shown and "other" in shown and "nan" not in shown
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(5, "5 s"), (600, "10 min"), (7200, "2.0 h")])

@@ -36,6 +36,7 @@ def viewer(trained: Workspace) -> RunsViewer:
 def test_a_finished_run_is_shown_whole(viewer: RunsViewer, trained: Workspace) -> None:
     view = viewer(ViewRequest(None, None))
     assert view.run is not None and view.run.name == "small" and view.run.phase == "finished"
+    assert view.results["small"]["episode"] == 40
     details = view.details
     assert details is not None and details.episodes_done == 40 and details.seed == 1  # the one that was trained last
     lines = read_lines(seed_files(trained.run_path("small"), 1).metrics)[0]
