@@ -6,16 +6,19 @@ import argparse
 import csv
 import json
 import math
+from collections.abc import Callable
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from app.cli.arguments import positive_int
 from app.cli.detect import choose_camera
 from app.cli.progress import progress_bar
+from app.label.sources import LabelSource, sources_of
 from core.config import load_config
 from core.detection import DetectorConfig, make_detector
 from core.detection.methods import METHODS, method_config
@@ -24,13 +27,15 @@ from core.recordings import CameraStream, Recording, open_recording
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelSet
-from labels.formats.exchange import write_text
+from labels.formats.exchange import picture_name, write_bytes, write_text
 from labels.formats.pictures import write_pictures
-from labels.model import State
+from labels.model import Label, State
 from labels.score import GroupScore, answers_at, score_groups
 from labels.score_picture import measure_curves, score_svg
 from labels.store import LabelStore, Layer, find_layers
 
+Labelled = CameraStream | LabelSource
+"""An event camera, or the frames of an ordinary one."""
 MAX_SHOWN = 20
 """Rejections printed one by one; `--json` has them all."""
 
@@ -77,7 +82,9 @@ def run(arguments: argparse.Namespace) -> None:
     """Do what the sub-verb says."""
     recording = open_recording(arguments.recording)
     try:
-        stream = choose_camera(recording, arguments.camera)
+        frames = sources_of(recording).get(arguments.camera or "")
+        stream = frames if frames is not None and frames.frames is not None else None
+        stream = stream or choose_camera(recording, arguments.camera)
         act = {"import": _import, "export": _export, "score": _score, "agree": _agree}[arguments.act]
         report, text = act(arguments, recording, stream)
     finally:
@@ -93,7 +100,7 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
-def _import(arguments: argparse.Namespace, recording: Recording, stream: CameraStream) -> tuple[dict, str]:
+def _import(arguments: argparse.Namespace, recording: Recording, stream: Labelled) -> tuple[dict, str]:
     if not arguments.source.exists():
         raise CommandError("no such file or folder", where=arguments.source)
     annotator = arguments.annotator or "imported"
@@ -117,11 +124,13 @@ def _import(arguments: argparse.Namespace, recording: Recording, stream: CameraS
     return report, "\n".join(lines)
 
 
-def _export(arguments: argparse.Namespace, recording: Recording, stream: CameraStream) -> tuple[dict, str]:
+def _export(arguments: argparse.Namespace, recording: Recording, stream: Labelled) -> tuple[dict, str]:
     store = _read_layer(arguments, recording, stream)
     frames = None
     if arguments.stride_us:
         frames = tuple(range(0, recording.duration_us, arguments.stride_us))
+    if isinstance(stream, LabelSource) and stream.frames_us is not None:
+        frames = tuple(stream.frames_us.tolist())
     labels = LabelSet(recording.uuid, stream.name, store.layer.annotator, stream.sensor, store.all(), frames)
     options = ExportOptions(whole_pixels=not arguments.decimals, drop_unchecked=arguments.unchecked == "drop")
     kind = FORMATS[arguments.format]
@@ -131,16 +140,37 @@ def _export(arguments: argparse.Namespace, recording: Recording, stream: CameraS
         if not kind.pictures:
             raise CommandError(f"{kind.name} has no pictures", where="--pictures")
         with progress_bar("Drawing") as progress:
-            pictures = write_pictures(
-                stream, labels.labels, arguments.out, window_us=arguments.window_us, progress=progress
-            )
+            if isinstance(stream, LabelSource):
+                pictures = write_frames(stream, labels.labels, arguments.out, progress)
+            else:
+                pictures = write_pictures(
+                    stream, labels.labels, arguments.out, window_us=arguments.window_us, progress=progress
+                )
     report = {"labels": len(labels.labels), "files": len(written.files), "pictures": len(pictures)}
     lines = [f"{report['labels']} labels in {report['files']} files, {report['pictures']} pictures: {arguments.out}"]
     lines += [f"not in this format: {loss}" for loss in written.losses]
     return {**report, "out": str(arguments.out), "losses": list(written.losses)}, "\n".join(lines)
 
 
-def _score(arguments: argparse.Namespace, recording: Recording, stream: CameraStream) -> tuple[dict, str]:
+def write_frames(
+    source: LabelSource, labels: tuple[Label, ...], folder: Path, progress: Callable[[float], None]
+) -> tuple[Path, ...]:
+    """The frame under each label as a PNG."""
+    files = []
+    for number, label in enumerate(labels):
+        frame = source.frame_at(label.t_us)
+        assert frame is not None
+        image = source.frame(frame)
+        fine, content = cv2.imencode(".png", image if image.ndim == 2 else image[:, :, ::-1])
+        assert fine
+        files.append(write_bytes(folder / f"{picture_name(source.name, label.t_us)}.png", content.tobytes()))
+        progress((number + 1) / len(labels))
+    return tuple(files)
+
+
+def _score(arguments: argparse.Namespace, recording: Recording, stream: Labelled) -> tuple[dict, str]:
+    if isinstance(stream, LabelSource):
+        raise CommandError("the detector works on events", got=f"the frames of {stream.name!r}", where="--camera")
     store = _read_layer(arguments, recording, stream)
     saved = load_config(DetectorConfig, arguments.config) if arguments.config else None
     config = method_config(arguments.method, saved)
@@ -166,7 +196,7 @@ def _score(arguments: argparse.Namespace, recording: Recording, stream: CameraSt
     return report, "\n".join([_score_table(scores), _noise_line(noise)])
 
 
-def _agree(arguments: argparse.Namespace, recording: Recording, stream: CameraStream) -> tuple[dict, str]:
+def _agree(arguments: argparse.Namespace, recording: Recording, stream: Labelled) -> tuple[dict, str]:
     first = _read_layer(arguments, recording, stream)
     name, blind = arguments.other or first.layer.annotator, arguments.other is None
     folder = arguments.data / "labels"
@@ -184,7 +214,7 @@ def _agree(arguments: argparse.Namespace, recording: Recording, stream: CameraSt
     return {"first": first.layer.annotator, "second": name, "blind": blind, **asdict(found)}, "\n".join(lines)
 
 
-def _read_layer(arguments: argparse.Namespace, recording: Recording, stream: CameraStream) -> LabelStore:
+def _read_layer(arguments: argparse.Namespace, recording: Recording, stream: Labelled) -> LabelStore:
     """The layer that is meant.
 
     Raises:

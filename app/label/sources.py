@@ -24,6 +24,11 @@ class LabelSource:
     frames: FrameStream | None = None
 
     @property
+    def sensor(self) -> SensorSize:
+        """The same as `size`: what an event camera calls it."""
+        return self.size
+
+    @property
     def calibration(self) -> Camera | None:
         """Its camera model."""
         return None if self.stream is None else self.stream.calibration

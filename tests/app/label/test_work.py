@@ -5,14 +5,19 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
+from app.cli.main import main
 from app.label.assistant import Assistant
-from app.label.plan import Plan, Scene, agreement_at, centre_at, plan_at
+from app.label.plan import CameraWork, Plan, Scene, agreement_at, centre_at, plan_at
 from app.label.view import LabelView
 from app.label.work import Hooks, LabelWork
 from core.detection import DetectorConfig
-from core.recordings import open_recording
+from core.events import Events, SensorSize
+from core.recordings import RecordingWriter, open_recording
+from labels.formats.exchange import picture_name
 from labels.model import Source, State
 from labels.store import LabelStore, Layer, find_layers
 
@@ -22,7 +27,7 @@ BALL_US = 300_000
 class Bench:
     """A work with a loop of its own."""
 
-    def __init__(self, folder: Path, recording: Path) -> None:
+    def __init__(self, folder: Path, recording: Path, cameras: tuple[str, ...] = ("left", "right")) -> None:
         from concurrent.futures import ThreadPoolExecutor
 
         self.folder, self.errors, self.notes = folder, [], []
@@ -32,7 +37,13 @@ class Bench:
         self.work = LabelWork(folder, self.recording, hooks, LabelView(camera="left", annotator="anna"), 2000)
         self.pool = ThreadPoolExecutor(1)
         self.assistant = Assistant(self.work, self.pool)
-        self.wait(lambda: {"left", "right"} <= self.work.ready)
+        self.wait(lambda: set(cameras) <= self.work.ready)
+
+    def close(self) -> None:
+        self.assistant.close()
+        self.work.close()
+        self.pool.shutdown()
+        self.recording.close()
 
     def wait(self, condition: Callable[[], object] | None = None, timeout_s: float = 60.0) -> None:
         """Run the loop until the condition holds, or until nothing is waiting."""
@@ -48,8 +59,8 @@ class Bench:
     def scene(self) -> Scene:
         work = self.work
         partner = work.partner
-        assert partner is not None
-        return Scene(work.source, partner, work.view, "polarity", "orange / blue", work.here, work.works[partner.name])
+        there = CameraWork() if partner is None else work.works[partner.name]
+        return Scene(work.source, partner, work.view, "polarity", "orange / blue", work.here, there)
 
     def look(self, t_us: int | None = None) -> Plan:
         """As if the picture at the cursor had been shown."""
@@ -82,10 +93,7 @@ class Bench:
 def bench(tmp_path: Path, serve_recording: Path) -> Iterator[Bench]:
     bench = Bench(tmp_path / "labels", serve_recording)
     yield bench
-    bench.assistant.close()
-    bench.work.close()
-    bench.pool.shutdown()
-    bench.recording.close()
+    bench.close()
 
 
 def test_looking_leaves_no_trace(bench: Bench) -> None:
@@ -230,3 +238,32 @@ def propose(bench: Bench, t_us: int) -> None:
     )
     if bench.assistant.share is not None:
         bench.assistant.toggle_propose(DetectorConfig())
+
+
+def test_frames_are_labelled_at_their_own_times_and_exposures_and_exported(tmp_path: Path) -> None:
+    file = tmp_path / "both.h5"
+    sensor = SensorSize(64, 48)
+    with RecordingWriter(file, {"left": sensor, "rgb": sensor}, seed=1) as writer:
+        writer.append("left", Events.from_columns([0, 50_000], [1, 2], [3, 4], [True, False], sensor))
+        images = np.full((3, 48, 64, 3), 90, np.uint8)
+        images[1, 20, 30] = (255, 0, 0)
+        writer.write_frames("rgb", np.array([9_000, 19_000, 29_000]), np.full(3, 4_000), images)
+    bench = Bench(tmp_path / "data" / "labels", file, cameras=("left", "rgb"))
+    bench.work.change_view(camera="rgb")
+    assert bench.work.partner is None
+    bench.work.step(+1)
+    bench.work.step(+1)
+    assert bench.work.t_us == 19_000
+    plan = bench.look()
+    assert (plan.main.frame, plan.main.window_us) == (1, (17_000, 21_000))
+    bench.work.click(30.25, 20.5)
+    bench.wait()
+    label = bench.work.here.labels[19_000]
+    assert (label.x_px, label.y_px, label.provenance.source) == (30.25, 20.5, Source.BY_HAND)
+    assert (label.provenance.rendering, label.provenance.window_us) == ("frame", (17_000, 21_000))
+    bench.close()
+    out = tmp_path / "out"
+    arguments = ["labels", "export", str(file), "--camera", "rgb", "--format", "coco", "--pictures"]
+    assert main([*arguments, "--data", str(tmp_path / "data"), "--out", str(out)]) == 0
+    picture = cv2.imread(str(out / f"{picture_name('rgb', 19_000)}.png"))
+    assert picture is not None and picture[20, 30].tolist() == [0, 0, 255]
