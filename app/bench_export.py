@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Callable
@@ -24,10 +25,10 @@ SHARE_OF_SIMULATION: Final = 0.3
 
 
 def run(progress: Callable[[float], None]) -> dict[str, object]:
-    """A row per format: seconds of wall time, CPU seconds of this process, megabytes.
+    """A row per format: seconds of wall time, CPU seconds of all processes that worked on it, megabytes.
 
     Serves at 5 m/s with truth, noise 0.1 Hz a pixel; 250 pictures a second and camera in the Rerun file, with the
-    detector's stages. Processes that help with pictures are not in the CPU seconds.
+    detector's stages.
     """
     rows: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as name:
@@ -46,13 +47,13 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
                 stride_us = STRIDE_US if kind == "rrd" else None
                 order = Order(format=kind, destination=folder / f"{kind}{about.suffix}", end_us=end_us,
                               stride_us=stride_us)  # fmt: skip
-                started_s, cpu_s = time.perf_counter(), time.process_time()
+                started_s, cpu_s = time.perf_counter(), _cpu_s()
                 files = export(order, recording=recording, groups=recording.read_rows)
                 rows.append(
                     {
                         "format": kind,
                         "seconds": time.perf_counter() - started_s,
-                        "cpu_s": time.process_time() - cpu_s,
+                        "cpu_s": _cpu_s() - cpu_s,
                         "megabytes": sum(path.stat().st_size for path in files) / 1e6,
                     }
                 )
@@ -63,3 +64,9 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
         "machine": describe_machine("rerun-sdk", "viser"),
         "seed": SEED,
     }
+
+
+def _cpu_s() -> float:
+    """Of this process and of the ones that it has started and that have ended."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system

@@ -18,7 +18,7 @@ from core.recordings import Recording
 from core.recordings.layout import BALL_GROUP, Rows, truth_group
 
 Columns = dict[str, NDArray]
-EXTRA_GROUPS: Final = {"/racket": "t_us", "/predictions": "t_us", "/episodes": "serve_us"}
+EXTRA_GROUPS: Final = {"/racket": "t_us", "/racket_targets": "t_us", "/predictions": "t_us", "/episodes": "serve_us"}
 """Groups of the chain and their clocks."""
 
 

@@ -66,7 +66,7 @@ def export_rrd(
     """
     cameras = {name: one.calibration is not None for name, one in recording.cameras.items()}
     name = f"{recording.uuid}-{span.start_us}-{span.end_us}"
-    blueprint = recording_blueprint(cameras)
+    blueprint = recording_blueprint(cameras, rewards=contents.plots and groups("/episodes") is not None)
     with rerun_file(path, blueprint, recording_id=name, overwrite=overwrite, cancelled=cancelled) as stream:
         _Export(stream, recording, span, contents, groups).write(progress, cancelled)
     progress(1.0)
@@ -118,12 +118,15 @@ class _Export:
         if recording.ball is not None:
             first, last = np.searchsorted(recording.ball.t_us, (span.start_us, span.end_us))
             rrd_rally.send_ball_truth(stream, recording.ball, slice(int(first), int(last)))
-        senders = {
-            "/racket": (rrd_rally.send_racket, "t_us"),
-            "/predictions": (rrd_rally.send_recorded_predictions, "t_us"),
-            "/episodes": (rrd_rally.send_episodes, "serve_us"),
-        }
-        for group, (write, clock) in senders.items():
+        senders = [
+            ("/racket", "t_us", rrd_rally.send_racket),
+            ("/racket_targets", "t_us", rrd_rally.send_racket_targets),
+            ("/predictions", "t_us", rrd_rally.send_recorded_predictions),
+            ("/episodes", "serve_us", rrd_rally.send_episodes),
+        ]
+        if self._contents.plots:
+            senders.append(("/episodes", "serve_us", rrd_plots.send_rewards))
+        for group, clock, write in senders:
             rows = self._groups(group)
             if rows is not None:
                 inside = (span.start_us <= rows[clock]) & (rows[clock] < span.end_us)

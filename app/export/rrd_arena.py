@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from app.export.camera_picture import FATE_NAMES, Fate
-from app.export.rrd_paths import HALF_PIXEL, RACKET_TARGET, WORLD, picture_path
+from app.export.rrd_paths import HALF_PIXEL, RACKET_TARGET, WORLD, picture_path, send, time_column
 from core.cameras import Camera
 from core.geometry import quaternion_from_matrix, xyzw_from_wxyz
 from core.table import (
@@ -64,19 +64,24 @@ def log_arena(stream: rr.RecordingStream, hit_x_m: float | None) -> None:
     stream.log(f"{WORLD}/hitting_plane", plane, static=True)
 
 
-def log_racket(stream: rr.RecordingStream, path: str) -> None:
-    """The shape of a racket whose pose is logged at `path`; the face's normal is +x, the handle hangs down."""
+def send_racket_shape(stream: rr.RecordingStream, path: str, first_us: int) -> None:
+    """The shape of a racket whose pose is at `path`, from its first pose on; before it would stand at the origin.
+
+    The face's normal is +x, the handle hangs down.
+    """
     ghost = path == RACKET_TARGET
     colour = RACKET_TARGET_RGB if ghost else RACKET_RGB
-    mode = "majorwireframe" if ghost else "solid"
+    mode = rr.components.FillMode.MajorWireframe if ghost else rr.components.FillMode.Solid
     to_x = xyzw_from_wxyz(quaternion_from_matrix(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])))
-    blade = rr.Cylinders3D(
+    blade = rr.Cylinders3D.columns(
         lengths=[BLADE_M], radii=[BLADE_RADIUS_M], centers=[(-BLADE_M / 2, 0, 0)], quaternions=[to_x],
-        colors=[colour], fill_mode=mode,
+        colors=[colour], fill_mode=[mode],
     )  # fmt: skip
-    handle = rr.Boxes3D(centers=[(-BLADE_M / 2, 0, -0.13)], half_sizes=[(0.011, 0.014, 0.055)], colors=[colour])
-    stream.log(f"{path}/blade", blade, static=True)
-    stream.log(f"{path}/handle", handle, static=True)
+    handle = rr.Boxes3D.columns(
+        centers=[(-BLADE_M / 2, 0, -0.13)], half_sizes=[(0.011, 0.014, 0.055)], colors=[colour], fill_mode=[mode]
+    )
+    send(stream, f"{path}/blade", time_column([first_us]), blade)
+    send(stream, f"{path}/handle", time_column([first_us]), handle)
 
 
 def log_cameras(stream: rr.RecordingStream, cameras: Mapping[str, Camera | None]) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import rerun.blueprint as rrb
 
 from app.export.rrd_paths import EPISODE, LANDINGS, TIMELINE, TRAIL, WORLD, picture_path
-from app.export.rrd_plots import ERROR_MM, ERROR_PX, LATENCY, RATES
+from app.export.rrd_plots import ERROR_MM, ERROR_PX, LATENCY, RATES, REWARD
 
 TRAIL_S = 0.4
 PLOT_BEFORE_S = 1.0
@@ -16,7 +16,7 @@ BACKGROUND = (22, 24, 29)
 _LEGEND = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
 
 
-def recording_blueprint(cameras: Mapping[str, bool]) -> rrb.Blueprint:
+def recording_blueprint(cameras: Mapping[str, bool], *, rewards: bool) -> rrb.Blueprint:
     """3D on the left, the pictures on the right, curves below. `cameras`: whether each is calibrated."""
     calibrated = any(cameras.values())
     pictures = [
@@ -26,6 +26,8 @@ def recording_blueprint(cameras: Mapping[str, bool]) -> rrb.Blueprint:
     plots = [_plot(RATES, "Event rate"), _plot(LATENCY, "Latency"), _plot(ERROR_PX, "Pixel error")]
     if calibrated:
         plots.append(_plot(ERROR_MM, "3D error"))
+        if rewards:
+            plots.append(rrb.TimeSeriesView(origin=REWARD, name="Reward", plot_legend=_LEGEND))
         top = rrb.Horizontal(_world(), rrb.Vertical(*pictures), column_shares=[3, 2])
     else:
         top = rrb.Horizontal(*pictures)

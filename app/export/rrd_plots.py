@@ -13,8 +13,10 @@ from app.export.selection import Span
 from app.export.steps import Step
 from core.rally.follow import true_positions
 from core.recordings import Recording
+from core.recordings.layout import Rows
 
 RATE_BIN_MS = 5
+REWARD = f"{PLOTS}/reward"
 COLOURS = ((255, 150, 50), (80, 150, 255), (110, 235, 130), (255, 90, 220))
 RATES, LATENCY, ERROR_PX, ERROR_MM = (f"{PLOTS}/{name}" for name in ("event_rate", "latency", "error_px", "error_mm"))
 
@@ -25,6 +27,7 @@ def log_styles(stream: rr.RecordingStream, cameras: Sequence[str]) -> None:
     curves |= {f"{ERROR_PX}/{name}": f"{name}: detection to truth, px" for name in cameras}
     curves |= {f"{ERROR_PX}/residual": "rays miss each other, px", f"{ERROR_MM}/ball": "triangulated to truth, mm"}
     curves |= {f"{LATENCY}/{name}": f"{name}, ms" for name in ("detect", "triangulate", "predict")}
+    stream.log(REWARD, rr.SeriesPoints(colors=[COLOURS[0]], names=["reward of an episode"]), static=True)
     numbers: dict[str, int] = {}
     for path, name in curves.items():
         plot = path.rsplit("/", 1)[0]
@@ -66,6 +69,11 @@ def send_step_curves(stream: rr.RecordingStream, recording: Recording, steps: Se
     for name in recording.cameras:
         t_us, errors = pixel_errors(recording, name, steps)
         send_scalars(stream, f"{ERROR_PX}/{name}", t_us, errors)
+
+
+def send_rewards(stream: rr.RecordingStream, rows: Rows) -> None:
+    """The reward of each episode, at its serve."""
+    send_scalars(stream, REWARD, rows["serve_us"], rows["reward"])
 
 
 def pixel_errors(

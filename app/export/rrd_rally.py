@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from app.export.rrd_arena import log_racket
+from app.export.rrd_arena import send_racket_shape
 from app.export.rrd_paths import (
     BALL,
     LANDINGS,
@@ -40,6 +40,8 @@ SIGMAS = 2.0
 """Uncertainties are drawn as ellipsoids of so many standard deviations."""
 LEAST_HALF_SIZE_M = 0.004
 ABOVE_M = 0.004
+EPISODE_US = 1_500_000
+"""A ball is played out after so long."""
 
 
 def send_ball(stream: rr.RecordingStream, t_us: Sequence[int], points: Sequence[NDArray[np.float64] | None]) -> None:
@@ -106,24 +108,28 @@ def send_recorded_predictions(stream: rr.RecordingStream, rows: Rows) -> None:
 
 def send_racket(stream: rr.RecordingStream, rows: Rows) -> None:
     """Its pose at the times of the recording."""
-    log_racket(stream, RACKET)
+    send_racket_shape(stream, RACKET, int(rows["t_us"][0]))
     pose = rr.Transform3D.columns(
         translation=rows["p_world_m"].astype(np.float32), quaternion=xyzw_from_wxyz(rows["q_world_wxyz"])
     )
     send(stream, RACKET, time_column(rows["t_us"]), pose)
 
 
-def send_episodes(stream: rr.RecordingStream, rows: Rows) -> None:
-    """From each serve on: how the racket is to stand, where the ball is to land, and where it did, by case."""
-    times = time_column(rows["serve_us"])
-    posed = np.isfinite(rows["s"][:, :3]).all(axis=1) & np.isfinite(rows["q_wxyz"]).all(axis=1)
-    if posed.any():
-        log_racket(stream, RACKET_TARGET)
-        pose = rr.Transform3D.columns(
-            translation=rows["s"][posed, :3].astype(np.float32), quaternion=xyzw_from_wxyz(rows["q_wxyz"][posed])
-        )
-        send(stream, RACKET_TARGET, time_column(rows["serve_us"][posed]), pose)
+def send_racket_targets(stream: rr.RecordingStream, rows: Rows) -> None:
+    """Where the racket was sent, and where on the table the ball is to land."""
+    send_racket_shape(stream, RACKET_TARGET, int(rows["t_us"][0]))
+    times = time_column(rows["t_us"])
+    pose = rr.Transform3D.columns(
+        translation=rows["p_world_m"].astype(np.float32), quaternion=xyzw_from_wxyz(rows["q_world_wxyz"])
+    )
+    send(stream, RACKET_TARGET, times, pose)
     _send_spots(stream, f"{WORLD}/target", times, rows["g"][:, :2], [TARGET_RGB] * len(rows["g"]), None, 0.03)
+
+
+def send_episodes(stream: rr.RecordingStream, rows: Rows) -> None:
+    """Where each ball came down, by its case: from the next serve on, when that is known for certain."""
+    serves_us = rows["serve_us"].astype(np.int64)
+    times = time_column(np.append(serves_us[1:], serves_us[-1] + EPISODE_US))
     cases = [Case(int(case)) for case in rows["case"]]
     colours, names = [CASE_RGB[case] for case in cases], [CASE_NAMES[case] for case in cases]
     _send_spots(stream, LANDINGS, times, rows["f"][:, :2], colours, names, 0.025)

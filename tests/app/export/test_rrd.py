@@ -90,7 +90,7 @@ def test_the_command_line_shows_racket_episodes_predictions_and_labels(serve_rec
     assert main([*words, "--annotator", "Anna", *data]) == 0, capsys.readouterr().err
     found = entities(out)
     assert {f"world/{name}" for name in ("racket", "racket/blade", "racket_target", "target", "landings")} <= found
-    assert {"world/prediction/recorded_hit", "world/cameras/left/picture/label"} <= found
+    assert {"plots/reward", "world/prediction/recorded_hit", "world/cameras/left/picture/label"} <= found
     assert main(words) == 2 and "exists already" in capsys.readouterr().err
     assert main([*words, "--force"]) == 0
     assert "world/cameras/left/picture/label" not in entities(out)
@@ -161,6 +161,10 @@ def _recording_of_a_rally(serve: Path, path: Path) -> Path:
             writer.append_rows("/racket", {
                 **rows, "p_world_m": np.tile([-1.4, 0.0, 0.2], (n, 1)),
                 "q_world_wxyz": np.tile([1.0, 0, 0, 0], (n, 1)), "v_world_mps": np.zeros((n, 3)),
+            })  # fmt: skip
+            writer.append_rows("/racket_targets", {
+                "t_us": np.array([15_000]), "p_world_m": np.array([[-1.42, 0, 0.2]]),
+                "q_world_wxyz": np.array([[1.0, 0, 0, 0]]), "g": np.array([[0.7, 0.1]]),
             })  # fmt: skip
             writer.append_rows("/predictions", {
                 "t_us": np.array([10_000, 20_000]), "stage": np.array([b"pre", b"post"]),
