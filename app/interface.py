@@ -80,7 +80,7 @@ class Interface:
         self._recording.show(state.recording)
         self._tune_folder.visible = tuning
         self._results.visible = tuning
-        self._info.panel.visible = shows_events and not tuning
+        self._info.panel.visible = shows_events and not tuning and not state.playhead.live
         self._transport.show(state, now_us)
         self._picture.show(state)
         self._tune_view.show(state)
