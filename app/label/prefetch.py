@@ -106,6 +106,10 @@ class Prefetcher:
         self._number += 1
         self._work.submit((self._number, _Errand(plans, sources)))
 
+    def pause(self) -> None:
+        """Forget what was wanted; the picture that is being drawn is still finished."""
+        self._number += 1
+
     def close(self) -> None:
         """Stop."""
         self._number += 1

@@ -30,14 +30,18 @@ from labels.formats import LabelSet
 from labels.store import LabelStore, Layer
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Page
+    from playwright.sync_api import Browser, Page
 
 BROWSER_FLAGS: Final = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 CAMERA: Final = "left"
 CLICK_EVERY: Final = 10
 WINDOW: Final = (1280, 720)
-COUNT_JS: Final = "(document.body.innerText.match(/times checked, (\\d+) labels/) || [0, -1])[1]"
-SCORED_JS: Final = "(document.body.innerText.match(/against (\\d+) labels by/) || [0, 0])[1]"
+LINES_JS: Final = (
+    "[...document.querySelectorAll('div[style^=\"font-size:12.5px\"]')].map(one => one.textContent).join()"
+)
+"""What the app says in words; reading it lays nothing out, which would cost more than what is measured."""
+COUNT_JS: Final = f"+({LINES_JS}.match(/times checked, (\\d+) labels/) || [0, -1])[1]"
+SCORED_JS: Final = f"+({LINES_JS}.match(/against (\\d+) labels by/) || [0, 0])[1]"
 TIME_JS: Final = (
     "(() => { const label = [...document.querySelectorAll('label')].find(one =>"
     " one.textContent.trim() === 'Time [µs]');"
@@ -75,32 +79,40 @@ def find_chromium() -> str | None:
     return os.environ.get("RALLYSCOPE_CHROMIUM") or shutil.which("chromium")
 
 
-def label_with_browser(folder: Path, count: int, *, seed: int = 1, screenshots: Path | None = None) -> UserResult:
-    """Simulate a recording, label `count` centres in it, export them, and score the detector on them."""
-    from playwright.sync_api import sync_playwright
+def label_with_browser(folder: Path, count: int, *, seed: int = 1, browser: Browser | None = None) -> UserResult:
+    """Simulate a recording, label `count` centres in it, export them, and score the detector on them.
 
+    Without a `browser` one is started for it.
+    """
+    if browser is None:
+        from playwright.sync_api import sync_playwright
+
+        with sync_playwright() as playwright:
+            own = playwright.chromium.launch(executable_path=find_chromium(), args=list(BROWSER_FLAGS))
+            try:
+                return label_with_browser(folder, count, seed=seed, browser=own)
+            finally:
+                own.close()
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / "trial.h5"
     serves = [ServeConfig()] * (1 + count // 150)
     simulate_recording(file, StereoConfig(sensor=SensorConfig()), stereo_preset(), serves, seed=seed)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=find_chromium(), args=list(BROWSER_FLAGS))
-        page = browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]})
-        user = _User(folder, file, page, screenshots)
-        try:
-            user.work(count)
-            scored = user.score()
-        finally:
-            user.leave()
-            browser.close()
+    page = browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]})
+    user = _User(folder, file, page)
+    try:
+        user.work(count)
+        scored = user.score()
+    finally:
+        user.leave()
+        page.close()
     return _result(folder, file, user, scored)
 
 
 class _User:
     """At one screen."""
 
-    def __init__(self, folder: Path, file: Path, page: Page, screenshots: Path | None) -> None:
-        self._folder, self._file, self._page, self._screenshots = folder, file, page, screenshots
+    def __init__(self, folder: Path, file: Path, page: Page) -> None:
+        self._folder, self._file, self._page = folder, file, page
         self._server: subprocess.Popen[str] | None = None
         recording = open_recording(file)
         truth = recording.cameras[CAMERA].truth
@@ -124,8 +136,6 @@ class _User:
         self._open()
         self.lost = max(0, self.before_kill - self._count())
         self._label_until(count)
-        if self._screenshots is not None:
-            self._page.screenshot(path=self._screenshots / "label-user.png", timeout=60_000)
 
     def score(self) -> int:
         """Score the config in Tune; how many labels it was scored against."""
@@ -184,7 +194,7 @@ class _User:
         begun_s = time.perf_counter()
         while (labels := self._count()) < count:
             t_us = self._time()
-            proposed = self._page.evaluate("document.body.innerText.includes('proposed: space accepts')")
+            proposed = self._page.evaluate(f"{LINES_JS}.includes('proposed: space accepts')")
             by_hand = not proposed or labels % CLICK_EVERY == CLICK_EVERY - 1
             truth = self._truth.at(t_us)
             if not truth.visible[0]:

@@ -52,6 +52,8 @@ class LabelMode:
         self._status: object = None
         self._counted: tuple[object, Checked] | None = None
         self._shown: LabelSheet | None = None
+        self._next: Callable[[], tuple[Plan, ...]] | None = None
+        """Makes what should be drawn ahead, once what is asked for is shown."""
         self._shelf = PictureShelf()
         self._pictures = LatestWins(host.pool, _draw, self._drawn, self._failed)
         self._ahead = Prefetcher(host.pool, self._shelf, self._failed)
@@ -156,10 +158,10 @@ class LabelMode:
         proposed = proposals.t_us if proposals is not None else arrays.t_us[:0]
         strip = StripData(0, work.recording.duration_us, arrays.t_us, arrays.state, proposed, work.breaks_us, words)
         request = SheetRequest(plan, work.sources, strip, work.step_us)
+        self._ahead.pause()  # what is asked for now comes first
         self._pictures.submit(lambda: (work, self._shelf.make_sheet(request)))
         grid = work.grid
-        if scene.ring is None:
-            self._ahead.want(lambda: _neighbours(scene, grid.moved, plan.t_us, centre), work.sources)
+        self._next = None if scene.ring else lambda: _neighbours(scene, grid.moved, plan.t_us, centre)
 
     def _drawn(self, ask: Drawing, answer: tuple[LabelWork, LabelSheet]) -> None:
         self._later(lambda: self._show_sheet(*answer))
@@ -169,6 +171,9 @@ class LabelMode:
             self._shown = sheet
             work.shown = sheet.plan
             self._host.plane.show(sheet.sheet)
+            if self._next is not None:
+                self._ahead.want(self._next, work.sources)
+                self._next = None
 
     def _dragged(self, phase: DragPhase, start: Point, end: Point) -> None:
         self._later(lambda: self._drag(phase, start, end))

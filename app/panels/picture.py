@@ -47,6 +47,7 @@ class PicturePanel:
     def show(self, state: ClientState) -> None:
         """Follow the state."""
         self._window.visible = state.mode == "Watch"
+        self._arrangement.visible = self._truth.visible = state.mode != "Label"  # a person is not shown the answer
         self._window.value = state.look.window_us / 1e3
         self._rendering.value = state.look.rendering
         self._legend.content = legend_html(state.look.colours)
