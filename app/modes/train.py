@@ -5,24 +5,18 @@ from __future__ import annotations
 import time
 from typing import Final
 
-import numpy as np
 import viser
 
 from app.modes.mode import Host, Middle
-from app.plane import set_png
-from app.scene.rally_picture import RallyPicture
 from app.state import ClientState
-from app.train.charts_panel import ChartsPanel
 from app.train.plan import PACES, PRESETS, TRAIN_NOW, Plan, Preset, run_of_plan
 from app.train.plan_panel import PlanPanel
-from app.train.policies import PLAYERS, Player
-from app.train.rally_player import SPEEDS, RallyPlayer
 from app.train.replay import Replay
 from app.train.run_panel import LAST_ONES, NEWEST, NOBODY, RunPanel, confirm_stop
 from app.train.run_state import RunPhase
-from app.train.scene_panel import ScenePanel
-from app.train.status import counts_html, log_html, offsets_title_html, runs_html
+from app.train.side_panel import SidePanel
 from app.train.trainer import trainer_of
+from app.train.training_scene import TrainingScene
 from app.train.view import Details, RunsView, RunsViewer, ViewRequest
 from app.worker import LatestWins
 from core.learning.control import Wish
@@ -30,12 +24,6 @@ from core.recordings import Recording
 
 LOOK_EVERY_S: Final = 0.5
 AFTER_FAILURE_S: Final = 10.0
-DRAW_EVERY_S: Final = 1 / 40
-CHARTS_WIDTH_PX: Final = 340
-"""The panel on the left."""
-LAYERS: Final = frozenset({"Ball", "Trail", "Racket", "Racket target", "Landing target", "Landing spots"})
-"""Of the scene: nothing is seen by cameras or predicted here."""
-FIRST_PIXELS: Final = np.zeros((1, 1, 3), np.uint8)
 
 
 class TrainMode:
@@ -48,14 +36,12 @@ class TrainMode:
         self._host = host
         self._trainer = trainer_of(host.workspace)
         self._viewer = LatestWins(host.pool, RunsViewer(host.workspace, self._trainer), self._viewed, self._failed)
-        self._rally = RallyPlayer(host.pool, host.later, self._failed)
         self._chosen: str | None = None
         self._compared: tuple[str, ...] | None = None
         self._view: RunsView | None = None
         self._details: Details | None = None
         self._phases: dict[str, RunPhase] = {}
-        self._spots = True
-        self._asked_s = self._drawn_s = float("-inf")
+        self._asked_s = float("-inf")
         self._waiting = False
         self._pace = next(iter(PACES))
         self._build(host.client.gui)
@@ -67,22 +53,8 @@ class TrainMode:
             with gui.add_folder("A new training", expand_by_default=False):
                 self._plan_panel = PlanPanel(gui, self._start, self._choose_preset, self._host.later)
             with gui.add_folder("In the 3D view"):
-                self._scene_panel = ScenePanel(gui, self)
-        self._left = gui.add_panel(visible=False)
-        with self._left.add_tab("Curves"):
-            self._charts = ChartsPanel(gui)
-        with self._left.add_tab("Landings"):
-            self._plan_picture = gui.add_image(FIRST_PIXELS, format="png")
-            self._counts = gui.add_html("")
-            gui.add_html(offsets_title_html())
-            self._offsets_picture = gui.add_image(FIRST_PIXELS, format="png")
-        with self._left.add_tab("Runs"):
-            self._runs = gui.add_html("")
-        with self._left.add_tab("Log"):
-            self._log = gui.add_html("")
-        self._left.dock_left()
-        self._left.set_width(CHARTS_WIDTH_PX)
-        self._scene_panel.show_speed("1")
+                self._scene = TrainingScene(self._host, gui, self._failed)
+        self._side = SidePanel(gui)
 
     # Of a mode ----------------------------------------------------------------------------------------------------
 
@@ -104,28 +76,28 @@ class TrainMode:
     @property
     def replay(self) -> Replay | None:
         """The ball that flies in the scene."""
-        return self._rally.replay
+        return self._scene.replay
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
-        self._folder.visible = self._left.visible = active
+        self._folder.visible = active
+        self._side.set_visible(active)
         self._asked_s = float("-inf")
         if active:
-            self._host.world.layers = LAYERS
-            self._host.world.draw(RallyPicture())
+            self._scene.clear()
 
     def use_recording(self, recording: Recording) -> None:
         """Trainings have nothing to do with recordings."""
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
-        """Ask twice a second how the runs do; move the ball forty times a second."""
+        """Ask twice a second how the runs do; move the ball."""
         if not self._waiting and wall_s - self._asked_s >= LOOK_EVERY_S:
             self._asked_s, self._waiting = wall_s, True
             shown = None if self._view is None or self._details is None else self._view.key
             self._viewer.submit(ViewRequest(self._chosen, self._compared, shown))
-        if wall_s - self._drawn_s >= DRAW_EVERY_S:
-            self._drawn_s = wall_s
-            self._draw(wall_s)
+        view, details = self._view, self._details
+        if view is not None and view.run is not None and details is not None:
+            self._scene.draw(wall_s, self._host.workspace.run_path(view.run.name), view.run.config, details)
 
     def clicked(self, x: float, y: float) -> None:
         """Nothing is chosen by clicks."""
@@ -133,7 +105,7 @@ class TrainMode:
     def close(self) -> None:
         """The browser is gone; the training goes on."""
         self._viewer.close()
-        self._rally.close()
+        self._scene.close()
 
     # What is shown ------------------------------------------------------------------------------------------------
 
@@ -147,24 +119,13 @@ class TrainMode:
             return
         before, self._view = self._view, view
         if view.run is None or before is None or before.run is None or before.run.name != view.run.name:
-            self._rally.restart()
-            self._scene_panel.show_ball(None)
+            self._scene.clear()
         if view.details is not None or view.run is None:
             self._details = view.details
         with self._host.client.atomic():
             self._run_panel.show(view.runs, view.run, self._details)
-            self._runs.content = runs_html(view.runs, view.results)
-            self._log.content = log_html(view.log, self._details)
-            if view.run is not None and view.details is not None:
-                self._show_details(view, view.details)
+            self._side.show(view, self._details)
         self._tell_ends(view)
-
-    def _show_details(self, view: RunsView, details: Details) -> None:
-        assert view.run is not None
-        self._charts.show(view.run.name, details.charts, view.compared, several_seeds=view.run.config.seeds > 1)
-        set_png(self._plan_picture, details.plan_png)
-        set_png(self._offsets_picture, details.offsets_png)
-        self._counts.content = counts_html(details.counts)
 
     def _tell_ends(self, view: RunsView) -> None:
         """A note where a training has just ended."""
@@ -178,29 +139,16 @@ class TrainMode:
             elif run.phase in ("finished", "stopped"):
                 self._host.note(f"Training {run.name} {run.phase}", "It is kept with its policies.", "green")
 
-    def _draw(self, wall_s: float) -> None:
-        view, details = self._view, self._details
-        if view is None or view.run is None or details is None:
-            return
-        before = self._rally.replay
-        run = self._host.workspace.run_path(view.run.name)
-        self._rally.advance(wall_s, run, view.run.config, details.seed, details.recent)
-        self._host.world.layers = LAYERS
-        self._host.world.draw(self._rally.picture(wall_s, details.spots if self._spots else ()))
-        if self._rally.replay is not before:
-            self._scene_panel.show_ball(self._rally.replay)
-            self._scene_panel.show_view(self._host.world.view)
-
     def _failed(self, error: Exception) -> None:
         self._host.later(lambda: self._fail(error))
 
     def _fail(self, error: Exception) -> None:
         self._waiting = False
         self._asked_s = time.monotonic() + AFTER_FAILURE_S  # the same note every half second helps nobody
-        self._rally.restart()
+        self._scene.clear()
         self._host.report(error)
 
-    # What a person asks for: of the run ---------------------------------------------------------------------------
+    # What a person asks for ---------------------------------------------------------------------------------------
 
     def train_now(self) -> None:
         """Start the preset that can be watched from missing to placing."""
@@ -273,31 +221,3 @@ class TrainMode:
     def _compare(self, compared: tuple[str, ...] | None) -> None:
         self._compared = compared
         self._asked_s = float("-inf")
-
-    # What a person asks for: of the scene -------------------------------------------------------------------------
-
-    def play(self, player: str) -> None:
-        """Whose balls fly."""
-        if player in PLAYERS:
-            chosen: Player = player
-            self._host.later(lambda: self._rally.restart(chosen))
-
-    def play_at(self, speed: str) -> None:
-        """How fast balls are played."""
-        if speed in SPEEDS:
-            self._host.later(lambda: self._set_speed(speed))
-
-    def _set_speed(self, speed: str) -> None:
-        self._rally.set_speed(SPEEDS[speed])
-        self._scene_panel.show_speed(speed)
-
-    def look_from(self, view: str) -> None:
-        """Another point of view."""
-        self._host.later(lambda: self._host.world.look_from(view))
-
-    def show_spots(self, shown: bool) -> None:
-        """Show or hide where balls came down."""
-        self._host.later(lambda: self._set_spots(shown))
-
-    def _set_spots(self, shown: bool) -> None:
-        self._spots = shown
