@@ -3,17 +3,18 @@
 from pathlib import Path
 
 import pytest
+from playwright.sync_api import Browser
 
-from app.label.trial_user import find_chromium, label_with_browser
+from app.label.trial_user import label_with_browser
 
 pytestmark = pytest.mark.browser
 COUNT = 14
 
 
-def test_what_the_screen_calls_saved_survives_a_kill_and_comes_back_from_every_format(tmp_path: Path) -> None:
-    if find_chromium() is None:
-        pytest.skip("no Chromium here; see tests/ensure_chromium.py")
-    result = label_with_browser(tmp_path, COUNT)
+def test_what_the_screen_calls_saved_survives_a_kill_and_comes_back_from_every_format(
+    tmp_path: Path, chromium: Browser
+) -> None:
+    result = label_with_browser(tmp_path, COUNT, browser=chromium)
     assert result.labels >= COUNT and result.before_kill >= COUNT // 2 and result.lost == 0
     assert result.clicked >= 1 and result.accepted > result.clicked
     assert result.median_error_px < 0.3
