@@ -14,6 +14,7 @@ PLOT_BEFORE_S = 1.0
 RECENT_EPISODES = 100
 BACKGROUND = (22, 24, 29)
 _LEGEND = rrb.PlotLegend(corner=rrb.Corner2D.LeftTop)
+_NO_LEGEND = rrb.PlotLegend(visible=False)
 
 
 def recording_blueprint(cameras: Mapping[str, bool], *, rewards: bool) -> rrb.Blueprint:
@@ -23,11 +24,15 @@ def recording_blueprint(cameras: Mapping[str, bool], *, rewards: bool) -> rrb.Bl
         rrb.Spatial2DView(origin=picture_path(name, calibrated=ok), name=name, background=BACKGROUND)
         for name, ok in cameras.items()
     ]
-    plots = [_plot(RATES, "Event rate"), _plot(LATENCY, "Latency"), _plot(ERROR_PX, "Pixel error")]
+    plots = [
+        _plot(RATES, "Events per ms"),
+        _plot(LATENCY, "Latency, ms"),
+        _plot(ERROR_PX, "Errors in the pictures, px"),
+    ]
     if calibrated:
-        plots.append(_plot(ERROR_MM, "3D error"))
+        plots.append(_plot(ERROR_MM, "Ball to truth, mm", legend=False))
         if rewards:
-            plots.append(rrb.TimeSeriesView(origin=REWARD, name="Reward", plot_legend=_LEGEND))
+            plots.append(rrb.TimeSeriesView(origin=REWARD, name="Reward of each ball", plot_legend=_NO_LEGEND))
         top = rrb.Horizontal(_world(), rrb.Vertical(*pictures), column_shares=[3, 2])
     else:
         top = rrb.Horizontal(*pictures)
@@ -88,11 +93,11 @@ def _landings(origin: str, name: str) -> rrb.Spatial3DView:
     )
 
 
-def _plot(path: str, name: str) -> rrb.TimeSeriesView:
+def _plot(path: str, name: str, *, legend: bool = True) -> rrb.TimeSeriesView:
     return rrb.TimeSeriesView(
         origin=path,
         name=name,
-        plot_legend=_LEGEND,
+        plot_legend=_LEGEND if legend else _NO_LEGEND,
         time_ranges=_window(TIMELINE, -PLOT_BEFORE_S, PLOT_BEFORE_S),
     )
 

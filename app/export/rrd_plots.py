@@ -22,11 +22,11 @@ RATES, LATENCY, ERROR_PX, ERROR_MM = (f"{PLOTS}/{name}" for name in ("event_rate
 
 
 def log_styles(stream: rr.RecordingStream, cameras: Sequence[str]) -> None:
-    """Names with units, and colours."""
-    curves = {f"{RATES}/{name}": f"{name}: events/ms" for name in cameras}
-    curves |= {f"{ERROR_PX}/{name}": f"{name}: detection to truth, px" for name in cameras}
-    curves |= {f"{ERROR_PX}/residual": "rays miss each other, px", f"{ERROR_MM}/ball": "triangulated to truth, mm"}
-    curves |= {f"{LATENCY}/{name}": f"{name}, ms" for name in ("detect", "triangulate", "predict")}
+    """Names and colours; units are in the titles of the views."""
+    curves = {f"{RATES}/{name}": name for name in cameras}
+    curves |= {f"{ERROR_PX}/{name}": name for name in cameras}
+    curves |= {f"{ERROR_PX}/residual": "rays", f"{ERROR_MM}/ball": "ball"}
+    curves |= {f"{LATENCY}/{name}": name for name in ("detect", "triangulate", "predict")}
     stream.log(REWARD, rr.SeriesPoints(colors=[COLOURS[0]], names=["reward of an episode"]), static=True)
     numbers: dict[str, int] = {}
     for path, name in curves.items():
