@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.cameras import Camera
+from core.cameras import Camera, StereoRig
 from core.table import BALL_RADIUS_M
 
 Array = NDArray[np.float64]
@@ -61,39 +61,9 @@ def nearest_on_curve(curve: Array, uv_px: ArrayLike) -> tuple[Array, float]:
 
 def check_stereo(first: Camera, uvs_first: ArrayLike, second: Camera, uvs_second: ArrayLike) -> StereoCheck:
     """Triangulate pairs of positions (N, 2) and compare them with the projections of the points found."""
-    uvs = [np.atleast_2d(np.asarray(uv, np.float64)) for uv in (uvs_first, uvs_second)]
-    cameras = (first, second)
-    p = _between_rays(cameras, uvs)
-    for _ in range(3):  # Gauss-Newton on the pixels: the middle between two rays is not the best point
-        predicted, J = _project_with_slopes(cameras, p)
-        residual = np.concatenate(uvs, axis=1) - predicted
-        fine = np.isfinite(residual).all(axis=1) & np.isfinite(J).all(axis=(1, 2))
-        normal = np.einsum("nij,nik->njk", J[fine], J[fine]) + 1e-9 * np.eye(3)
-        right = np.einsum("nij,ni->nj", J[fine], residual[fine])
-        p[fine] += np.linalg.solve(normal, right[:, :, None])[:, :, 0]
-    residual = np.concatenate(uvs, axis=1) - _project_with_slopes(cameras, p)[0]
-    distances = [np.linalg.norm(p - camera.position_world_m, axis=1) for camera in cameras]
-    radii = [camera.K[0, 0] * BALL_RADIUS_M / distance for camera, distance in zip(cameras, distances, strict=True)]
-    return StereoCheck(p, np.sqrt((residual**2).sum(axis=1)), np.column_stack(radii))
-
-
-def _between_rays(cameras: tuple[Camera, Camera], uvs: list[Array]) -> Array:
-    d1, d2 = (camera.unproject(uv) for camera, uv in zip(cameras, uvs, strict=True))
-    base = cameras[1].position_world_m - cameras[0].position_world_m
-    cosine = np.einsum("ij,ij->i", d1, d2)
-    sine_squared = np.maximum(1 - cosine**2, 1e-12)
-    along_1, along_2 = d1 @ base, d2 @ base
-    s1 = (along_1 - cosine * along_2) / sine_squared
-    s2 = (cosine * along_1 - along_2) / sine_squared
-    return 0.5 * (cameras[0].position_world_m + s1[:, None] * d1 + cameras[1].position_world_m + s2[:, None] * d2)
-
-
-def _project_with_slopes(cameras: tuple[Camera, Camera], p: Array) -> tuple[Array, Array]:
-    """Pixels (N, 4) in both cameras and their derivatives (N, 4, 3) by the point."""
-    step_m = 1e-4
-
-    def project(points: Array) -> Array:
-        return np.concatenate([camera.project(points) for camera in cameras], axis=1)
-
-    slopes = [(project(p + step) - project(p - step)) / (2 * step_m) for step in step_m * np.eye(3)]
-    return project(p), np.stack(slopes, axis=2)
+    uvs = np.stack([np.atleast_2d(np.asarray(uv, np.float64)) for uv in (uvs_first, uvs_second)], axis=1)
+    points = StereoRig({"first": first, "second": second}).triangulate(uvs)
+    p = points.ps_world_m
+    distances = [np.linalg.norm(p - camera.position_world_m, axis=1) for camera in (first, second)]
+    radii = [camera.K[0, 0] * BALL_RADIUS_M / d for camera, d in zip((first, second), distances, strict=True)]
+    return StereoCheck(p, np.sqrt(2.0) * points.residuals_px, np.column_stack(radii))
