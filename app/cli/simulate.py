@@ -67,3 +67,6 @@ def run(arguments: argparse.Namespace) -> None:
         noun = "serve" if made.serves == 1 else "serves"
         events = ", ".join(f"{name} {count:,}" for name, count in made.events.items())
         print(f"{made.path}: {made.serves} {noun}, {made.duration_us / 1e6:.3f} s, events: {events}")
+        for name, dropped in made.dropped.items():
+            if dropped:
+                print(f"the readout of {name} dropped {dropped:,} events")

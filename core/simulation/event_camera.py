@@ -15,6 +15,7 @@ from core.simulation.flight import BallPath
 from core.simulation.noise import MergedEvents, RawEvents, draw_hot_pixels, draw_noise, merge_events
 from core.simulation.pixels import EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, event_buffer
 from core.simulation.racket_shape import RacketPath
+from core.simulation.readout import Readout, ReadoutCounts
 from core.simulation.scene import SceneConfig
 from core.simulation.sensor import SensorConfig, make_pixels
 from core.simulation.sweep import RACKET, look_at_once, settle_block, sweep_block
@@ -45,7 +46,13 @@ class EventCamera:
         self._hot = draw_hot_pixels(camera.sensor, config, rng)
         self._events = event_buffer(FIRST_CAPACITY)
         self._racket_seen: np.ndarray | None = None
+        self._readout = Readout()
         self._now_us = 0
+
+    @property
+    def readout_counts(self) -> ReadoutCounts:
+        """Events that the readout passed on, delayed and dropped so far."""
+        return self._readout.counts
 
     @property
     def now_us(self) -> int:
@@ -87,7 +94,9 @@ class EventCamera:
         signal = self._sorted(count, start_us, end_us)
         noise = draw_noise(self.camera.sensor, self._config, self._hot, start_us, end_us, self._rng)
         self._now_us = end_us
-        return merge_events(signal, noise, self._pixels.rows, self._config.refractory_us, self.camera.sensor.width_px)
+        width = self.camera.sensor.width_px
+        merged = merge_events(signal, noise, self._pixels.rows, self._config.refractory_us, width)
+        return self._readout.pass_on(merged, end_us, self._config)
 
     def _sweep(self, steps: Steps, start_us: int) -> int:
         pixels, width = self._pixels, self.camera.sensor.width_px

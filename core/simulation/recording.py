@@ -13,6 +13,7 @@ import numpy as np
 from core.cameras import Camera, stereo_preset
 from core.config import config_to_mapping
 from core.recordings import RecordingWriter
+from core.simulation.readout import ReadoutCounts
 from core.simulation.scene import SceneConfig
 from core.simulation.serve import ServeConfig
 from core.simulation.serves import draw_serves
@@ -35,6 +36,10 @@ class SimulatedRecording:
     """Per camera."""
     truths: int
     """Times at which the ball is visible, over all cameras."""
+    delayed: dict[str, int]
+    """Per camera: events that waited for the readout for a microsecond or more."""
+    dropped: dict[str, int]
+    """Per camera: events that the readout lost; a note in the recording says so."""
     finished: bool
     """False where it was cancelled: everything up to then is in the file."""
 
@@ -60,6 +65,7 @@ def simulate_recording(
     resolved = {**config_to_mapping(config), "serves": [config_to_mapping(serve) for serve in serves]}
     sensors = {name: camera.sensor for name, camera in cameras.items()}
     end_us, finished = 0, True
+    readout: dict[str, ReadoutCounts] = {}
     wanted_us = flights.end_s * 1e6
     with RecordingWriter(path, sensors, calibration=cameras, seed=seed, config=resolved, overwrite=overwrite) as writer:
         for chunk in simulate_stereo(config, cameras, flights, seed=seed):
@@ -68,7 +74,7 @@ def simulate_recording(
                 break
             for name, events in chunk.events.items():
                 writer.append(name, events)
-            end_us = chunk.end_us
+            end_us, readout = chunk.end_us, chunk.readout
             progress(min(1.0, end_us / wanted_us))
         times_us = truth_times(flights, 0, end_us)
         writer.write_ball(ball_truth(flights, times_us))
@@ -78,8 +84,13 @@ def simulate_recording(
             truths += int(truth.visible.sum())
             writer.write_truth(name, truth)
         writer.extend_duration(end_us)
+        for name, counted in readout.items():
+            if counted.dropped:
+                writer.note(f"the readout of {name} dropped {counted.dropped:,} events")
         counts = {name: writer.event_count(name) for name in cameras}
-    return SimulatedRecording(path, end_us, len(serves), counts, truths, finished)
+    delayed = {name: counted.delayed for name, counted in readout.items()}
+    dropped = {name: counted.dropped for name, counted in readout.items()}
+    return SimulatedRecording(path, end_us, len(serves), counts, truths, delayed, dropped, finished)
 
 
 def ensure_demo(path: Path, progress: Callable[[float], None] = lambda share: None) -> None:

@@ -54,9 +54,11 @@ class SceneConfig:
 SCENES: Final[dict[str, SceneConfig]] = {
     "ball": SceneConfig(),
     "dark": SceneConfig(ball=0.04, table=0.45, line=0.8, floor=0.6, wall=0.7),
+    "low-contrast": SceneConfig(ball=0.55, table=0.30, line=0.7, floor=0.33, wall=0.36),
 }
-"""A bright ball in front of a dark room; a dark ball in front of a bright one."""
-SCENES_TO_COME: Final = ("low-contrast", "person", "two-persons", "rally", "head")
+"""A bright ball in front of a dark room; a dark ball in front of a bright one; a ball 1.8 times
+as bright as the table, so that an edge is three thresholds high where that of the first scene is ten."""
+SCENES_TO_COME: Final = ("person", "two-persons", "rally", "head")
 
 
 def scene_named(name: str) -> SceneConfig:

@@ -13,6 +13,7 @@ from core.errors import ConfigError
 from core.events import Events
 from core.simulation.event_camera import BLOCK_US, EventCamera
 from core.simulation.flight import BallPath
+from core.simulation.readout import ReadoutCounts
 from core.simulation.scene import SceneConfig
 from core.simulation.sensor import SensorConfig
 
@@ -34,6 +35,8 @@ class Chunk:
     start_us: int
     end_us: int
     events: dict[str, Events]
+    readout: dict[str, ReadoutCounts]
+    """What each camera's readout did to the events since the start."""
 
 
 def simulate_stereo(
@@ -66,4 +69,5 @@ def simulate_stereo(
         for start_us in range(0, last_us, chunk_us):
             end_us = min(start_us + chunk_us, last_us)
             running = {name: pool.submit(rig.advance, path, end_us) for name, rig in rigs.items()}
-            yield Chunk(start_us, end_us, {name: future.result() for name, future in running.items()})
+            events = {name: future.result() for name, future in running.items()}
+            yield Chunk(start_us, end_us, events, {name: rig.readout_counts for name, rig in rigs.items()})
