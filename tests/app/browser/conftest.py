@@ -49,10 +49,10 @@ def chromium() -> Iterator[Browser]:
 class Window:
     """One browser window, with the session that the app keeps for it."""
 
-    def __init__(self, page: Page, lab: Lab, *, in_space: bool = False) -> None:
+    def __init__(self, page: Page, lab: Lab, *, in_space: bool = False, dpr: float = 1) -> None:
         self.page = page
         before = set(lab.sessions)
-        page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr=1")
+        page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr={dpr:g}")
         # The software renderer makes viser show a note over the upper left corner: let clicks through.
         page.add_style_tag(content="[class*=mantine-Notification] { pointer-events: none !important; }")
         wait_for(lambda: set(lab.sessions) - before, "the browser to connect")
@@ -153,6 +153,14 @@ def window(chromium: Browser, lab: Lab) -> Iterator[Window]:
     session: Session = window.session
     page.close()
     wait_for(lambda: session not in lab.sessions, "the browser to be gone")
+
+
+@pytest.fixture
+def dense_window(chromium: Browser, lab: Lab, request: pytest.FixtureRequest) -> Iterator[Window]:
+    """On a screen with `request.param` device pixels for a CSS pixel."""
+    page = chromium.new_page(viewport={"width": 1000, "height": 600}, device_scale_factor=request.param)
+    yield Window(page, lab, dpr=request.param)
+    page.close()
 
 
 @pytest.fixture

@@ -98,6 +98,11 @@ class Labelling:
 
 @pytest.fixture
 def labelling(window, wait_for, request):
+    return begin(window, wait_for, request)
+
+
+def begin(window, wait_for, request) -> Labelling:
+    """Label mode at the ball, in a layer of the test's own."""
     window.seek(BALL_US)
     window.press("Label")
     found = Labelling(window, wait_for)
@@ -182,6 +187,11 @@ def test_a_drag_gives_centre_and_radius(labelling) -> None:
 
 def test_clicks_land_where_they_are_aimed_at_every_zoom(labelling) -> None:
     labelling.check_clicks(zooms="6789")
+
+
+@pytest.mark.parametrize("dense_window", [1.25, 2], indirect=True)
+def test_clicks_land_where_they_are_aimed_on_dense_screens(dense_window, wait_for, request) -> None:
+    begin(dense_window, wait_for, request).check_clicks(zooms="69")
 
 
 def test_proposals_are_accepted_by_key_and_by_segment(labelling, wait_for) -> None:
