@@ -13,7 +13,7 @@ from app.label.panel import LabelPanel, PanelActions
 from app.label.plan import Plan, Point, Scene, agreement_at, centre_at, plan_at
 from app.label.prefetch import LabelSheet, PictureShelf, Prefetcher, SheetRequest
 from app.label.status import Checked, checked_of, here_html, progress_html, proposals_html, save_html, status_words
-from app.label.view import DEFAULT_STEP_US, WINDOWS_US, ZOOMS, LabelView
+from app.label.view import DEFAULT_STEP_US, LABEL_STEPS_US, WINDOWS_US, ZOOMS, LabelView
 from app.label.work import Hooks, LabelWork
 from app.modes.mode import Host, Middle
 from app.pictures.event_picture import RENDERINGS, Rendering
@@ -99,8 +99,7 @@ class LabelMode:
         work = self._work
         if work is None:
             return
-        if not state.playhead.playing or work.source.frames is None:
-            work.step_us = max(state.step_us, 1)
+        work.step_us = max(state.step_us, LABEL_STEPS_US[0])  # the time controls go finer than labels are counted
         work.move_to(now_us)
         self._rendering = state.look.rendering
         scene = self._scene(state)
