@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
 from app.export.selection import Span
 from app.export.steps import window_length_us
 from app.export.unfinished import Cancelled, Progress, check_cancelled
-from app.scene.rally_picture import LandingSpot, RallyPicture
+from app.scene.rally_picture import RallyPicture
 from app.watch.following import is_stereo
-from app.watch.history import Outcome, RallyHistory
+from app.watch.history import RallyHistory
+from app.watch.known import add_known
 from app.watch.live import positions
 from core.detection.window import windows_between
 from core.errors import CalibrationError
@@ -22,7 +21,6 @@ from core.rally.follow import calibrated_cameras
 from core.rally.player import Player
 from core.recordings import Recording
 from core.recordings.layout import Rows
-from core.simulation.physics.episode import Case
 
 Circles = dict[str, tuple[float, float, float]]
 
@@ -55,7 +53,8 @@ def scene_moments(
         remedy = "import it with --calibration, or export it to Rerun"
         raise CalibrationError("3D needs two cameras or more, all calibrated", where="the recording", remedy=remedy)
     cameras = calibrated_cameras(recording)
-    history, stands = _known(recording, groups), positions(cameras)
+    history, stands = RallyHistory(), positions(cameras)
+    add_known(history, recording.ball, _Groups(groups))
     player = Player(RallyChain(cameras, chain), BuiltInController())
     window_us = window_length_us(chain)
     every = max(1, round(stride_us / window_us))
@@ -70,17 +69,11 @@ def scene_moments(
             progress((t_us - span.start_us) / span.length_us)
 
 
-def _known(recording: Recording, groups: Callable[[str], Rows | None]) -> RallyHistory:
-    """What the recording itself says of ball, racket and outcomes."""
-    history = RallyHistory()
-    if recording.ball is not None:
-        history.add_truth(recording.ball)
-    racket, episodes = groups("/racket"), groups("/episodes")
-    if racket is not None:
-        history.add_rackets(*(np.asarray(racket[name]) for name in ("t_us", "p_world_m", "q_world_wxyz")))
-    if episodes is not None:
-        columns = (episodes[name].tolist() for name in ("serve_us", "speed_mps", "case", "f"))
-        for serve_us, speed_mps, case, landing in zip(*columns, strict=True):
-            spot = LandingSpot(landing[0], landing[1], Case(case))
-            history.add_outcome(Outcome(serve_us, serve_us, speed_mps, spot))
-    return history
+class _Groups:
+    """A reader of groups as something that has them."""
+
+    def __init__(self, groups: Callable[[str], Rows | None]) -> None:
+        self._groups = groups
+
+    def read_rows(self, group: str) -> Rows | None:
+        return self._groups(group)

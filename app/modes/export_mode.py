@@ -15,6 +15,7 @@ from app.modes.mode import Host, Middle
 from app.panels.export_files import ExportFilesPanel
 from app.panels.export_plan import ExportPlan, ExportPlanPanel
 from app.state import ClientState
+from app.watch.live import LiveRally
 from app.widgets import when_clicked
 from core.detection import DetectorConfig
 from core.errors import CommandError
@@ -109,7 +110,8 @@ class ExportMode:
             raise CommandError("no recording is open")
         span_of(recording, plan.start_us, plan.end_us)  # says at once what is wrong with it
         layers = self._host.workspace.labels
-        work = _recording_work(recording, plan, state.configs.present.a, layers)
+        live = self._host.rallies.live
+        work = _recording_work(recording, plan, state.configs.present.a, layers, live)
         self._exporter.start(state.recording, FORMATS[plan.format].suffix, work)
         self._looked_s = float("-inf")
 
@@ -132,12 +134,15 @@ def _run_work(run: Path) -> Callable[[Path, Progress, Cancelled], tuple[Path, ..
 
 
 def _recording_work(
-    recording: Recording, plan: ExportPlan, detector: DetectorConfig, labels: Path
+    recording: Recording, plan: ExportPlan, detector: DetectorConfig, labels: Path, live: LiveRally | None
 ) -> Callable[[Path, Progress, Cancelled], tuple[Path, ...]]:
     def work(path: Path, progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
         source, span = recording, span_of(recording, plan.start_us, plan.end_us)
         if isinstance(recording, LiveRecording):
             source = freeze(recording, span)
+            groups = _no_rows if live is None or live.recording is not recording else live.rows.read_rows
+        else:
+            groups = getattr(recording, "read_rows", _no_rows)
         order = Order(
             format=plan.format,
             destination=path,
@@ -151,12 +156,11 @@ def _recording_work(
         )
         mine = [layer for layer in find_layers(labels, source.uuid) if layer.annotator == plan.annotator]
         shown = {layer.camera: LabelStore.read(labels, layer).labels() for layer in mine if not layer.blind}
-        groups = getattr(source, "read_rows", _no_rows)
         return export(order, recording=source, groups=groups, labels=shown, progress=progress, cancelled=cancelled)
 
     return work
 
 
 def _no_rows(group: str) -> Rows | None:
-    """A live rally has no groups."""
+    """Of a recording without groups."""
     return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import viser
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from app.watch.simulation_panel import SimulationPanel
 from app.watch.status import live_html, moment_html
 from app.watch.view_panel import ViewPanel
 from app.worker import LatestWins
+from core.errors import CommandError
 from core.recordings import Recording
 from core.simulation.physics import TaskConfig
 
@@ -30,6 +32,8 @@ PICTURES_EVERY_S = 1 / 15
 STATUS_EVERY_S = 0.15
 CONTROLLERS_EVERY_S = 2.0
 LEAD_TIMES_EVERY_S = 2.0
+PICTURE_PX = (720, 1280)
+PICTURE_WITHIN_S = 60.0
 ACTION_LIMIT_DEG = TaskConfig().stroke.action_limit_deg
 
 
@@ -47,7 +51,7 @@ class WatchMode:
         gui = host.client.gui
         self._folder = gui.add_folder(None, visible=False)
         with self._folder:
-            self._view = ViewPanel(gui, host.send, self._look_from, host.world.views)
+            self._view = ViewPanel(gui, host.send, self._look_from, self._save_picture, host.world.views)
             live = host.rallies.live
             self._simulation = None if live is None else SimulationPanel(gui, live, host)
         self._cameras = CamerasPanel(gui)
@@ -174,6 +178,23 @@ class WatchMode:
 
     def _look_from(self, view: str) -> None:
         self._host.later(lambda: self._host.world.look_from(view))
+
+    def _save_picture(self) -> None:
+        """The browser draws its own view again, at the size of the window's middle, and downloads it."""
+        client = self._host.client
+
+        def save() -> None:
+            try:
+                pixels = client.get_render(*PICTURE_PX, transport_format="png", timeout=PICTURE_WITHIN_S)
+            except TimeoutError:
+                error = CommandError("the browser did not draw its view", expected=f"within {PICTURE_WITHIN_S:.0f} s")
+                self._failed(error)
+                return
+            done, png = cv2.imencode(".png", cv2.cvtColor(pixels[..., :3], cv2.COLOR_RGB2BGR))
+            if done:
+                client.send_file_download("rallyscope.png", png.tobytes(), save_immediately=True)
+
+        self._host.pool.submit(save)
 
     def _failed(self, error: Exception) -> None:
         self._host.later(lambda: self._host.report(error))

@@ -5,10 +5,8 @@ from __future__ import annotations
 import logging
 import threading
 
-import numpy as np
-
-from app.scene.rally_picture import LandingSpot
-from app.watch.history import Outcome, RallyHistory
+from app.watch.history import RallyHistory
+from app.watch.known import add_known
 from core.cameras import Camera
 from core.detection.window import windows_between
 from core.rally.chain import RallyChain
@@ -16,14 +14,11 @@ from core.rally.config import ChainConfig
 from core.rally.controller import BuiltInController
 from core.rally.follow import calibrated_cameras
 from core.rally.player import Player
-from core.rally.recorded_rally import read_targets
 from core.recordings import Recording
 from core.recordings.reader import FileRecording
-from core.simulation.physics.episode import Case
 
 logger = logging.getLogger(__name__)
 WINDOW_US = 2_000
-TRUTH_EVERY_US = 1_000
 
 
 def is_stereo(recording: Recording) -> bool:
@@ -56,29 +51,13 @@ class Following:
 
     def _run(self) -> None:
         try:
-            self._add_known()
+            if isinstance(self._recording, FileRecording):
+                add_known(self.history, self._recording.ball, self._recording)
+            elif self._recording.ball is not None:
+                self.history.add_truth(self._recording.ball)
             self._follow()
         except Exception:
             logger.exception("the chain failed on a recording")
-
-    def _add_known(self) -> None:
-        truth = self._recording.ball
-        if truth is not None:
-            self.history.add_truth(truth)
-        if not isinstance(self._recording, FileRecording):
-            return
-        rackets = self._recording.read_rows("/racket")
-        if rackets is not None:
-            t_us, ps, qs = (np.asarray(rackets[name]) for name in ("t_us", "p_world_m", "q_world_wxyz"))
-            self.history.add_rackets(t_us, ps, qs)
-        self.history.add_targets(read_targets(self._recording))
-        episodes = self._recording.read_rows("/episodes")
-        if episodes is not None:
-            for serve_us, speed, case, landing in zip(
-                *(np.asarray(episodes[name]) for name in ("serve_us", "speed_mps", "case", "f")), strict=True
-            ):
-                spot = LandingSpot(float(landing[0]), float(landing[1]), Case(int(case)))
-                self.history.add_outcome(Outcome(int(serve_us), int(serve_us), float(speed), spot))
 
     def _follow(self) -> None:
         player = Player(RallyChain(self.cameras, ChainConfig()), BuiltInController())

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from app.scene.rally_picture import LandingSpot
 from app.watch.history import Outcome, RallyHistory
+from app.watch.live_rows import LiveRows
 from app.watch.simulation_process import SimulationProcess
 from core.cameras import Camera
 from core.errors import LinkError, RecordingError
@@ -48,14 +49,15 @@ class LiveRally:
             raise
         self.recording = LiveRecording(LiveConfig(seconds=REMEMBERED_S))
         self.history = RallyHistory()
+        self.rows = LiveRows()
         self._session = ""
         self._recorder: LiveRecorder | None = None
         self._recorded_since_s = 0.0
         self._recording_lock = threading.Lock()
         self._forgotten_us = 0
         self.client.add_listener(self.recording)
-        self.client.add_listener(self)
         self.player = LivePlayer(self.client)
+        self.client.add_listener(self)
         self.player.add_step_listener(self._hear_step)
 
     @property
@@ -122,6 +124,7 @@ class LiveRally:
     def hear_session(self, welcome: m.Reply) -> None:
         """Begin anew."""
         self.history.clear()
+        self.rows.clear()
         self._session, self._forgotten_us = welcome.session, 0
 
     def hear_events(self, batch: m.EventBatch) -> None:
@@ -132,23 +135,27 @@ class LiveRally:
         if not len(state.racket_t_us):
             return
         self.history.add_rackets(state.racket_t_us, state.racket[:, :3], state.racket[:, 3:7])
+        self.rows.add_state(state)
         if len(state.ball_t_us):
             self.history.add_truth(state.truth())
         if state.t_us - self._forgotten_us > FORGET_EVERY_US:
             self._forgotten_us = state.t_us
             self.history.forget_before(state.t_us - round(REMEMBERED_S * 1e6))
+            self.rows.forget_before(state.t_us - round(REMEMBERED_S * 1e6))
 
     def hear_notice(self, notice: m.Notice) -> None:
         """Outcomes become spots."""
         if isinstance(notice, m.OutcomeNotice):
             x, y, _ = notice.landing_m
             spot = LandingSpot(x, y, Case(notice.case))
+            self.rows.add_outcome(notice, self.player.controller.name)
             self.history.add_outcome(Outcome(notice.t_us, notice.serve_us, notice.speed_mps, spot))
 
     def _hear_step(self, session: str, state: PlayerState, decision: Decision | None) -> None:
         """In the player's thread."""
         if session == self._session:
             self.history.add_step(state)
+            self.rows.add_step(state, decision)
 
 
 def positions(cameras: dict[str, Camera]) -> dict[str, NDArray[np.float64]]:

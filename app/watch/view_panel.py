@@ -11,7 +11,7 @@ from app.scene.world import LAYERS
 from app.state import ClientState
 from app.watch.commands import ShowLayer, ShowSpace
 from app.watch.status import legend_html
-from app.widgets import Choice, when_changed
+from app.widgets import Choice, when_changed, when_clicked
 
 IN_SPACE, FLAT = "3D", "Pictures"
 
@@ -24,6 +24,7 @@ class ViewPanel:
         gui: viser.GuiApi,
         send: Callable[[Command], None],
         look_from: Callable[[str], None],
+        save_picture: Callable[[], None],
         views: tuple[str, ...],
     ) -> None:
         self._gui = gui
@@ -36,6 +37,8 @@ class ViewPanel:
         with self._layers_folder:
             self._layers = {layer: gui.add_checkbox(layer, True) for layer in LAYERS}
             gui.add_html(legend_html())
+            self._save = gui.add_button("Save this view as PNG", icon=viser.Icon.CAMERA, hint="Drawn by your browser")
+        when_clicked(self._save, save_picture)
         for layer, box in self._layers.items():
             when_changed(box, lambda on, layer=layer: send(ShowLayer(layer, bool(on))))
 
