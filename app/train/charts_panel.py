@@ -25,9 +25,9 @@ W1: Final = "#5aa9ff"
 W2: Final = "#6eeb82"
 AXIS: Final = "#9aa0aa"
 GRID: Final = "#32363e"
-FIRST_END: Final = 100
 ERROR_TOPS_MM: Final = (50.0, 100.0, 200.0, 400.0, 800.0)
 """The error's scale ends at one of these: it changes rarely, and says at once where one is."""
+WEIGHTS: Final = "weights"
 TITLES: Final = (
     ("returned", f"Returned, % of the last {WINDOW} balls"),
     ("error_mm", f"Landing error, mm, mean of the last {WINDOW}"),
@@ -36,36 +36,51 @@ TITLES: Final = (
 
 
 class ChartsPanel:
-    """Handles are reused: only data is sent, and a scale when it has to grow."""
+    """Charts are made with the first curves: one that begins empty may never show its ticks. Then only data is sent,
+    and a scale when it has to grow."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
+        self._gui = gui
         self._legend = gui.add_html("")
+        self._place = gui.add_folder(None, visible=False)
         self._charts: dict[str, viser.GuiUplotHandle] = {}
-        for name, title in TITLES:
-            gui.add_html(_title(title))
-            self._charts[name] = _add_chart(gui, _curve_series(), _range_of(name, None))
-        gui.add_html(_weights_title())
-        self._weights = _add_chart(gui, _weights_series(), (0.0, 1.02))
 
     def show(self, run: str, data: ChartData, compared: tuple[str, ...], *, several_seeds: bool) -> None:
         """Draw these curves."""
         self._legend.content = legend_html(run, compared, several_seeds=several_seeds)
-        nothing = np.full(len(data.axis), np.nan)
+        columns = chart_columns(data)
+        if not self._charts:
+            self._add_charts(data, columns)
+            return
         for name, chart in self._charts.items():
-            curves = [
-                *(other[name] for other in data.compared),
-                data.seeds_mean[name],
-                data.run[name],
-                data.evaluated.get(name, nothing),
-            ]
-            chart.data = (data.axis, *curves)
-            scales = _scales(data.end, _range_of(name, curves))
+            chart.data = (data.axis, *columns[name])
+            scales = _scales(data.end, _range_of(name, columns[name]))
             if scales != chart.scales:
                 chart.scales = scales
-        self._weights.data = (data.axis, *(data.run[name] for name in ("w1", "w2", "noise")))
-        scales = _scales(data.end, (0.0, 1.02))
-        if scales != self._weights.scales:
-            self._weights.scales = scales
+
+    def _add_charts(self, data: ChartData, columns: dict[str, list[Array]]) -> None:
+        self._place.visible = True
+        with self._place:
+            for name, title in TITLES:
+                self._gui.add_html(_title(title))
+                self._charts[name] = _add_chart(self._gui, name, _curve_series(), data, columns[name])
+            self._gui.add_html(_weights_title())
+            self._charts[WEIGHTS] = _add_chart(self._gui, WEIGHTS, _weights_series(), data, columns[WEIGHTS])
+
+
+def chart_columns(data: ChartData) -> dict[str, list[Array]]:
+    """Name of a chart -> its curves, in the order of its series; the chosen run is drawn last, over the others."""
+    nothing = np.full(len(data.axis), np.nan)
+    columns = {
+        name: [
+            *(other[name] for other in data.compared),
+            data.seeds_mean[name],
+            data.run[name],
+            data.evaluated.get(name, nothing),
+        ]
+        for name, _ in TITLES
+    }
+    return columns | {WEIGHTS: [data.run[name] for name in ("w1", "w2", "noise")]}
 
 
 def legend_html(run: str, compared: tuple[str, ...], *, several_seeds: bool) -> str:
@@ -81,13 +96,15 @@ def legend_html(run: str, compared: tuple[str, ...], *, several_seeds: bool) -> 
     return f"<div style='font-size:12.5px;padding:6px 12px 0'>{shown}</div>"
 
 
-def _range_of(name: str, curves: list[Array] | None) -> tuple[float, float]:
+def _range_of(name: str, curves: list[Array]) -> tuple[float, float]:
+    if name == WEIGHTS:
+        return 0.0, 1.02
     if name == "returned":
         return 0.0, 104.0
     if name == "reward":
         return -1.1, 4.1
     highest = 0.0
-    for curve in curves or []:
+    for curve in curves:
         known = curve[np.isfinite(curve)]
         highest = max(highest, float(known.max()) if len(known) else 0.0)
     return 0.0, next((top for top in ERROR_TOPS_MM if highest <= top), ERROR_TOPS_MM[-1])
@@ -101,14 +118,12 @@ def _scales(end: int, y_range: tuple[float, float]) -> dict[str, uplot.Scale]:
 
 
 def _add_chart(
-    gui: viser.GuiApi, series: tuple[uplot.Series, ...], y_range: tuple[float, float]
+    gui: viser.GuiApi, name: str, series: tuple[uplot.Series, ...], data: ChartData, curves: list[Array]
 ) -> viser.GuiUplotHandle:
-    empty = tuple(np.full(1, np.nan) for _ in series[1:])
-    axis = np.ones(1)
     return gui.add_uplot(
-        (axis, *empty),
+        (data.axis, *curves),
         series,
-        scales=_scales(FIRST_END, y_range),
+        scales=_scales(data.end, _range_of(name, curves)),
         axes=(_axis(size=22), _axis(size=38)),
         legend=uplot.Legend(show=False),
         height=CHART_HEIGHT_PX,
@@ -127,7 +142,6 @@ def _axis(size: int) -> uplot.Axis:
 
 
 def _curve_series() -> tuple[uplot.Series, ...]:
-    """The chosen run is drawn last, over the others."""
     others = [
         uplot.Series(label=f"other {k + 1}", stroke=colour, width=1, points={"show": False})
         for k, colour in enumerate(OTHERS[:COMPARED])

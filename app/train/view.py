@@ -185,7 +185,8 @@ def make_details(metrics: dict[int, Metrics], others: list[Metrics], planned: in
 
 def _charts(curves: list[Curves], others: list[Curves], planned: int) -> ChartData:
     longest = max(len(c) for c in curves)
-    axis = shared_axis(max(longest, min(planned, max((len(c) for c in others), default=0)), 1))
+    # Two points at least: of an axis with one a chart may never show its ticks.
+    axis = shared_axis(max(longest, min(planned, max((len(c) for c in others), default=0)), 2))
     ours = curves[-1]
     nothing = np.full(len(axis), np.nan)
     several = len(curves) > 1
