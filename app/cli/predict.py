@@ -10,8 +10,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import CommandError, NotBuiltError
-from core.trajectory import HitPlane, PaperPredictor, PaperPredictorConfig, Prediction, TablePoint, predictor_for
+from core.errors import CommandError
+from core.trajectory import (
+    FilterConfig,
+    FilterPredictor,
+    HitPlane,
+    PaperPredictor,
+    PaperPredictorConfig,
+    Prediction,
+    TablePoint,
+    filter_for,
+    predictor_for,
+)
 from core.trajectory.points_file import read_points
 
 METHODS = ("paper", "filter")
@@ -27,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--method",
         default="paper",
         choices=METHODS,
-        help="paper: five points, gravity, one reflection; filter is not built yet (default: %(default)s)",
+        help="paper: five points, gravity, one reflection; filter: drag, spin, every point (default: %(default)s)",
     )
     parser.add_argument(
         "--physics",
@@ -48,8 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Read, predict, write."""
-    if arguments.method == "filter":
-        raise NotBuiltError("the method 'filter' is not built yet", remedy="use paper")
     if not (math.isfinite(arguments.observe_ms) and arguments.observe_ms > 0):
         raise CommandError("nothing would be seen", expected="above 0", got=arguments.observe_ms, where="--observe-ms")
     if not arguments.out.parent.is_dir():
@@ -57,7 +65,10 @@ def run(arguments: argparse.Namespace) -> None:
     config = predictor_for(arguments.physics, hit_x_m=arguments.hit_x)
     t_s, ps_m = read_points(arguments.points)
     seen = t_s < t_s[0] + 1e-3 * arguments.observe_ms
-    prediction = _predict(t_s[seen], ps_m[seen], config)
+    if arguments.method == "filter":
+        prediction = _filter(t_s[seen], ps_m[seen], filter_for(arguments.physics, hit_x_m=arguments.hit_x))
+    else:
+        prediction = _predict(t_s[seen], ps_m[seen], config)
     if prediction is None:
         needed_ms = (config.observations - 1) * config.spacing_ms
         raise CommandError(
@@ -94,6 +105,14 @@ def _predict(t_s: NDArray[np.float64], ps_m: NDArray[np.float64], config: PaperP
     for t, p in zip(t_s, ps_m, strict=True):
         predictor.add(round(1e6 * t), p)
     return predictor.latest
+
+
+def _filter(t_s: NDArray[np.float64], ps_m: NDArray[np.float64], config: FilterConfig) -> Prediction | None:
+    """What the filter says after the last point."""
+    predictor = FilterPredictor(config)
+    for t, p in zip(t_s, ps_m, strict=True):
+        predictor.add(round(1e6 * t), p)
+    return predictor.predict()
 
 
 def _table_point_json(point: TablePoint) -> dict[str, object]:

@@ -2,15 +2,19 @@
 
 from core.trajectory.config import PaperPredictorConfig, predictor_for
 from core.trajectory.continuation import predict_arrivals
+from core.trajectory.filter import FilterConfig, FilterPredictor, filter_for
 from core.trajectory.prediction import HitPlane, Prediction, TablePoint
 from core.trajectory.predictor import PaperPredictor
 
 __all__ = [
+    "FilterConfig",
+    "FilterPredictor",
     "HitPlane",
     "PaperPredictor",
     "PaperPredictorConfig",
     "Prediction",
     "TablePoint",
+    "filter_for",
     "predict_arrivals",
     "predictor_for",
 ]

@@ -42,6 +42,10 @@ class Continuation:
             ps = np.where(later[..., None], arcs.at(t_s), ps)
         return ps
 
+    def nominal(self) -> Continuation:
+        """Row 0 alone."""
+        return Continuation(tuple(Arcs(arcs.t_s[:1], arcs.ps_m[:1], arcs.vs_mps[:1]) for arcs in self.arcs))
+
     def hits(self, x_m: float) -> tuple[Array, Array]:
         """When (N,) each ball first crosses the plane x towards the robot, and its state (N, 6) there; nan if never."""
         count = len(self.arcs[0].t_s)

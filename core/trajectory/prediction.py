@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,6 +46,30 @@ class HitPlane:
     stage: Stage
 
 
+class Flights(Protocol):
+    """A flight in row 0 and its neighbours, one sigma away along each unknown, in pairs."""
+
+    def bounces(self) -> tuple[tuple[Array, Array], ...]:
+        """Times (N,) and positions (N, 3) of each bounce."""
+        ...
+
+    def landing(self, after_s: float) -> tuple[Array, Array]:
+        """When (N,) and where (N, 3) the balls next come down to the table's plane."""
+        ...
+
+    def hits(self, x_m: float) -> tuple[Array, Array]:
+        """When (N,) the balls cross the plane, and their states (N, 6) there."""
+        ...
+
+    def at(self, t_s: Array) -> Array:
+        """Positions (N, K, 3) at times (K,)."""
+        ...
+
+    def nominal(self) -> Flights:
+        """Row 0 alone."""
+        ...
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
     """The flight as it is expected after the newest observation."""
@@ -63,7 +87,7 @@ class Prediction:
     """(M,) from the newest observation to the hitting plane; to the landing if it does not get there."""
     curve_ps_world_m: Array
     """(M, 3)."""
-    flights: Continuation
+    flights: Flights
     """Row 0 is the flight, rows 1 + 2 k and 2 + 2 k have unknown k changed by one sigma up and down."""
 
     def positions(self, t_s: ArrayLike) -> tuple[Array, Array]:
@@ -79,19 +103,23 @@ def predict_flight(
     fit = fit_arcs(t_s[None], ps_m[None])
     if not np.isfinite(fit.vs_mps).all():
         return None
-    flights = _spread(fit, t_s, config)
+    return describe_flights(_spread(fit, t_s, config), newest_us, stage, config.hit_x_m)
+
+
+def describe_flights(flights: Flights, newest_us: int, stage: Stage, hit_x_m: float) -> Prediction:
+    """What a flight and its neighbours say about bounces, landing and hitting plane."""
     now_s = newest_us * 1e-6
     bounces = tuple(TablePoint(float(t[0]), ps[0], _sigma(ps)) for t, ps in flights.bounces() if float(t[0]) > now_s)
     t_landing, ps_landing = flights.landing(now_s)
     landing = None
     if math.isfinite(t_landing[0]):
         landing = TablePoint(float(t_landing[0]), ps_landing[0], _sigma(ps_landing))
-    hit_plane = _hit_plane(flights, stage, config)
+    hit_plane = _hit_plane(flights, stage, hit_x_m)
     end_s = hit_plane.t_s if hit_plane else landing.t_s if landing else now_s
     curve_t_s = np.append(np.arange(now_s, max(end_s, now_s), CURVE_STEP_S), max(end_s, now_s))
     curve_t_s = np.union1d(curve_t_s, [bounce.t_s for bounce in bounces if bounce.t_s < end_s])
-    nominal = Continuation(tuple(Arcs(arcs.t_s[:1], arcs.ps_m[:1], arcs.vs_mps[:1]) for arcs in flights.arcs))
-    return Prediction(newest_us, stage, bounces, landing, hit_plane, curve_t_s, nominal.at(curve_t_s)[0], flights)
+    curve = flights.nominal().at(curve_t_s)[0]
+    return Prediction(newest_us, stage, bounces, landing, hit_plane, curve_t_s, curve, flights)
 
 
 def _spread(fit: Arcs, t_s: Array, config: PaperPredictorConfig) -> Continuation:
@@ -128,7 +156,7 @@ def spinless_factor(fit: Arcs, config: PaperPredictorConfig) -> float:
 
 
 def _one_sigma_moves(values: Array) -> Array:
-    """(8, ...) how much each unknown's sigma moves the value of row 0, given the values (17, ...) of all rows.
+    """(K, ...) how much each unknown's sigma moves the value of row 0, given the values (1 + 2 K, ...) of all rows.
 
     Where a neighbour has no such value (it misses the table's edge, say), the difference to the other one counts.
     """
@@ -143,8 +171,8 @@ def _sigma(values: Array) -> Array:
     return np.sqrt((_one_sigma_moves(values) ** 2).sum(axis=0))
 
 
-def _hit_plane(flights: Continuation, stage: Stage, config: PaperPredictorConfig) -> HitPlane | None:
-    t, states = flights.hits(config.hit_x_m)
+def _hit_plane(flights: Flights, stage: Stage, hit_x_m: float) -> HitPlane | None:
+    t, states = flights.hits(hit_x_m)
     if not math.isfinite(t[0]):
         return None
     moves = _one_sigma_moves(states)

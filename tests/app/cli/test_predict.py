@@ -96,6 +96,19 @@ def test_a_ball_that_flies_away_has_no_hitting_plane(tmp_path, capsys) -> None:
     assert "does not come" in capsys.readouterr().out
 
 
+def test_the_filter_writes_the_same_contract_and_knows_the_flight(points, tmp_path) -> None:
+    out = tmp_path / "pred.json"
+    assert main(["predict", str(points), "--method", "filter", "--out", str(out)]) == 0
+    found = json.loads(out.read_text())
+    assert list(found) == ["positions", "bounces", "landing", "hit_plane"]
+    assert list(found["hit_plane"]) == ["t_s", "sigma_t_s", "p_world_m", "sigma_m", "v_world_mps", "sigma_mps", "stage"]
+    before_bounce = [position for position in found["positions"] if position["t_s"] < 7.3]
+    for position in before_bounce:
+        expected = flight(np.array([position["t_s"] - 7.0]))[0]
+        np.testing.assert_allclose(position["p_world_m"], expected, atol=0.005)
+        assert min(position["sigma_m"]) > 0
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -124,7 +137,8 @@ def test_a_malformed_file_is_one_line_with_file_and_row(tmp_path, capsys, text: 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--method", "filter"], "not built yet"),
+        (["--method", "filter", "--observe-ms", "10"], "too little"),
+        (["--method", "filter", "--hit-x", "7"], "hit_x_m"),
         (["--method", "magic"], "magic"),
         (["--observe-ms", "0"], "--observe-ms"),
         (["--observe-ms", "nan"], "--observe-ms"),

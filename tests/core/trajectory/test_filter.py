@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+
+from core.errors import ConfigError
+from core.simulation.physics.config import physics_profile
+from core.simulation.physics.fit_flights import simulate_flight
+from core.table import BALL_RADIUS_M
+from core.trajectory import FilterConfig, FilterPredictor, filter_for
+from core.trajectory.ball_kernel import LIFT, advance, touches
+
+START = np.array([1.2, 0.1, 0.30, -5.0, 0.2, 1.0, 20.0, -80.0, 40.0])
+REAL = np.array([0.47, 0.90, 0.25])
+"""Drag, restitution, friction of the simulated profile."""
+
+
+def path(state: np.ndarray, t_s: np.ndarray, magnus: float = 0.10) -> np.ndarray:
+    states, s, now = [], state.copy(), 0.0
+    for t in t_s:
+        advance(s, t - now, LIFT * magnus)
+        now = t
+        states.append(s.copy())
+    return np.array(states)
+
+
+def test_the_kernel_flies_and_bounces_like_the_simulation() -> None:
+    t_s = np.linspace(0.001, 0.599, 599)
+    ours = path(np.concatenate([START, REAL]), t_s)
+    theirs = simulate_flight(START, t_s, physics_profile("real"))
+    assert (np.diff(np.sign(ours[:, 5])) > 0).any(), "there is a bounce"
+    np.testing.assert_allclose(ours[:, :3], theirs, atol=1e-5)
+
+
+def test_touches_are_where_the_path_is() -> None:
+    state = np.concatenate([START, REAL])
+    found = np.empty((1, 19))
+    touches(state[None], 2.0, -1.42, LIFT * 0.10, found)
+    bounce, landing, hit = found[0, :4], found[0, 8:12], found[0, 12:]
+    np.testing.assert_array_equal(bounce, landing)
+    assert bounce[3] == pytest.approx(BALL_RADIUS_M, abs=1e-9)
+    at_hit = path(state, np.array([hit[0] - 2.0]))[0]
+    np.testing.assert_allclose(at_hit[:6], hit[1:], atol=1e-5)
+    assert hit[1] == -1.42
+
+
+def test_a_noiseless_flight_gives_back_its_spin_and_its_hitting_point() -> None:
+    t_s = np.arange(0, 500) * 1e-3
+    truth = path(np.concatenate([START, REAL]), t_s)
+    predictor = FilterPredictor(FilterConfig(sigma_point_m=1e-4, air_noise=0.0, bounce_noise_mps=0.0))
+    for t, p in zip(t_s, truth[:, :3], strict=True):
+        predictor.add(round(1e6 * t), p)
+    found = np.empty((1, 19))
+    touches(np.concatenate([START, REAL])[None], 0.0, -1.42, LIFT * 0.10, found)
+    latest = predictor.predict()
+    assert predictor.stage == "post" and len(predictor.bounces_us) == 1
+    assert predictor.bounces_us[0] == pytest.approx(1e6 * found[0, 0], abs=200)
+    assert latest is not None and latest.hit_plane is not None
+    np.testing.assert_allclose(latest.hit_plane.p_world_m, found[0, 13:16], atol=0.001)
+    assert latest.hit_plane.t_s == pytest.approx(found[0, 12], abs=2e-4)
+    np.testing.assert_allclose(predictor.state[6:9], truth[-1, 6:9], atol=15.0)
+
+
+def test_the_covariance_is_honest_before_and_after_the_bounce() -> None:
+    rng = np.random.default_rng(3)
+    config = FilterConfig(sigma_point_m=0.001, spin_sigma_radps=100.0, air_noise=0.0, bounce_noise_mps=0.0)
+    priors = [config.drag, config.restitution, config.friction]
+    sigmas = [config.drag_sigma, config.restitution_sigma, config.friction_sigma]
+    t_s = np.arange(0, 460, 2) * 1e-3
+    before, after = [], []
+    for _ in range(80):
+        velocity = [-rng.uniform(4, 6), rng.normal(0, 0.3), rng.uniform(0.5, 1.2)]
+        state = np.array([1.2, 0.0, 0.3, *velocity, *rng.normal(0, 100.0, 3), *rng.normal(priors, sigmas)])
+        truth = path(state, t_s)
+        bounced = int(np.argmax(np.diff(truth[:, 5]) > 0.5)) + 1
+        predictor = FilterPredictor(config)
+        for k, t in enumerate(t_s[: bounced + 20]):
+            predictor.add(round(1e6 * t), truth[k, :3] + rng.normal(0, 0.001, 3))
+            if k in (bounced - 20, bounced + 19):
+                off = predictor.state[:6] - truth[k, :6]
+                nees = off @ np.linalg.solve(predictor.covariance[:6, :6], off) / 6
+                (before if k < bounced else after).append(nees)
+    assert len(before) == len(after) == 80
+    assert 0.8 < np.mean(before) < 1.2
+    assert 0.8 < np.mean(after) < 1.2
+
+
+def test_strays_are_left_out_and_a_ball_elsewhere_begins_anew() -> None:
+    t_s = np.arange(0, 200) * 1e-3
+    truth = path(np.concatenate([START, REAL]), t_s)[:, :3]
+    clean, stray = FilterPredictor(), FilterPredictor()
+    for k, (t, p) in enumerate(zip(t_s, truth, strict=True)):
+        clean.add(round(1e6 * t), p)
+        stray.add(round(1e6 * t), p + (0.5 if k in (80, 120) else 0.0))
+    np.testing.assert_allclose(stray.state[:3], clean.state[:3], atol=1e-4)
+    for k in range(10):
+        stray.add(200_000 + 1000 * k, [1.0, 0.5, 0.4])
+    np.testing.assert_allclose(stray.state[:3], [1.0, 0.5, 0.4], atol=0.01)
+    assert stray.stage == "pre"
+
+
+def test_nothing_is_said_before_enough_was_seen_and_wrong_points_are_refused() -> None:
+    predictor = FilterPredictor(filter_for("paper"))
+    assert predictor.predict() is None
+    assert predictor.add(0, [1.0, 0.0, 0.3]) is None
+    with pytest.raises(ConfigError, match="not in order"):
+        predictor.add(0, [1.0, 0.0, 0.3])
+    with pytest.raises(ConfigError, match="not a position"):
+        predictor.add(1000, [1.0, 0.0, np.nan])
