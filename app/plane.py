@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 from typing import Final, Literal
 
@@ -34,6 +35,8 @@ class PicturePlane:
         self._framed: tuple[float, ...] | None = None
         self._sheet = Sheet((), 16, 9)
         self._visible = True
+        self._framing = threading.Lock()
+        """The camera is moved by the loop, and by the browser's own news of its window: never by both at once."""
         self.panel_share = PANEL_SHARE
         """The part of the window's height that the sheet leaves free below itself; takes effect with the next sheet."""
         self.on_drag: Drag | None = None
@@ -59,7 +62,8 @@ class PicturePlane:
         """Whether it is what the middle of the window shows; shown again, it is framed again."""
         if visible == self._visible:
             return
-        self._visible = visible
+        with self._framing:
+            self._visible = visible
         with self._client.atomic():
             for image, _ in zip(self._images, self._sheet.pictures, strict=False):
                 image.visible = visible
@@ -83,8 +87,11 @@ class PicturePlane:
 
     def frame(self, *, again: bool = False) -> None:
         """Put the camera where the whole sheet fits above the lower panel; `again` also when nothing changed."""
-        if not self._visible:
-            return
+        with self._framing:
+            if self._visible:
+                self._frame(again)
+
+    def _frame(self, again: bool) -> None:
         aspect = self._client.camera.aspect
         wanted = (float(self._sheet.width), float(self._sheet.height), round(aspect, 3), self.panel_share)
         if wanted == self._framed and not again:

@@ -162,8 +162,8 @@ class Session:
             self._interface.show_time(self._state, now_us)
             self._show_score_progress()
         middle = "events" if mode is None else mode.middle
+        self.plane.set_visible(middle != "world")  # first: from then on it does not move the camera
         self.world.show(middle == "world")
-        self.plane.set_visible(middle != "world")
         if middle == "events":
             self._request_picture(self._state, self._recording, now_us)
         if mode is not None:

@@ -50,9 +50,12 @@ class Labelling:
         )
 
     def click(self, x: float, y: float) -> None:
+        """Place a label, and wait until it is there."""
+        before = self.label(self.work.t_us)
         self.page.mouse.move(x - 8, y - 6)
         self.page.mouse.move(x, y, steps=3)
         self.page.mouse.click(x, y, delay=60)
+        self._wait_for(lambda: self.label(self.work.t_us) != before, "the click to arrive")
 
     def keys(self, *keys: str) -> None:
         for key in keys:
