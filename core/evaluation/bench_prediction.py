@@ -1,7 +1,7 @@
 """How well the flight is predicted: the filter and the paper's rule on simulated flights with spin, truth plus 1 mm.
 
-Profile `real`, 1 kHz, the serve speeds in turn, each with a random spin. The paper's rule has the table of the same
-profile. Errors at the hitting plane are those along the plane; the error of the time is separate.
+Profile `real`, 1 kHz, the serve speeds in turn, each with a random spin. The paper's rule knows
+gravity and one factor for the bounce. Errors at the hitting plane are those along the plane; the time's is separate.
 """
 
 from __future__ import annotations
@@ -81,13 +81,7 @@ def _one_flight(serve: Serves, task: TaskConfig, rng: np.random.Generator, found
     hit_x = float(hit[0])
     predictors = {
         "filter": FilterPredictor(filter_for("real", hit_x_m=hit_x, sigma_point_m=NOISE_M)),
-        "paper": PaperPredictor(
-            replace(
-                predictor_for("paper", hit_x_m=hit_x),
-                restitution=task.physics.table.restitution,
-                friction=task.physics.table.friction,
-            )
-        ),
+        "paper": PaperPredictor(predictor_for("paper", hit_x_m=hit_x)),
     }
     for name, predictor in predictors.items():
         errors, latest = found[name], None
