@@ -36,7 +36,7 @@ class SensorConfig:
     hot_pixel_hz: float = setting(150.0, 0.0, 5000.0)
     """Median rate of a hot pixel; rates spread log-normally by a factor of e."""
     readout_mevps: float = setting(100.0, 0.1, 2000.0)
-    """Events that the readout passes on per microsecond: about what a camera's cable carries; chips alone read more."""
+    """Events that the readout passes on per microsecond: a choice; data sheets are not to hand."""
     readout_limit_us: int = setting(1000, 0, 100_000)
     """An event that would wait longer for its readout is dropped."""
 
