@@ -10,11 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from app.cli.arguments import positive_int
+from app.cli.detector_arguments import add_detector_arguments, detector_of
 from app.cli.progress import progress_bar
-from core.config import load_config
-from core.detection import DetectorConfig, make_detector
-from core.detection.methods import METHODS, PLANNED, method_config
+from core.detection import make_detector
 from core.errors import CommandError
 from core.evaluation import WindowAnswers, run_detector, score_answers
 from core.recordings import CameraStream, Recording, open_recording
@@ -24,26 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's arguments."""
     parser.add_argument("recording", type=Path, metavar="REC", help="a recording or an event file")
     parser.add_argument("--camera", metavar="NAME", help="which camera; needed if there are several")
-    methods = "; ".join(f"{name}: {what}" for name, what in METHODS.items())
-    parser.add_argument(
-        "--method", default="auto", metavar="|".join([*METHODS, *PLANNED]), help=f"{methods} (default: %(default)s)"
-    )
-    parser.add_argument("--config", type=Path, metavar="FILE", help="settings saved in the app, a TOML file")
-    parser.add_argument(
-        "--window-us", type=positive_int, metavar="N", help="length of a window (default: the config's)"
-    )
-    parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="columns t_us,u_px,v_px,r_px")
-    parser.add_argument("--json", action="store_true", help="print a summary as JSON")
+    add_detector_arguments(parser, "t_us,u_px,v_px,r_px")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Detect, write, and say what came out."""
-    config = method_config(
-        arguments.method, load_config(DetectorConfig, arguments.config) if arguments.config else None
-    )
-    window_us = arguments.window_us or config.window.window_us
-    if not arguments.out.parent.is_dir():
-        raise CommandError("no such folder", got=arguments.out.parent, where="--out")
+    config, window_us = detector_of(arguments)
     recording = open_recording(arguments.recording)
     try:
         stream = choose_camera(recording, arguments.camera)

@@ -10,11 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.cli.arguments import positive_int
+from app.cli.detector_arguments import add_detector_arguments, detector_of
 from app.cli.progress import progress_bar
-from core.config import load_config
-from core.detection import DetectorConfig
-from core.detection.methods import METHODS, PLANNED, method_config
 from core.errors import CommandError
 from core.rally import ChainConfig
 from core.rally.follow import Track, follow_recording, true_positions
@@ -24,26 +21,12 @@ from core.recordings import BallTruth, open_recording
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's arguments."""
     parser.add_argument("recording", type=Path, metavar="REC", help="a recording with two or more calibrated cameras")
-    methods = "; ".join(f"{name}: {what}" for name, what in METHODS.items())
-    parser.add_argument(
-        "--method", default="auto", metavar="|".join([*METHODS, *PLANNED]), help=f"{methods} (default: %(default)s)"
-    )
-    parser.add_argument("--config", type=Path, metavar="FILE", help="detector settings saved in the app, a TOML file")
-    parser.add_argument(
-        "--window-us", type=positive_int, metavar="N", help="length of a window (default: the config's)"
-    )
-    parser.add_argument("--out", type=Path, required=True, metavar="CSV", help="columns t_us,x_m,y_m,z_m (world)")
-    parser.add_argument("--json", action="store_true", help="print a summary as JSON")
+    add_detector_arguments(parser, "t_us,x_m,y_m,z_m (world)")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Track, write, and say what came out."""
-    detector = method_config(
-        arguments.method, load_config(DetectorConfig, arguments.config) if arguments.config else None
-    )
-    window_us = arguments.window_us or detector.window.window_us
-    if not arguments.out.parent.is_dir():
-        raise CommandError("no such folder", got=arguments.out.parent, where="--out")
+    detector, window_us = detector_of(arguments)
     config = ChainConfig(method=arguments.method, detector=detector)
     recording = open_recording(arguments.recording)
     try:

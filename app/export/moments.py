@@ -13,7 +13,7 @@ from app.watch.following import is_stereo
 from app.watch.history import RallyHistory
 from app.watch.known import add_known
 from app.watch.live import positions
-from core.detection.window import windows_between
+from core.detection.window import windows_side_by_side
 from core.errors import CalibrationError
 from core.rally import ChainConfig, RallyChain
 from core.rally.controller import BuiltInController
@@ -58,12 +58,13 @@ def scene_moments(
     player = Player(RallyChain(cameras, chain), BuiltInController())
     window_us = window_length_us(chain)
     every = max(1, round(stride_us / window_us))
-    streams = [windows_between(recording.cameras[name], span.start_us, span.end_us, window_us) for name in cameras]
-    for number, windows in enumerate(zip(*streams, strict=True), start=1):
+    side_by_side = windows_side_by_side(recording.cameras, span.start_us, span.end_us, window_us)
+    for number, windows in enumerate(side_by_side, start=1):
         check_cancelled(cancelled)
-        history.add_step(player.step(dict(zip(cameras, windows, strict=True))))
+        state = player.step(windows)
+        history.add_step(state)
         if number % every == 0:
-            t_us = windows[0].end_us
+            t_us = state.chain.t_us
             moment = history.at(t_us, stands)
             yield SceneMoment(t_us, moment.picture, {} if moment.step is None else moment.step.circles)
             progress((t_us - span.start_us) / span.length_us)

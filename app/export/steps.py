@@ -10,7 +10,7 @@ from app.export.selection import Span
 from app.watch.following import is_stereo
 from core.detection import Detection, FastDetector, TrackState
 from core.detection.methods import method_config
-from core.detection.window import windows_between
+from core.detection.window import windows_side_by_side
 from core.events import Window
 from core.rally import ChainConfig, ChainState, RallyChain
 from core.recordings import Recording
@@ -38,8 +38,7 @@ def window_length_us(config: ChainConfig) -> int:
 def follow_span(recording: Recording, span: Span, config: ChainConfig, *, picture_every: int) -> Iterator[Step]:
     """Step after step through the span."""
     window_us = window_length_us(config)
-    names = list(recording.cameras)
-    streams = [windows_between(one, span.start_us, span.end_us, window_us) for one in recording.cameras.values()]
+    side_by_side = windows_side_by_side(recording.cameras, span.start_us, span.end_us, window_us)
     chain = None
     if is_stereo(recording):
         calibrated = {name: one.calibration for name, one in recording.cameras.items() if one.calibration is not None}
@@ -48,15 +47,15 @@ def follow_span(recording: Recording, span: Span, config: ChainConfig, *, pictur
     if chain is None:
         detector = method_config(config.method, config.detector)
         detectors = {name: FastDetector(detector, one.sensor) for name, one in recording.cameras.items()}
-    for number, parts in enumerate(zip(*streams, strict=True), start=1):
-        windows = dict(zip(names, parts, strict=True))
+    for number, windows in enumerate(side_by_side, start=1):
+        end_us = next(iter(windows.values())).end_us
         before = None
         if number % picture_every == 0:
             before = chain.track_states() if chain else {name: one.state for name, one in detectors.items()}
         if chain is not None:
             state = chain.step(windows)
-            yield Step(parts[0].end_us, windows, state.detections, state.seconds.detect, state, before)
+            yield Step(end_us, windows, state.detections, state.seconds.detect, state, before)
             continue
         started_s = time.perf_counter()
         found = {name: detectors[name].step(window) for name, window in windows.items()}
-        yield Step(parts[0].end_us, windows, found, time.perf_counter() - started_s, None, before)
+        yield Step(end_us, windows, found, time.perf_counter() - started_s, None, before)

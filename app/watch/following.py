@@ -8,7 +8,7 @@ import threading
 from app.watch.history import RallyHistory
 from app.watch.known import add_known
 from core.cameras import Camera
-from core.detection.window import windows_between
+from core.detection.window import windows_side_by_side
 from core.rally.chain import RallyChain
 from core.rally.config import ChainConfig
 from core.rally.controller import BuiltInController
@@ -61,15 +61,13 @@ class Following:
 
     def _follow(self) -> None:
         player = Player(RallyChain(self.cameras, ChainConfig()), BuiltInController())
-        names = list(self.cameras)
-        streams = [
-            windows_between(self._recording.cameras[name], 0, self._recording.duration_us, WINDOW_US) for name in names
-        ]
-        for windows in zip(*streams, strict=True):
+        duration_us = self._recording.duration_us
+        for windows in windows_side_by_side(self._recording.cameras, 0, duration_us, WINDOW_US):
             if self._stop.is_set():
                 return
-            self.history.add_step(player.step(dict(zip(names, windows, strict=True))))
-            self.share = windows[0].end_us / max(1, self._recording.duration_us)
+            state = player.step(windows)
+            self.history.add_step(state)
+            self.share = state.chain.t_us / duration_us
         self.share = 1.0
 
 

@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Protocol
-
 import numpy as np
 
 from app.scene.rally_picture import LandingSpot
 from app.watch.history import Outcome, RallyHistory
-from core.rally.recorded_rally import EPISODES, read_targets
+from core.rally.recorded_rally import EPISODES, RACKET, HasRows, read_targets
 from core.recordings import BallTruth
 from core.simulation.physics.episode import Case
-
-
-class HasRows(Protocol):
-    """Reads groups of columns by their names, such as "/racket"."""
-
-    def read_rows(self, group: str) -> Mapping[str, np.ndarray] | None: ...
 
 
 def add_known(history: RallyHistory, ball: BallTruth | None, rows: HasRows) -> None:
     """The true ball, the racket, where it was sent, and what came of the balls."""
     if ball is not None:
         history.add_truth(ball)
-    racket, episodes = rows.read_rows("/racket"), rows.read_rows(EPISODES)
+    racket, episodes = rows.read_rows(RACKET), rows.read_rows(EPISODES)
     if racket is not None:
         history.add_rackets(*(np.asarray(racket[name]) for name in ("t_us", "p_world_m", "q_world_wxyz")))
     history.add_targets(read_targets(rows))

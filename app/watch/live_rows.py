@@ -10,9 +10,17 @@ import numpy as np
 from core.rally.link import messages as m
 from core.rally.live_snapshot import Decision
 from core.rally.player import PlayerState
-from core.rally.recorded_rally import EPISODES, PREDICTIONS, TARGETS, Rows, episode_rows, prediction_rows, target_rows
-
-RACKET = "/racket"
+from core.rally.recorded_rally import (
+    EPISODES,
+    PREDICTIONS,
+    RACKET,
+    TARGETS,
+    Rows,
+    episode_rows,
+    prediction_rows,
+    racket_rows,
+    target_rows,
+)
 
 
 class LiveRows:
@@ -37,9 +45,7 @@ class LiveRows:
 
     def add_state(self, state: m.State) -> None:
         """Where the racket was."""
-        row = state.racket
-        racket = {"p_world_m": row[:, :3], "q_world_wxyz": row[:, 3:7], "v_world_mps": row[:, 7:10]}
-        self._add(RACKET, state.t_us, {"t_us": state.racket_t_us, **racket})
+        self._add(RACKET, state.t_us, racket_rows(state, 0))
 
     def add_step(self, state: PlayerState, decision: Decision | None) -> None:
         """What was expected and decided."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -32,3 +32,12 @@ def windows_between(source: EventSource, start_us: int, end_us: int, window_us: 
     """The whole windows of length `window_us` in [start_us, end_us), one after the other; empty ones too."""
     for start in range(start_us, end_us - window_us + 1, window_us):
         yield Window(source.slice(start, start + window_us), start, start + window_us)
+
+
+def windows_side_by_side(
+    sources: Mapping[str, EventSource], start_us: int, end_us: int, window_us: int
+) -> Iterator[dict[str, Window]]:
+    """The same of several sources at once, by name."""
+    streams = [windows_between(source, start_us, end_us, window_us) for source in sources.values()]
+    for windows in zip(*streams, strict=True):
+        yield dict(zip(sources, windows, strict=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from core.detection.window import windows_between
+from core.detection.window import windows_side_by_side
 from core.events import Events, Window
 
 
@@ -13,9 +13,8 @@ def block_windows(
     events: Mapping[str, Events], start_us: int, end_us: int, window_us: int
 ) -> Iterator[dict[str, Window]]:
     """Window after window of every camera over [start_us, end_us)."""
-    streams = [windows_between(_BlockEvents(one), start_us, end_us, window_us) for one in events.values()]
-    for windows in zip(*streams, strict=True):
-        yield dict(zip(events, windows, strict=True))
+    sources = {name: _BlockEvents(one) for name, one in events.items()}
+    return windows_side_by_side(sources, start_us, end_us, window_us)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.cameras import Camera
-from core.detection.window import windows_between
+from core.detection.window import windows_side_by_side
 from core.errors import CalibrationError
 from core.rally.chain import RallyChain
 from core.rally.config import ChainConfig
@@ -66,14 +66,13 @@ def follow_recording(
         CalibrationError: if there are fewer than two cameras, or one has no calibration.
     """
     chain = RallyChain(calibrated_cameras(recording), config)
-    names = list(recording.cameras)
-    streams = [windows_between(stream, 0, recording.duration_us, window_us) for stream in recording.cameras.values()]
+    side_by_side = windows_side_by_side(recording.cameras, 0, recording.duration_us, window_us)
     times: list[int] = []
     rows: list[tuple[float, float, float, float]] = []
     seconds: list[float] = []
     seen_by_all = 0
-    for number, windows in enumerate(zip(*streams, strict=True)):
-        state = chain.step(dict(zip(names, windows, strict=True)))
+    for number, windows in enumerate(side_by_side):
+        state = chain.step(windows)
         seconds.append(state.seconds.total)
         seen_by_all += all(found is not None for found in state.detections.values())
         if state.point is not None:
@@ -81,7 +80,7 @@ def follow_recording(
             times.append(state.point.t_us)
             rows.append((x, y, z, state.point.residual_px))
         if number % REPORT_EVERY == 0:
-            progress(windows[0].end_us / recording.duration_us)
+            progress(state.t_us / recording.duration_us)
     columns = np.array(rows, np.float64).reshape(-1, 4)
     return Track(
         t_us=np.array(times, np.int64),

@@ -14,7 +14,16 @@ from core.rally.link.client import SimulationClient
 from core.rally.live_player import LivePlayer
 from core.rally.live_snapshot import Decision
 from core.rally.player import PlayerState
-from core.rally.recorded_rally import EPISODES, PREDICTIONS, TARGETS, episode_rows, prediction_rows, target_rows
+from core.rally.recorded_rally import (
+    EPISODES,
+    PREDICTIONS,
+    RACKET,
+    TARGETS,
+    episode_rows,
+    prediction_rows,
+    racket_rows,
+    target_rows,
+)
 from core.recordings import BallTruth, PixelTruth, RecordingWriter
 from core.trajectory import Prediction
 
@@ -182,9 +191,7 @@ class LiveRecorder:
         self._writer.write_ball(
             BallTruth(ball.t_us - zero_us, ball.p_world_m, ball.v_world_mps, ball.spin_radps, ball.visible)
         )
-        rows = state.racket
-        racket = {"p_world_m": rows[:, :3], "q_world_wxyz": rows[:, 3:7], "v_world_mps": rows[:, 7:10]}
-        self._writer.append_rows("/racket", {"t_us": state.racket_t_us - zero_us, **racket})
+        self._writer.append_rows(RACKET, racket_rows(state, zero_us))
         self._writer.extend_duration(state.t_us - zero_us)
         self._blocks += 1
         if self._blocks % FLUSH_BLOCKS == 0:

@@ -23,6 +23,7 @@ from core.trajectory import Prediction
 Array = NDArray[np.float64]
 Rows = dict[str, np.ndarray]
 
+RACKET: Final = "/racket"
 PREDICTIONS: Final = "/predictions"
 TARGETS: Final = "/racket_targets"
 EPISODES: Final = "/episodes"
@@ -75,6 +76,13 @@ def prediction_rows(prediction: Prediction, zero_us: int) -> Rows | None:
         "v_hit_mps": hit.v_world_mps[None],
         "cov": hit.covariance[None],
     }
+
+
+def racket_rows(state: m.State, zero_us: int) -> Rows:
+    """Where the racket was in a block."""
+    rows = state.racket
+    pose = {"p_world_m": rows[:, :3], "q_world_wxyz": rows[:, 3:7], "v_world_mps": rows[:, 7:10]}
+    return {"t_us": state.racket_t_us - zero_us, **pose}
 
 
 def target_rows(decision: Decision, zero_us: int) -> Rows:

@@ -4,8 +4,9 @@ import numpy as np
 
 from app.watch.history import RallyHistory
 from app.watch.known import add_known
-from app.watch.live_rows import RACKET, LiveRows
+from app.watch.live_rows import LiveRows
 from core.rally.link import messages as m
+from core.rally.recorded_rally import RACKET
 
 
 def state(end_us: int, x_m: float) -> m.State:
