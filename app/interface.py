@@ -74,8 +74,8 @@ class Interface:
     def show(self, state: ClientState, now_us: int, *, uses_recording: bool, shows_events: bool) -> None:
         """Make every control follow the state."""
         tuning = state.mode == "Tune"
-        self._recording.visible = self._transport.visible = uses_recording
-        self._picture.visible = uses_recording
+        self._recording.visible = self._transport.folder.visible = uses_recording
+        self._picture.folder.visible = uses_recording
         self._mode.show(state.mode)
         self._recording.show(state.recording)
         self._tune_folder.visible = tuning

@@ -16,7 +16,7 @@ from app.watch.camera_pictures import CameraPicturesRequest, render_camera_pictu
 from app.watch.cameras_panel import CamerasPanel
 from app.watch.history import Moment
 from app.watch.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lead_times
-from app.watch.live import positions
+from app.watch.live import LiveRally, positions
 from app.watch.rallies import WatchedRally
 from app.watch.simulation_panel import SimulationPanel
 from app.watch.status import live_html, moment_html
@@ -89,6 +89,7 @@ class WatchMode:
         """Another recording was opened."""
         self._rally = self._host.rallies.of(recording)
         self._drawn = None
+        self._status_s, self._predictions = 0.0, -1
         if self._rally is not None:
             self._positions = positions(self._rally.cameras)
             self._host.world.use_cameras(self._rally.cameras)
@@ -111,17 +112,22 @@ class WatchMode:
         if state.playhead.following:
             now_us = min(now_us, history.followed_us)
         key = (now_us, state.watch, state.look, history.followed_us >= now_us, history.outcome_count)
+        status_is_due = wall_s - self._status_s >= STATUS_EVERY_S  # also while the clock stands: the link may be lost
+        if key == self._drawn and not status_is_due:
+            return
+        moment = history.at(now_us, self._positions)
+        if status_is_due:
+            self._status_s = wall_s
+            self._show_status(moment, live)
         if key == self._drawn:
             return
         self._drawn, self._drawn_s = key, wall_s
-        moment = history.at(now_us, self._positions)
         self._host.world.layers = frozenset(LAYERS) - state.watch.hidden
         picture = moment.picture
         if live is not None:
             picture = replace(picture, landing_target=live.player.snapshot.goal_m)
         self._host.world.draw(picture)
         self._request_pictures(state, moment, wall_s)
-        self._show_status(moment, live is not None, wall_s)
 
     def clicked(self, x: float, y: float) -> None:
         """Nothing is chosen by clicks."""
@@ -150,12 +156,9 @@ class WatchMode:
                 self._cameras.show(pngs)
                 self._host.world.show_camera_pictures(pngs)
 
-    def _show_status(self, moment: Moment, is_live: bool, wall_s: float) -> None:
-        if wall_s - self._status_s < STATUS_EVERY_S and is_live:
-            return
-        self._status_s = wall_s
-        figures, live = "", self._host.rallies.live
-        if is_live and live is not None and live.state is not None and self._simulation is not None:
+    def _show_status(self, moment: Moment, live: LiveRally | None) -> None:
+        figures = ""
+        if live is not None and live.state is not None and self._simulation is not None:
             pace = live.state.real_time_factor, live.state.speed_factor
             figures = live_html(live.player.snapshot, *pace, live.client.status)
             self._simulation.show(live.state)

@@ -19,8 +19,8 @@ class PicturePanel:
 
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         low_us, high_us = WINDOW_RANGE_US
-        self._folder = gui.add_folder("Picture")
-        with self._folder:
+        self.folder = gui.add_folder("Picture")
+        with self.folder:
             self._window = gui.add_slider(
                 "Window [ms]", low_us / 1e3, high_us / 1e3, 0.1, 5.0, hint="How long events are accumulated"
             )
@@ -34,15 +34,6 @@ class PicturePanel:
         when_changed(self._colours, lambda value: send(SetColours(value)))  # type: ignore[arg-type]
         when_changed(self._arrangement, lambda value: send(SetArrangement(value)))  # type: ignore[arg-type]
         when_changed(self._truth, lambda value: send(ShowTruth(bool(value))))
-
-    @property
-    def visible(self) -> bool:
-        """Whether it is shown."""
-        return self._folder.visible
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        self._folder.visible = visible
 
     def show(self, state: ClientState) -> None:
         """Follow the state."""

@@ -22,8 +22,8 @@ class TransportPanel:
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         self._gui = gui
         self._send = send
-        self._folder = gui.add_folder("Time")
-        with self._folder:
+        self.folder = gui.add_folder("Time")
+        with self.folder:
             self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, hint="Space", order=1)
             self._steps = gui.add_button_group("Go", ("Start", "-10", "-1", "+1", "+10", "End"), order=2)
             with gui.add_folder("Exact time, step and speed", expand_by_default=False, order=3):
@@ -51,15 +51,6 @@ class TransportPanel:
             else:
                 send(Step(int(go)))
 
-    @property
-    def visible(self) -> bool:
-        """Whether it is shown."""
-        return self._folder.visible
-
-    @visible.setter
-    def visible(self, visible: bool) -> None:
-        self._folder.visible = visible
-
     def show(self, state: ClientState, now_us: int) -> None:
         """Follow the state; the slider is made anew when the recording's length changes."""
         head = state.playhead
@@ -83,7 +74,7 @@ class TransportPanel:
             self._slider.remove()
         self._slider_length_us = duration_us
         length_s = max(duration_us / 1e6, SLIDER_STEP_S)
-        with self._folder:
+        with self.folder:
             self._slider = self._gui.add_slider(label, 0.0, length_s, SLIDER_STEP_S, 0.0, order=0)
         when_changed(self._slider, lambda value: self._send(Seek(self._behind_us + round(float(str(value)) * 1e6))))
 

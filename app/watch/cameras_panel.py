@@ -64,7 +64,9 @@ class CamerasPanel:
 
     def show_figures(self, moment_html: str, live_html: str) -> None:
         """What stands below the pictures."""
-        self._moment.content, self._live.content = moment_html, live_html
+        for handle, content in ((self._moment, moment_html), (self._live, live_html)):
+            if handle.content != content:
+                handle.content = content
 
     def show(self, pngs: dict[str, bytes]) -> None:
         """New pictures."""

@@ -1,8 +1,9 @@
-"""How smoothly the live rally is shown: `python tests/app/browser/measure_live.py [SECONDS]`.
+"""How smoothly the live rally runs and is shown: `python tests/app/browser/measure_live.py [SECONDS]`.
 
-Opens it in headless Chromium and prints what the app's process did meanwhile: updates of the 3D scene and of the camera
-pictures per second, its share of a core (link, chain, pictures, everything), and the simulation's pace. Chromium draws
-in software here and takes a core or more of its own.
+First without a browser: simulation, link and chain alone, for both sensor sizes. Then in headless Chromium, and prints
+what the app's process did meanwhile: updates of the 3D scene and of the camera pictures per second, its share of a core
+(link, chain, pictures, everything), and the simulation's pace. Chromium draws in software here and takes a core or more
+of its own.
 """
 
 import os
@@ -22,8 +23,29 @@ from app.watch.simulation_process import SimulationProcess
 from app.workspace import Workspace
 
 
-def main(seconds: float) -> None:
-    """Print one line."""
+def measure_alone(seconds: float, sensor: str) -> None:
+    """Print one line about simulation and chain without a browser."""
+    process = SimulationProcess("--auto-serve", "5", "--sensor", sensor)
+    live = LiveRally(process.wait(), process=process)
+    time.sleep(6.0)
+    began_us, cpu_s, wall_s = live.recording.duration_us, time.process_time(), time.monotonic()
+    time.sleep(seconds)
+    wall_s = time.monotonic() - wall_s
+    share = (time.process_time() - cpu_s) / wall_s
+    snapshot = live.player.snapshot
+    health = snapshot.health
+    print(
+        f"{sensor}: {(live.recording.duration_us - began_us) / 1e6 / wall_s:.2f} x real time, {share:.2f} of a core "
+        f"beside the simulation, chain {health.core_share:.2f} of a core, step p50 {health.step.p50_ms:.2f} p99 "
+        f"{health.step.p99_ms:.1f} ms, block to command p50 {health.arrival_to_sent.p50_ms:.1f} p99 "
+        f"{health.arrival_to_sent.p99_ms:.1f} ms, {snapshot.returned} of {snapshot.played} balls returned, "
+        f"load {os.getloadavg()[0]:.1f}"
+    )
+    live.close()
+
+
+def measure_shown(seconds: float) -> None:
+    """Print one line about the rally in a browser."""
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         process = SimulationProcess("--auto-serve", "5")
         live = LiveRally(process.wait(), process=process)
@@ -59,4 +81,7 @@ def main(seconds: float) -> None:
 
 
 if __name__ == "__main__":
-    main(float(sys.argv[1]) if len(sys.argv) > 1 else 30.0)
+    wanted_s = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
+    for size in ("1280x720", "1280x1280"):
+        measure_alone(wanted_s, size)
+    measure_shown(wanted_s)

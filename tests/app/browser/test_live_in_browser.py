@@ -124,6 +124,7 @@ def test_a_simulation_that_ends_is_said_and_the_rest_goes_on(live_window, live_l
     rally = rally_of(live_lab)
     rally.stop_simulation()
     wait_for(lambda: rally.client.status == "lost", "the link to be lost")
+    live_window.page.get_by_text("lost, ").wait_for(timeout=10_000)
     live_window.session.open_recording("serve")
     wait_for(lambda: live_window.state.recording == "serve", "a recording to open all the same")
     assert isinstance(rally.state, m.State)
