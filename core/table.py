@@ -1,8 +1,11 @@
-"""The table, the net and the ball, in metres (ITTF). World frame: origin at the centre of the table's top surface."""
+"""The table, the net and the ball, in metres (ITTF), and how real ones fly and bounce.
+
+World frame: origin at the centre of the table's top surface.
+"""
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 TABLE_LENGTH_M: Final = 2.74
 """Along x."""
@@ -18,3 +21,23 @@ NET_OVERHANG_M: Final = 0.1525
 BALL_RADIUS_M: Final = 0.020
 BALL_MASS_KG: Final = 0.0027
 GRAVITY_MPS2: Final = 9.81
+
+
+class FittedConstant(NamedTuple):
+    """What recorded flights say of a constant of the profile `real`: docs/physics-report.md, `rallyscope fit-physics`.
+
+    49 of the 70 flights that tt3d published (two players, one table and ball, 179 Hz, 3 to 12 m/s, one bounce each),
+    all constants and each flight's start and spin fitted together, with the Magnus coefficient given as .10.
+    """
+
+    value: float
+    sigma: float
+    """Spread over bootstrap samples of the flights. The model adds its own: with a Magnus coefficient of .125 the drag
+    becomes .533, the restitution .940 and the friction .247."""
+
+
+REAL_DRAG: Final = FittedConstant(0.554, 0.008)
+REAL_RESTITUTION: Final = FittedConstant(0.945, 0.009)
+REAL_FRICTION: Final = FittedConstant(0.227, 0.010)
+REAL_MAGNUS: Final = 0.10
+"""Given, not fitted: flights without spin labels fix only its product with the spin."""

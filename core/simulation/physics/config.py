@@ -11,6 +11,7 @@ from typing import Literal
 
 from core.config import check_settings, setting
 from core.errors import ConfigError
+from core.table import REAL_DRAG, REAL_FRICTION, REAL_MAGNUS, REAL_RESTITUTION
 
 Profile = Literal["paper", "real"]
 
@@ -20,11 +21,11 @@ class AirConfig:
     """Forces of the air: drag -1/2 Cd rho A |v| v and Magnus C_M rho V (spin x v); both zero in `paper`."""
 
     drag_coefficient: float = setting(0.0, 0.0, 1.0)
-    """C_d on the cross-section. `real` 0.47: the value for a sphere, and our fit to 1,980 recorded human and robot
-    flights (.51 at 3 m/s to .45 at 14 m/s)."""
+    """C_d on the cross-section. `real` .554 +- .008: fitted to recorded flights of 3 to 12 m/s, see `core.table`. A
+    smooth sphere has .47; our fit to 1,980 other flights has .51 at 3 m/s and .45 at 14 m/s."""
     magnus_coefficient: float = setting(0.0, 0.0, 0.5)
-    """C_M on the ball's volume; the lift coefficient is 8/3 C_M (r spin / speed). `real` 0.10: our fit to the same
-    flights; it falls from .22 at low to .09 at high spin, so a constant is a compromise."""
+    """C_M on the ball's volume; the lift coefficient is 8/3 C_M (r spin / speed). `real` 0.10: our fit to 1,980 flights
+    of known spin; it falls from .22 at low to .09 at high spin, so a constant is a compromise."""
     density_kg_per_m3: float = setting(1.204, 0.5, 1.5)
     """Dry air at 20 degrees Celsius and sea level."""
 
@@ -37,13 +38,14 @@ class TableImpactConfig:
     """The ball against the table: a point contact with restitution and Coulomb friction, so spin bends the bounce."""
 
     restitution: float = setting(0.90, 0.5, 1.0)
-    """Normal speed kept at a slow bounce. A choice: the ITTF's 30 cm drop that returns about 23 cm gives .88, recorded
-    play gives .93 to .96."""
+    """Normal speed kept at a slow bounce. `paper` .90 is a choice; `real` .945 +- .009: fitted to recorded flights, see
+    `core.table`. The ITTF's 30 cm drop that returns about 23 cm gives .88, other recorded play .93 to .96."""
     restitution_loss_s_per_m: float = setting(0.0, 0.0, 0.05)
     """How much the restitution falls per m/s of normal speed."""
     friction: float = setting(0.15, 0.0, 1.0)
     """Coulomb coefficient. `paper` 0.15 is a choice: with 0.25 a spinless 3 m/s serve loses so much speed that it falls
-    below the table's edge before the hitting plane. `real` 0.25 is the value in the literature."""
+    below the table's edge before the hitting plane. `real` .227 +- .010: fitted, see `core.table`; the literature
+    has .25."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -108,8 +110,8 @@ def physics_profile(profile: Profile) -> PhysicsConfig:
         return PhysicsConfig()
     if profile == "real":
         return PhysicsConfig(
-            air=AirConfig(drag_coefficient=0.47, magnus_coefficient=0.10),
-            table=TableImpactConfig(friction=0.25),
+            air=AirConfig(drag_coefficient=REAL_DRAG.value, magnus_coefficient=REAL_MAGNUS),
+            table=TableImpactConfig(restitution=REAL_RESTITUTION.value, friction=REAL_FRICTION.value),
             rubber=RubberImpactConfig(
                 restitution=0.878,
                 restitution_loss_s_per_m=0.020,

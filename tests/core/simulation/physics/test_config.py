@@ -11,6 +11,7 @@ from core.errors import ConfigError
 from core.simulation.physics import PhysicsConfig, TaskConfig, physics_profile
 from core.simulation.physics.config import AirConfig
 from core.simulation.physics.task import task_profile
+from core.table import REAL_DRAG, REAL_FRICTION, REAL_MAGNUS, REAL_RESTITUTION
 
 
 def test_the_default_is_the_paper_s_profile_without_air() -> None:
@@ -18,6 +19,14 @@ def test_the_default_is_the_paper_s_profile_without_air() -> None:
     assert task_profile("paper") == TaskConfig()
     assert not physics_profile("paper").has_air
     assert physics_profile("real").has_air
+
+
+def test_the_profile_real_has_what_was_fitted_to_recorded_flights() -> None:
+    real = physics_profile("real")
+    assert (real.air.drag_coefficient, real.air.magnus_coefficient) == (REAL_DRAG.value, REAL_MAGNUS)
+    assert (real.table.restitution, real.table.friction) == (REAL_RESTITUTION.value, REAL_FRICTION.value)
+    for constant in (REAL_DRAG, REAL_RESTITUTION, REAL_FRICTION):
+        assert 0 < constant.sigma < 0.05 * constant.value
 
 
 def test_profiles_survive_a_file(tmp_path: Path) -> None:

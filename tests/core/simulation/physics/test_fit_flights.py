@@ -1,10 +1,13 @@
 """The constants of flight and bounce from flights whose constants are known."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from core.errors import RallyscopeError
 from core.evaluation.physics_report import bounce_point, compare_models
+from core.simulation.physics.config import PhysicsConfig, physics_profile
 from core.simulation.physics.fit_flights import (
     Flight,
     bootstrap,
@@ -35,7 +38,9 @@ def flights(count: int, seed: int = 0) -> tuple[list[Flight], np.ndarray]:
 
 def test_a_flight_bounces_where_it_comes_down() -> None:
     start = np.array([1.0, 0.0, 0.3, -5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    when, x, y = bounce_point(start, TRUE)
+    bounce = bounce_point(start, TRUE)
+    assert bounce is not None
+    when, x, y = bounce
     ps = simulate_flight(start, np.array([when - 1e-6, when, when + 0.05]), TRUE)
     np.testing.assert_allclose(ps[0], [x, y, 0.02], atol=1e-4)
     assert ps[2, 2] > 0.02, "up again"
@@ -94,3 +99,18 @@ def test_what_is_no_flight_is_refused(text: str, tmp_path) -> None:
     path.write_text(text)
     with pytest.raises(RallyscopeError, match=r"bad\.csv"):
         read_flight(path)
+
+
+def test_the_profile_real_explains_recorded_flights_better_than_the_textbook(shared_data: Path) -> None:
+    recorded = [read_flight(path) for path in sorted((shared_data / "trajectories" / "tt3d").glob("*.csv"))[:16]]
+
+    def median_mm(physics: PhysicsConfig) -> float:
+        off = []
+        for flight in recorded:
+            start = fit_start(flight, physics, with_spin=True)
+            ps = simulate_flight(start, flight.t_s, physics)
+            off.append(1e3 * np.median(np.linalg.norm(ps - flight.ps_m, axis=1)))
+        return float(np.median(off))
+
+    textbook = with_constants(magnus=0.10, drag=0.47, restitution=0.90, friction=0.25)
+    assert median_mm(physics_profile("real")) < min(6.0, median_mm(textbook))
