@@ -1,0 +1,171 @@
+"""A lens from pictures of a board: OpenCV's calibration, with the pictures that do not fit left out and named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras.calibration.board import Board
+from core.cameras.camera import Camera
+from core.cameras.distortion import fold_radius
+from core.errors import CalibrationError
+from core.events import SensorSize
+
+Array = NDArray[np.float64]
+
+PICTURES_AT_LEAST: Final = 6
+"""Three would do for the equations; with fewer than six nothing shows that one of them is bad."""
+OUTLIER_TIMES_MEDIAN: Final = 2.5
+OUTLIER_FROM_PX: Final = 0.3
+"""A picture is left out when its rms is above both; sharp pictures of a flat board have 0.05 to 0.3 px."""
+COVERAGE_CELLS: Final = (8, 6)
+"""Across and down."""
+PARAMETERS: Final = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+COEFFICIENTS: Final = (0, 2, 4, 5)
+"""How many of k1 k2 p1 p2 k3 may be fitted."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardView:
+    """The board's points in one picture."""
+
+    name: str
+    uvs_px: Array
+    """(rows * columns, 2)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewFit:
+    """How well one picture fits."""
+
+    view: BoardView
+    rms_px: float
+    residuals_px: Array
+    """(rows * columns, 2) found minus projected."""
+    used: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lens:
+    """A fitted lens."""
+
+    camera: Camera
+    """Its world is its own frame."""
+    sigmas: dict[str, float]
+    """Standard deviation of each of PARAMETERS; 0 for those that were held."""
+    rms_px: float
+    """Over the points of the pictures that were used."""
+    fits: tuple[ViewFit, ...]
+    """Of all pictures with a board, in their order."""
+    coverage: float
+    """Share of the picture's cells (8 x 6) with a point of the board in them."""
+
+    @property
+    def rejected(self) -> tuple[str, ...]:
+        """Names of the pictures that were left out."""
+        return tuple(fit.view.name for fit in self.fits if not fit.used)
+
+
+def calibrate_lens(views: Sequence[BoardView], board: Board, sensor: SensorSize, *, coefficients: int = 4) -> Lens:
+    """The lens that explains the views best (OpenCV's `calibrateCameraExtended`), outliers left out.
+
+    `coefficients` counts the distortion coefficients, in OpenCV's order; the others stay 0.
+
+    Raises:
+        CalibrationError: with too few pictures, or a lens that is none.
+    """
+    if coefficients not in COEFFICIENTS:
+        raise CalibrationError("no such lens model", expected=f"one of {COEFFICIENTS} coefficients", got=coefficients)
+    used = list(range(len(views)))
+    while True:
+        _check_count(len(used), len(views))
+        fitted = _fit([views[k] for k in used], board, sensor, coefficients)
+        limit = max(OUTLIER_FROM_PX, OUTLIER_TIMES_MEDIAN * float(np.median(fitted.rms_px)))
+        worst = int(np.argmax(fitted.rms_px))
+        if fitted.rms_px[worst] <= limit:
+            break
+        used.pop(worst)  # one at a time: a bad picture makes its neighbours look bad too
+    if fold_radius(fitted.camera.distortion) < _corner_radius(fitted.camera):
+        remedy = "take pictures with the board in the corners, or fit fewer --coefficients"
+        raise CalibrationError("the lens model turns back inside the picture", remedy=remedy)
+    return _report(views, used, fitted, board)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fitted:
+    camera: Camera
+    sigmas: dict[str, float]
+    rms_px: Array
+    """Per picture."""
+    total_rms_px: float
+
+
+def _fit(views: Sequence[BoardView], board: Board, sensor: SensorSize, coefficients: int) -> _Fitted:
+    flags = 0
+    flags |= cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 if coefficients < 2 else 0
+    flags |= cv2.CALIB_ZERO_TANGENT_DIST if coefficients < 4 else 0
+    flags |= cv2.CALIB_FIX_K3 if coefficients < 5 else 0
+    points = board.points_m.astype(np.float32)
+    try:
+        rms, K, distortion, _, _, deviations, _, per_view = cv2.calibrateCameraExtended(
+            [points] * len(views),
+            [view.uvs_px.astype(np.float32) for view in views],
+            (sensor.width_px, sensor.height_px),
+            np.eye(3),
+            np.zeros(5),
+            flags=flags,
+        )
+    except cv2.error as error:
+        remedy = "tilt the board between the pictures, by 20 to 40 degrees about both axes"
+        raise CalibrationError("the pictures fix no lens", remedy=remedy) from error
+    sigmas: dict[str, float] = dict(zip(PARAMETERS, np.ravel(deviations)[:9].tolist(), strict=True))
+    camera = Camera(sensor, np.asarray(K, np.float64), np.ravel(distortion)[:5].astype(np.float64), np.eye(4))
+    return _Fitted(camera, sigmas, np.ravel(per_view).astype(np.float64), float(rms))
+
+
+def _report(views: Sequence[BoardView], used: list[int], fitted: _Fitted, board: Board) -> Lens:
+    fits = []
+    for k, view in enumerate(views):
+        residuals = _residuals(view, board, fitted.camera)
+        rms_px = float(np.sqrt((residuals**2).sum(axis=1).mean()))
+        fits.append(ViewFit(view, rms_px, residuals, k in used))
+    seen = np.concatenate([views[k].uvs_px for k in used])
+    return Lens(fitted.camera, fitted.sigmas, fitted.total_rms_px, tuple(fits), coverage(seen, fitted.camera.sensor))
+
+
+def _residuals(view: BoardView, board: Board, camera: Camera) -> Array:
+    """Found minus projected (N, 2), the board where it fits this picture best."""
+    _, rvec, tvec = cv2.solvePnP(board.points_m, view.uvs_px, camera.K, camera.distortion)
+    projected, _ = cv2.projectPoints(board.points_m, rvec, tvec, camera.K, camera.distortion)
+    return view.uvs_px - np.asarray(projected, np.float64).reshape(-1, 2)
+
+
+def coverage(uvs_px: Array, sensor: SensorSize) -> float:
+    """Share of the picture's cells (8 x 6) that hold one of the pixels (N, 2)."""
+    across, down = COVERAGE_CELLS
+    columns = np.clip((uvs_px[:, 0] + 0.5) * across / sensor.width_px, 0, across - 1).astype(int)
+    rows = np.clip((uvs_px[:, 1] + 0.5) * down / sensor.height_px, 0, down - 1).astype(int)
+    return len(np.unique(rows * across + columns)) / (across * down)
+
+
+def _corner_radius(camera: Camera) -> float:
+    """Pinhole radius of the picture's farthest corner, distortion aside."""
+    size = np.array([camera.sensor.width_px - 1, camera.sensor.height_px - 1])
+    reach = np.maximum(camera.K[:2, 2], size - camera.K[:2, 2]) / np.diag(camera.K)[:2]
+    return float(np.hypot(*reach))
+
+
+def _check_count(count: int, given: int) -> None:
+    if count < PICTURES_AT_LEAST:
+        left = "" if count == given else f", {given - count} did not fit together with the others"
+        raise CalibrationError(
+            "too few pictures with the whole board",
+            expected=f"{PICTURES_AT_LEAST} or more",
+            got=f"{count}{left}",
+            remedy="take 15 to 30, tilted, near and far, also in the corners of the picture",
+        )

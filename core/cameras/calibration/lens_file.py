@@ -1,0 +1,44 @@
+"""A lens as a file: OpenCV's FileStorage YAML for names that end in .yaml or .yml, our own TOML for all others."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import cv2
+
+from core.cameras.calibration_file import save_calibration
+from core.cameras.camera import Camera
+from core.errors import CalibrationError
+
+YAML_SUFFIXES = (".yaml", ".yml")
+
+
+def save_lens(path: Path, name: str, camera: Camera, *, notes: Mapping[str, float | str] | None = None) -> None:
+    """Write one camera, replacing the file in one step. OpenCV's form has no names, but room for the notes.
+
+    Raises:
+        CalibrationError: if the file cannot be written.
+    """
+    if path.suffix.lower() not in YAML_SUFFIXES:
+        save_calibration(path, {name: camera})
+        return
+    storage = cv2.FileStorage(".yaml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
+    storage.write("image_width", camera.sensor.width_px)
+    storage.write("image_height", camera.sensor.height_px)
+    storage.write("camera_matrix", camera.K)
+    storage.write("distortion_coefficients", camera.distortion[None])
+    for key, value in (notes or {}).items():
+        storage.write(key, value)
+    text = storage.releaseAndGetString()
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_text(text, encoding="utf-8")
+        os.replace(partial, path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+        raise CalibrationError("cannot write the calibration", got=error.strerror, where=path) from error

@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from core.cameras import Camera
+from core.cameras.calibration import Board, BoardView, calibrate_lens
+from core.cameras.calibration.intrinsics import coverage
+from core.errors import CalibrationError
+from core.events import SensorSize
+
+BOARD = Board("dots", 6, 8, 0.03)
+LENS = np.array([-0.15, 0.05, 0.0008, -0.0005, 0.0])
+CAMERA = Camera(SensorSize(640, 480), np.array([[520.0, 0, 322.3], [0, 523.0, 236.1], [0, 0, 1]]), LENS, np.eye(4))
+
+
+def views(count: int, noise_px: float, seed: int = 0) -> list[BoardView]:
+    rng = np.random.default_rng(seed)
+    made = []
+    while len(made) < count:
+        R = Rotation.from_euler("xyz", rng.uniform((-35, -35, -30), (35, 35, 30)), degrees=True).as_matrix()
+        depth = rng.uniform(0.3, 0.7)
+        middle = np.array([rng.uniform(-0.5, 0.5) * depth, rng.uniform(-0.4, 0.4) * depth, depth])
+        uvs = CAMERA.project((BOARD.points_m - BOARD.points_m.mean(axis=0)) @ R.T + middle)
+        if (uvs > 0).all() and (uvs < (640, 480)).all():
+            made.append(BoardView(f"picture {len(made)}", uvs + rng.normal(0, noise_px, uvs.shape)))
+    return made
+
+
+def test_without_noise_the_lens_is_found_exactly() -> None:
+    lens = calibrate_lens(views(12, 0.0), BOARD, CAMERA.sensor)
+    np.testing.assert_allclose(lens.camera.K, CAMERA.K, atol=0.01)
+    np.testing.assert_allclose(lens.camera.distortion, LENS, atol=2e-4)
+    assert lens.rms_px < 0.001 and lens.rejected == ()
+
+
+def test_errors_are_as_large_as_the_standard_deviations_say() -> None:
+    names = ("fx", "fy", "cx", "cy")
+    true = np.array([520.0, 523.0, 322.3, 236.1])
+    scores = []
+    for seed in range(12):
+        lens = calibrate_lens(views(15, 0.3, seed), BOARD, CAMERA.sensor)
+        found = lens.camera.K[[0, 1, 0, 1], [0, 1, 2, 2]]
+        scores.append((found - true) / [lens.sigmas[name] for name in names])
+        assert lens.rms_px == pytest.approx(0.3 * np.sqrt(2), rel=0.15)
+    assert 0.6 < np.sqrt(np.mean(np.square(scores))) < 1.5
+
+
+def test_a_picture_that_does_not_fit_is_left_out_and_named() -> None:
+    given = views(12, 0.1)
+    given[4] = BoardView("the bent one", given[4].uvs_px + np.random.default_rng(1).normal(0, 4.0, (48, 2)))
+    lens = calibrate_lens(given, BOARD, CAMERA.sensor)
+    assert lens.rejected == ("the bent one",)
+    assert lens.fits[4].rms_px > 3 and max(fit.rms_px for fit in lens.fits if fit.used) < 0.3
+    np.testing.assert_allclose(lens.camera.K, CAMERA.K, atol=1.0)
+
+
+def test_coefficients_that_are_not_fitted_stay_zero() -> None:
+    lens = calibrate_lens(views(10, 0.05), BOARD, CAMERA.sensor, coefficients=2)
+    assert lens.camera.distortion[:2].all() and not lens.camera.distortion[2:].any()
+    assert lens.sigmas["k3"] == 0 and lens.sigmas["k1"] > 0
+
+
+def test_too_few_pictures_are_refused_with_their_number() -> None:
+    with pytest.raises(CalibrationError, match="expected 6 or more, got 5"):
+        calibrate_lens(views(5, 0.1), BOARD, CAMERA.sensor)
+
+
+def test_coverage_counts_the_cells_with_a_point() -> None:
+    sensor = SensorSize(80, 60)
+    assert coverage(np.array([[0.0, 0.0], [1.0, 1.0]]), sensor) == pytest.approx(1 / 48)
+    every = np.stack(np.meshgrid(np.arange(80), np.arange(60)), axis=-1).reshape(-1, 2)
+    assert coverage(every.astype(float), sensor) == 1.0
