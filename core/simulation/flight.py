@@ -1,4 +1,4 @@
-"""Closed-form ball flights: arcs under gravity, joined at bounces, evaluated at any time."""
+"""Ball paths as event cameras follow them; the closed-form one: arcs under gravity, joined at bounces."""
 
 from __future__ import annotations
 
@@ -104,15 +104,19 @@ class Flight:
         return BallStates(t, p, v, np.where(absent, np.nan, self.spin_radps[arc]), present)
 
     def portals(self, t_s: ArrayLike) -> Portals:
-        """The plane at the nearer end of the flight, one ball radius off the ball's centre at that end.
+        """The launcher's mouth, and its like at the end."""
+        return launcher_portals(self, float(self.start_s[0]), np.atleast_1d(np.asarray(t_s, np.float64)))
 
-        At the very start the whole ball is behind it; it is out after it has flown its own diameter.
-        """
-        t = np.atleast_1d(np.asarray(t_s, np.float64))
-        just_before_end = np.nextafter(self.end_s, -np.inf)
-        ends = self.at([self.start_s[0], just_before_end])
-        direction = ends.v_world_mps / np.linalg.norm(ends.v_world_mps, axis=1, keepdims=True)
-        normal = direction * [[1.0], [-1.0]]
-        offset = np.einsum("ij,ij->i", normal, ends.p_world_m) + BALL_RADIUS_M
-        nearer = (t - self.start_s[0] > self.end_s - t).astype(np.intp)
-        return Portals(normal[nearer], offset[nearer])
+
+def launcher_portals(path: BallPath, start_s: float, t_s: Array) -> Portals:
+    """For a flight from `start_s` to `path.end_s`: the plane at its nearer end, one ball radius off the centre there.
+
+    At the very start the whole ball is behind it; it is out after it has flown its own diameter.
+    """
+    just_before_end = np.nextafter(path.end_s, -np.inf)
+    ends = path.at([start_s, just_before_end])
+    direction = ends.v_world_mps / np.linalg.norm(ends.v_world_mps, axis=1, keepdims=True)
+    normal = direction * [[1.0], [-1.0]]
+    offset = np.einsum("ij,ij->i", normal, ends.p_world_m) + BALL_RADIUS_M
+    nearer = (t_s - start_s > path.end_s - t_s).astype(np.intp)
+    return Portals(normal[nearer], offset[nearer])

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.config import check_settings, setting
 from core.errors import ConfigError
-from core.simulation.bounce import BounceConfig, bounce_on_table
-from core.simulation.flight import Flight
-from core.table import BALL_RADIUS_M, GRAVITY_MPS2, NET_HEIGHT_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
+from core.simulation.flight import BallPath, Flight
+from core.simulation.physics.config import PhysicsConfig
+from core.simulation.physics.contact import come_down
+from core.simulation.physics.episode import Serves
+from core.simulation.physics.flight import MAX_FLIGHT_S, Air, air_from_config, fall_through
+from core.simulation.physics.simulate import fly_serves
+from core.simulation.physics.task import ElevationConfig, TaskConfig
+from core.simulation.physics.trajectory import Trajectory, trace_episode
+from core.simulation.traced_flight import TracedFlight
 
-Array = NDArray[np.float64]
-
-ELEVATION_SPEEDS_MPS: Final = (3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
-ELEVATIONS_DEG: Final = (25.0, 18.0, 12.0, 7.0, 3.0, 1.0, 0.0)
-"""Launch elevation at each speed: low enough to bounce in the robot's half, high enough to clear the net."""
 DRAWS_AT_MOST: Final = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServeConfig:
-    """How balls are launched: towards -x, without spin, so that they bounce once in the robot's half."""
+    """How balls are launched: towards -x, so that they bounce once in the robot's half, and where they bounce.
+
+    The launch elevation depends on the speed: low enough to bounce there, high enough to clear the net.
+    """
 
     speed_mps: float = setting(5.0, 3.0, 9.0, step=0.5)
     """Launch speed; 3 to 9 m/s is the range of the curriculum (paper: 3, 4, 5)."""
@@ -42,9 +46,10 @@ class ServeConfig:
     """Half width of the uniform spread of the direction; 0 flies along the table."""
     speed_spread: float = setting(0.0, 0.0, 0.3)
     """Half width of the uniform relative spread of the speed."""
+    spin_spread_radps: float = setting(0.0, 0.0, 500.0)
+    """Half width of the uniform spread of each spin component; 0 as in the paper."""
     exit_x_m: float = setting(-2.3, -6.0, -1.42)
     """The flight ends here, behind the hitting plane and out of sight of the cameras, or on the floor."""
-    bounce: BounceConfig = field(default_factory=BounceConfig)
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -53,73 +58,67 @@ class ServeConfig:
             raise ConfigError("launch heights are swapped", expected="low below high", got=got, where="ServeConfig")
 
 
-def draw_serve(config: ServeConfig, start_s: float, rng: np.random.Generator) -> Flight:
-    """One serve that clears the net and bounces once, on the robot's half.
+def draw_serve(
+    config: ServeConfig, start_s: float, rng: np.random.Generator, physics: PhysicsConfig | None = None
+) -> BallPath:
+    """One serve that clears the net, bounces once, on the robot's half, and reaches the hitting plane.
+
+    `physics` is that of the paper unless told otherwise; the same seed launches alike in both, as long as no draw is
+    refused.
 
     Raises:
         ConfigError: if the config allows no such serve (1,000 draws failed).
     """
+    task = TaskConfig(physics=physics or PhysicsConfig())
     for _ in range(DRAWS_AT_MOST):
-        p, v = _draw_launch(config, rng)
-        if _clears_net(p, v):
-            flight = serve_flight(p, v, start_s, config)
-            if _bounces_once_on_robot_half(flight):
-                return flight
+        launch = _draw_launch(config, rng, air_from_config(task.physics))
+        if fly_serves(launch, task).legal[0]:
+            return serve_flight(launch, start_s, task.physics, exit_x_m=config.exit_x_m)
     raise ConfigError("no serve clears the net and bounces in the robot's half", got=config, where="ServeConfig")
 
 
-def serve_flight(p_world_m: Array, v_world_mps: Array, start_s: float, config: ServeConfig) -> Flight:
-    """The flight from a launch to `exit_x_m` or the floor, bouncing on the table as long as it comes down on it."""
-    starts, ps, vs = [start_s], [np.array(p_world_m, np.float64)], [np.array(v_world_mps, np.float64)]
-    spins = [np.zeros(3)]
-    while True:
-        p, v = ps[-1], vs[-1]
-        leaves_s = min(_fall_time(p, v, BALL_RADIUS_M - TABLE_HEIGHT_M), _exit_time(p, v, config.exit_x_m))
-        lands_s = _fall_time(p, v, BALL_RADIUS_M)
-        landing = p + v * lands_s
-        on_table = abs(landing[0]) <= TABLE_LENGTH_M / 2 and abs(landing[1]) <= TABLE_WIDTH_M / 2
-        if not on_table or lands_s >= leaves_s or p[2] < BALL_RADIUS_M - 1e-9:
-            end_s = starts[-1] + leaves_s
-            return Flight(np.array(starts), np.array(ps), np.array(vs), np.array(spins), end_s)
-        landing[2] = BALL_RADIUS_M
-        v_down = v - [0.0, 0.0, GRAVITY_MPS2 * lands_s]
-        v_after, spin_after = bounce_on_table(v_down, spins[-1], config.bounce)
-        starts.append(starts[-1] + lands_s)
-        ps.append(landing)
-        vs.append(v_after)
-        spins.append(spin_after)
+def serve_flight(launch: Serves, start_s: float, physics: PhysicsConfig, *, exit_x_m: float = -2.3) -> BallPath:
+    """The flight of one launch (arrays of one row) to `exit_x_m` or the floor, bouncing wherever it meets the table.
+
+    Raises:
+        ConfigError: if there is not exactly one launch.
+    """
+    trajectory = trace_episode(launch, None, TaskConfig(physics=physics), duration_s=MAX_FLIGHT_S)
+    end_s = min(trajectory.end_s, _exit_s(trajectory, exit_x_m))
+    if physics.has_air:
+        return TracedFlight(trajectory, start_s, start_s + end_s)
+    arcs = [event for event in trajectory.events if event.t_s < end_s]
+    states = np.array([arc.state for arc in arcs])
+    starts_s = start_s + np.array([arc.t_s for arc in arcs])
+    return Flight(starts_s, states[:, :3], states[:, 3:6], states[:, 6:9], start_s + end_s)
 
 
-def _draw_launch(config: ServeConfig, rng: np.random.Generator) -> tuple[Array, Array]:
+def _draw_launch(config: ServeConfig, rng: np.random.Generator, air: Air) -> Serves:
     speed = config.speed_mps * (1.0 + config.speed_spread * rng.uniform(-1, 1))
-    elevation = np.radians(np.interp(speed, ELEVATION_SPEEDS_MPS, ELEVATIONS_DEG))
-    yaw = np.radians(config.yaw_spread_deg * rng.uniform(-1, 1))
+    elevation = ElevationConfig().at(speed)
+    yaw = math.radians(config.yaw_spread_deg * rng.uniform(-1, 1))
     height = rng.uniform(config.height_low_m, config.height_high_m)
     side = config.side_spread_m * rng.uniform(-1, 1)
-    forward = speed * np.cos(elevation)
-    v = np.array([-forward * np.cos(yaw), forward * np.sin(yaw), speed * np.sin(elevation)])
-    p = np.array([0.0, side, height])
-    p[0] = config.bounce_x_m - v[0] * _fall_time(p, v, BALL_RADIUS_M) + config.bounce_spread_m * rng.uniform(-1, 1)
-    return p, v
+    forward = speed * math.cos(elevation)
+    state = np.zeros(9)
+    state[:3] = (0.0, side, height)
+    state[3:6] = (-forward * math.cos(yaw), forward * math.sin(yaw), speed * math.sin(elevation))
+    shift = config.bounce_spread_m * rng.uniform(-1, 1)
+    if config.spin_spread_radps:
+        state[6:9] = config.spin_spread_radps * rng.uniform(-1, 1, 3)
+    bounce = np.empty(9)
+    come_down(state, air, bounce)
+    state[0] = config.bounce_x_m - bounce[0] + shift
+    return Serves(state[None, :3], state[None, 3:6], state[None, 6:9])
 
 
-def _clears_net(p: Array, v: Array) -> bool:
-    if p[0] <= 0:
-        return True
-    t = -p[0] / v[0]
-    return bool(p[2] + v[2] * t - 0.5 * GRAVITY_MPS2 * t**2 > NET_HEIGHT_M + BALL_RADIUS_M)
-
-
-def _bounces_once_on_robot_half(flight: Flight) -> bool:
-    bounces = flight.p_world_m[1:]
-    return len(bounces) == 1 and bool(bounces[0, 0] < 0)
-
-
-def _fall_time(p: Array, v: Array, z_m: float) -> float:
-    """Seconds until the ball comes down through height z; 0 if it is below already and will not rise above it."""
-    square = v[2] ** 2 + 2 * GRAVITY_MPS2 * (p[2] - z_m)
-    return float((v[2] + np.sqrt(square)) / GRAVITY_MPS2) if square > 0 else 0.0
-
-
-def _exit_time(p: Array, v: Array, exit_x_m: float) -> float:
-    return float((exit_x_m - p[0]) / v[0]) if v[0] < 0 else float("inf")
+def _exit_s(trajectory: Trajectory, exit_x_m: float) -> float:
+    """When the ball flies out through the plane at `exit_x_m`; infinity if it does not."""
+    out = np.empty(9)
+    arcs = trajectory.events
+    ends_s = [arc.t_s for arc in arcs[1:]] + [trajectory.end_s]
+    for arc, end_s in zip(arcs, ends_s, strict=True):
+        exit_s = arc.t_s + fall_through(arc.state, (1.0, 0.0, 0.0, 0.0, -exit_x_m), trajectory.air, out)
+        if exit_s <= end_s:
+            return exit_s
+    return math.inf
