@@ -11,8 +11,9 @@ from app.cli.arguments import positive_int
 from app.cli.cameras import named_cameras, sensor_size
 from app.cli.progress import progress_bar
 from core.cameras.presets import PLACEMENTS
-from core.errors import CommandError, NotBuiltError
+from core.errors import CommandError
 from core.simulation import SensorConfig, ServeConfig, StereoConfig, scene_named, simulate_recording
+from core.simulation.physics.config import physics_profile
 from core.simulation.scene import SCENES, SCENES_TO_COME
 
 LARGEST_SEED = 2**63 - 1
@@ -40,9 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Simulate, and say what was made."""
-    if arguments.physics == "real":
-        raise NotBuiltError("`--physics real` is not built yet for simulated recordings", expected="paper")
-    if arguments.physics != "paper":
+    if arguments.physics not in ("paper", "real"):
         raise CommandError("no such physics", expected="paper or real", got=repr(arguments.physics), where="--physics")
     if not 0 <= arguments.seed <= LARGEST_SEED:
         expected = f"a whole number from 0 to {LARGEST_SEED}"
@@ -58,6 +57,7 @@ def run(arguments: argparse.Namespace) -> None:
             cameras,
             serves,
             seed=arguments.seed,
+            physics=physics_profile(arguments.physics),
             overwrite=arguments.force,
             progress=progress,
         )

@@ -13,6 +13,7 @@ import numpy as np
 from core.cameras import Camera, stereo_preset
 from core.config import config_to_mapping
 from core.recordings import RecordingWriter
+from core.simulation.physics.config import PhysicsConfig
 from core.simulation.readout import ReadoutCounts
 from core.simulation.scene import SceneConfig
 from core.simulation.serve import ServeConfig
@@ -51,18 +52,26 @@ def simulate_recording(
     serves: list[ServeConfig],
     *,
     seed: int,
+    physics: PhysicsConfig | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] = lambda share: None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> SimulatedRecording:
     """Write the events and the truth of some serves, one after the other. The same seed gives the same events.
 
+    The physics is that of the paper unless told otherwise.
+
     Raises:
         RecordingError: if the file exists and `overwrite` is not set, or it cannot be written.
         ConfigError: if there is no such serve.
     """
-    flights = draw_serves(serves, np.random.default_rng(seed))
-    resolved = {**config_to_mapping(config), "serves": [config_to_mapping(serve) for serve in serves]}
+    physics = physics or PhysicsConfig()
+    flights = draw_serves(serves, np.random.default_rng(seed), physics)
+    resolved = {
+        **config_to_mapping(config),
+        "serves": [config_to_mapping(serve) for serve in serves],
+        "physics": config_to_mapping(physics),
+    }
     sensors = {name: camera.sensor for name, camera in cameras.items()}
     end_us, finished = 0, True
     readout: dict[str, ReadoutCounts] = {}
