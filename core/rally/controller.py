@@ -20,7 +20,7 @@ from core.rally.stroke_solver import (
     solve_stroke,
     spin_after_bounce,
 )
-from core.simulation.physics import TaskConfig
+from core.simulation.physics import PhysicsConfig, TaskConfig
 from core.simulation.physics.flight import air_from_config
 from core.simulation.physics.impact import surfaces_from_config
 from core.simulation.physics.racket import RacketTarget, target_for_ball
@@ -105,6 +105,10 @@ class LiveController(Controller, Protocol):
         """
         ...
 
+    def for_physics(self, physics: PhysicsConfig) -> LiveController:
+        """The same where balls fly, bounce and leave the racket like this; one that was trained stays as it is."""
+        ...
+
 
 class BuiltInController:
     """Moves early on the first prediction and corrects on the second. Holds no state: an answer per prediction."""
@@ -134,6 +138,10 @@ class BuiltInController:
         """
         x, y = (float(value) for value in np.asarray(goal_m, np.float64))
         return BuiltInController(self.task, replace(self.config, target_x_m=x, target_y_m=y))
+
+    def for_physics(self, physics: PhysicsConfig) -> BuiltInController:
+        """The same for balls that fly, bounce and leave the racket like this."""
+        return BuiltInController(replace(self.task, physics=physics), self.config)
 
     def command(
         self,

@@ -18,6 +18,7 @@ from core.config import check_settings, setting
 from core.errors import ConfigError, LinkError, RallyscopeError
 from core.rally.block_windows import block_windows
 from core.rally.chain import RallyChain
+from core.rally.chain_physics import chain_for_physics
 from core.rally.command_sender import CommandSender, Order
 from core.rally.config import ChainConfig
 from core.rally.controller import BuiltInController, LiveController
@@ -29,6 +30,7 @@ from core.rally.live_snapshot import Decision, RallySnapshot
 from core.rally.player import Player, PlayerState
 from core.rally.warm_up import warm_up
 from core.simulation.event_camera import BLOCK_US
+from core.simulation.physics.config import PhysicsConfig
 
 MOST_WAITING: Final = 8
 """Blocks of 10 ms; older ones are dropped: a prediction from them would come too late."""
@@ -79,7 +81,8 @@ class LivePlayer:
     ) -> None:
         """Begin as soon as everything is loaded; without `playing` it only watches and sends no commands."""
         self._client = client
-        self._controller: LiveController = controller or BuiltInController()
+        self._physics = client.physics
+        self._controller: LiveController = (controller or BuiltInController()).for_physics(self._physics)
         self._config = config or LivePlayerConfig()
         self._new_config = False
         self._playing = playing
@@ -122,8 +125,8 @@ class LivePlayer:
         return self._playing
 
     def use(self, controller: LiveController) -> None:
-        """Let another controller decide, from the next block on."""
-        self._controller = controller
+        """Let another controller decide, from the next block on; it is told the physics of the simulation."""
+        self._controller = controller.for_physics(self._physics)
 
     def aim_at(self, goal_m: tuple[float, float]) -> None:
         """Let the present controller send the balls elsewhere.
@@ -233,7 +236,9 @@ class LivePlayer:
         """Before anything is heard, so that no block has to wait for it."""
         try:
             cameras = {info.name: info.camera() for info in self._client.welcome.cameras}
-            warm_up(Player(RallyChain(cameras, self._config.chain), self._controller), cameras, self._config.window_us)
+            warm_up(
+                Player(RallyChain(cameras, self._chain_config()), self._controller), cameras, self._config.window_us
+            )
         except RallyscopeError as error:
             self._problem = str(error)
 
@@ -241,6 +246,8 @@ class LivePlayer:
         self._session, self._cameras = welcome.session, {}
         self._flight, self._meter = LiveFlight(), LiveMeter()
         self._sender.begin_session(self._meter)
+        self._physics = welcome.physics or PhysicsConfig()
+        self._controller = self._controller.for_physics(self._physics)
         try:
             self._cameras = {info.name: info.camera() for info in welcome.cameras}
         except LinkError as error:
@@ -251,9 +258,12 @@ class LivePlayer:
     def _build(self) -> None:
         self._player, self._problem = None, ""
         try:
-            self._player = Player(RallyChain(self._cameras, self._config.chain), self._controller)
+            self._player = Player(RallyChain(self._cameras, self._chain_config()), self._controller)
         except RallyscopeError as error:
             self._problem = str(error)
+
+    def _chain_config(self) -> ChainConfig:
+        return chain_for_physics(self._config.chain, self._physics)
 
     def _play(self, heard: _Heard) -> None:
         state, player = heard.state, self._player

@@ -13,7 +13,7 @@ from core.errors import ConfigError
 from core.learning.policy import Policy
 from core.learning.run_files import load_policy, read_run
 from core.rally.controller import RacketCommand, Stage
-from core.simulation.physics import TaskConfig
+from core.simulation.physics import PhysicsConfig, TaskConfig
 from core.simulation.physics.racket import target_for_ball
 from core.simulation.physics.rotation import base_orientation, orientations_from_actions
 from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
@@ -45,6 +45,10 @@ class PolicyController:
     def aimed_at(self, goal_m: ArrayLike) -> PolicyController:
         """The same policy with another goal."""
         return PolicyController(self.policy, self.task, goal_m, self.name)
+
+    def for_physics(self, physics: PhysicsConfig) -> PolicyController:
+        """The same: it knows what it was trained with."""
+        return self
 
     def command(self, t_c_s: float, p_c_m: ArrayLike, v_c_mps: ArrayLike, *, stage: Stage) -> RacketCommand | None:
         """The command for a ball predicted at the hitting plane; None for one that does not come."""

@@ -13,6 +13,7 @@ import zmq
 
 from core.errors import LinkError
 from core.rally.link import messages as m
+from core.simulation.physics.config import PhysicsConfig
 
 logger = logging.getLogger(__name__)
 
@@ -70,6 +71,11 @@ class SimulationClient:
     def status(self) -> Status:
         """Whether the server is there."""
         return "connected" if time.monotonic() - self._heard_s < LOST_S else "lost"
+
+    @property
+    def physics(self) -> PhysicsConfig:
+        """How balls fly and bounce over there; the paper's way, if the server does not say."""
+        return self.welcome.physics or PhysicsConfig()
 
     def add_listener(self, listener: LinkListener) -> None:
         """From now on; it hears of the present session at once."""

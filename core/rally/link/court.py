@@ -37,7 +37,7 @@ class LinkCourt:
         """Connect and stop the server's own clock.
 
         Raises:
-            LinkError: if there is no server, or states are to come from its events.
+            LinkError: if there is no server, its physics is another, or states are to come from its events.
         """
         if environment.state_source == "events":
             remedy = "train on events without --source, or with another state source"
@@ -46,6 +46,9 @@ class LinkCourt:
         self._notices: queue.SimpleQueue[m.OutcomeNotice] = queue.SimpleQueue()
         self._client = SimulationClient(address)
         try:
+            if self._client.welcome.physics not in (None, environment.task.physics):
+                remedy = "give training and `sim-server` the same --physics"
+                raise LinkError("the server's balls fly by another physics", where=address, remedy=remedy)
             self._client.auto_serve(0.0)
             self._client.pause()
         except LinkError:

@@ -13,11 +13,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from core.errors import LinkError
+from core.config import config_from_mapping, config_to_mapping
+from core.errors import ConfigError, LinkError
 
 Wire = object
 """None, bool, int, float, str, bytes, or a list or str-keyed dict of them."""
 REQUIRED: Final = dataclasses.MISSING
+LONGEST_ERROR: Final = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +117,18 @@ def column(dtype: str, *row_shape: int, most: int) -> Any:
     return _field(Spec(read, write), REQUIRED)
 
 
+def settings(kind: type) -> Any:
+    """A config (`core.config`) as nested maps, whole and within its own bounds."""
+
+    def read(value: Wire, where: str) -> object:
+        try:
+            return config_from_mapping(kind, _whole_settings(kind, value, where), where=where)
+        except ConfigError as error:
+            raise LinkError(str(error)[:LONGEST_ERROR]) from error
+
+    return _field(Spec(read, config_to_mapping), REQUIRED)
+
+
 def listing(kind: type, most: int) -> Any:
     """A tuple of at most `most` values of a dataclass whose fields are declared here too."""
 
@@ -146,6 +160,20 @@ def read_fields(kind: type, values: Wire, where: str) -> Any:
 def write_fields(value: Any) -> dict[str, Wire]:
     """The mapping that `read_fields` reads."""
     return {item.name: item.metadata["spec"].write(getattr(value, item.name)) for item in dataclasses.fields(value)}
+
+
+def _whole_settings(kind: type, values: Wire, where: str) -> dict[str, Wire]:
+    """The settings of a config among `values`: others are ignored, as unknown fields are; none may be missing."""
+    if not isinstance(values, dict):
+        raise LinkError("not a map of settings", got=_short(values), where=where)
+    found: dict[str, Wire] = {}
+    for item in dataclasses.fields(kind):
+        if item.name not in values:
+            raise LinkError("a setting is missing", where=f"{where}.{item.name}")
+        default, value = getattr(kind(), item.name), values[item.name]
+        nested = dataclasses.is_dataclass(default)
+        found[item.name] = _whole_settings(type(default), value, f"{where}.{item.name}") if nested else value
+    return found
 
 
 def _number(value: Wire, low: float, high: float, nan: bool, where: str) -> float:

@@ -38,7 +38,9 @@ from core.rally.link.fields import (
     flag,
     listing,
     number,
+    optional,
     read_fields,
+    settings,
     text,
     vector,
     whole,
@@ -46,6 +48,7 @@ from core.rally.link.fields import (
 )
 from core.rally.link.notices import BounceNotice, HitNotice, Notice, OutcomeNotice, ServeNotice
 from core.recordings import BallTruth, PixelTruth
+from core.simulation.physics.config import PhysicsConfig
 
 __all__ = [
     "COMMANDS",
@@ -212,7 +215,7 @@ class CameraInfo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reply:
-    """The answer to a command; to `hello` it names the cameras too."""
+    """The answer to a command; to `hello` it names the cameras and the physics too."""
 
     id: int = whole(0, WALL_NS)
     ok: bool = flag()
@@ -223,6 +226,8 @@ class Reply:
     block_us: int = whole(1, 1_000_000)
     seed: int = whole(0, WALL_NS)
     cameras: tuple[CameraInfo, ...] = listing(CameraInfo, 16)
+    physics: PhysicsConfig | None = optional(settings(PhysicsConfig))
+    """How balls fly, bounce and leave the racket. Servers of before it was told have the paper's."""
 
 
 KINDS: Final[dict[str, type]] = {

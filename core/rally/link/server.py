@@ -242,7 +242,7 @@ class SimulationServer:
         world = self._world
         return m.Reply(
             id=number, ok=not error, error=error, session=self._session, t_us=world.now_us, block_us=BLOCK_US,
-            seed=world.seed, cameras=cameras,
+            seed=world.seed, cameras=cameras, physics=world.config.task.physics if hello else None,
         )  # fmt: skip
 
     def _obey(self, command: object) -> None:

@@ -59,6 +59,18 @@ def test_with_drag_and_magnus_too(speed_mps: float) -> None:
     assert np.median(error_m) < 0.005
 
 
+def test_told_the_physics_it_plays_real_balls_like_one_that_always_knew_them_and_untold_it_does_not() -> None:
+    real = task_profile("real")
+    arrivals = arrivals_of(6.0, real)
+    errors_m = []
+    for controller in (BuiltInController().for_physics(real.physics), BuiltInController()):
+        commands = [answer(controller, arrivals, row, target_m=TARGETS_M[row]) for row in range(BALLS)]
+        qs, vs = (np.array([getattr(command.target, name) for command in commands]) for name in ("q_wxyz", "v_mps"))
+        outcomes = return_balls(arrivals, Strokes(qs, vs, arrivals.states[:, :3].copy(), arrivals.t_s.copy()), real)
+        errors_m.append(np.median(np.linalg.norm(outcomes.landings_m - TARGETS_M, axis=1)))
+    assert errors_m[0] < 0.005 and errors_m[1] > 0.05
+
+
 def test_what_is_expected_of_a_stroke_is_what_comes_of_it() -> None:
     controller = BuiltInController()
     commands, outcomes = play_all(controller, arrivals_of(4.0, controller.task))

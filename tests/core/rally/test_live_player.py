@@ -18,17 +18,23 @@ from core.rally import ChainConfig
 from core.rally.controller import BuiltInController
 from core.rally.link.client import SimulationClient
 from core.rally.link.server import ServerConfig, SimulationServer
+from core.rally.link.world import WorldConfig
 from core.rally.live_player import LivePlayer, LivePlayerConfig
 from core.rally.live_snapshot import RallySnapshot
+from core.simulation.physics.config import PhysicsConfig, Profile, physics_profile
+from core.simulation.physics.task import task_profile
 
 SLOW = 0.4
 """So that a busy machine is no part of the test."""
 
 
 @contextmanager
-def serving(address: str = "tcp://127.0.0.1:0", seed: int = 5, **size: int) -> Iterator[str]:
+def serving(
+    address: str = "tcp://127.0.0.1:0", seed: int = 5, physics: Profile = "paper", **size: int
+) -> Iterator[str]:
     sensor = SensorSize(size.get("width", 1280), size.get("height", 720))
-    server = SimulationServer(ServerConfig(), stereo_preset("side", sensor), address, seed=seed)
+    world = WorldConfig(task=task_profile(physics))
+    server = SimulationServer(ServerConfig(world=world), stereo_preset("side", sensor), address, seed=seed)
     ended = threading.Event()
     thread = threading.Thread(target=server.run, args=(ended.is_set,))
     thread.start()
@@ -155,17 +161,26 @@ def test_a_player_that_only_watches_sends_nothing(rally) -> None:
     assert player.snapshot.health.commands_sent == sent
 
 
+def told_physics(player: LivePlayer) -> PhysicsConfig:
+    assert isinstance(player.controller, BuiltInController)
+    return player.controller.task.physics
+
+
 def test_a_server_that_is_killed_and_started_again_is_played_on() -> None:
     with serving(seed=1, width=320, height=240) as address:
         client = SimulationClient(address, timeout_s=0.5)
         player = LivePlayer(client)
         wait_for(lambda: player.snapshot.t_us > 100_000)
         first = player.snapshot.session
-    with serving(address, seed=2, width=320, height=240):
+        assert client.physics == told_physics(player) == physics_profile("paper")
+    with serving(address, seed=2, physics="real", width=320, height=240):
         wait_for(lambda: player.snapshot.session not in ("", first) and player.snapshot.t_us > 100_000)
         client.launch((1.0, 0.0, 0.3), (-4.0, 0.0, 1.0))
         wait_for(lambda: player.snapshot.played == 1)
         assert player.snapshot.problem == "" and len(player.snapshot.finished) == 1
+        assert client.physics == told_physics(player) == physics_profile("real")
+        player.use(BuiltInController())
+        assert told_physics(player) == physics_profile("real"), "whoever plays is told"
     player.close()
     client.close()
 

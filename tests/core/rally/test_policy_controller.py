@@ -13,7 +13,7 @@ from core.learning.run_files import seed_files
 from core.rally.closed_loop import ClosedLoop
 from core.rally.link.world import WorldConfig
 from core.rally.policy_controller import PolicyController, load_controller
-from core.simulation.physics import TaskConfig
+from core.simulation.physics import TaskConfig, physics_profile
 from core.simulation.physics.episode import strokes_from_actions
 from core.simulation.physics.rotation import base_orientation
 
@@ -74,6 +74,11 @@ def test_a_goal_beside_the_table_is_refused_and_another_one_is_aimed_at() -> Non
     assert again.goal_m.tolist() == [0.5, -0.1] and again.name == "mine"
     one, other = (c.command(0.6, STATE[:3], STATE[3:], stage="post") for c in (controller, again))
     assert one is not None and other is not None and np.abs(one.action - other.action).max() > 0.01
+
+
+def test_a_policy_keeps_to_what_it_was_trained_with() -> None:
+    controller = PolicyController(random_policy(), TaskConfig(), (0.7, 0.2))
+    assert controller.for_physics(physics_profile("real")) is controller
 
 
 def test_a_run_folder_plays_balls_through_perception(tmp_path: Path) -> None:

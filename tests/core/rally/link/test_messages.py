@@ -11,6 +11,7 @@ import pytest
 from core.cameras import stereo_preset
 from core.errors import LinkError
 from core.rally.link import messages as m
+from core.simulation.physics.config import PhysicsConfig, physics_profile
 
 ALL = m.KINDS | m.COMMANDS
 
@@ -60,6 +61,10 @@ def batch(**changes: object) -> m.EventBatch:
     return m.EventBatch(**{**values, **changes})
 
 
+def welcome(physics: PhysicsConfig) -> m.Reply:
+    return m.Reply(id=1, ok=True, session="s", t_us=0, block_us=10_000, seed=1, physics=physics)
+
+
 def examples() -> list[object]:
     cameras = tuple(m.CameraInfo.of(name, camera) for name, camera in stereo_preset().items())
     nan = float("nan")
@@ -85,6 +90,7 @@ def examples() -> list[object]:
             net_z_m=nan,
         ),
         m.Reply(id=1, ok=True, session="s", t_us=0, block_us=10_000, seed=1, cameras=cameras),
+        welcome(physics_profile("real")),
         m.Hello(id=1),
         m.Serve(id=2, speed_mps=6.5),
         m.Serve(id=2, p_m=(1, 0, 0.3), v_mps=(-5, 0, 1), spin_radps=(0, 10, 0)),
@@ -107,7 +113,7 @@ def test_every_message_comes_back_as_it_was_sent(message):
     assert type(found) is type(message)
     for item in dataclasses.fields(message):
         before, after = getattr(message, item.name), getattr(found, item.name)
-        if item.name == "cameras":
+        if item.name in ("cameras", "physics"):
             assert before == after
         else:
             np.testing.assert_array_equal(before, after)
@@ -120,6 +126,30 @@ def test_a_camera_and_its_events_are_rebuilt():
     events = m.decode(m.encode(batch()), ALL).events()
     assert events.t_us.tolist() == [10_000, 10_007, 19_999]
     assert events.on.tolist() == [True, False, True]
+
+
+def test_the_physics_is_whole_and_within_bounds_or_refused_and_may_grow() -> None:
+    fields = msgpack.unpackb(m.encode(welcome(physics_profile("real"))))
+    fields["physics"]["air"]["wind_mps"] = 3.0
+    again = m.decode(msgpack.packb(fields), m.KINDS)
+    assert again.physics == physics_profile("real"), "what a later version adds is ignored"
+    for change, words in (
+        ({"air": {}}, "drag_coefficient: a setting is missing"),
+        ({"table": 3}, "not a map of settings"),
+        ({"net_drag": "much" * 1000}, "not a finite number"),
+        ({"net_drag": 2.0}, "out of range"),
+        ({"net_drag": float("nan")}, "not a finite number"),
+    ):
+        broken = {**fields, "physics": {**fields["physics"], **change}}
+        with pytest.raises(LinkError, match=words) as error:
+            m.decode(msgpack.packb(broken), m.KINDS)
+        assert len(str(error.value)) <= 300
+
+
+def test_a_server_that_says_nothing_of_its_physics_is_understood() -> None:
+    fields = msgpack.unpackb(m.encode(welcome(PhysicsConfig())))
+    del fields["physics"]
+    assert m.decode(msgpack.packb(fields), m.KINDS).physics is None
 
 
 def test_two_hundred_pieces_of_garbage_each_give_one_clear_error():
