@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from core.errors import CommandError
 from core.trajectory import (
-    FilterConfig,
     FilterPredictor,
     HitPlane,
     PaperPredictor,
@@ -37,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--method",
         default="paper",
         choices=METHODS,
-        help="paper: five points, gravity, one reflection; filter: drag, spin, every point (default: %(default)s)",
+        help="paper: five points, gravity, one reflection; filter: every point, drag, spin (default: %(default)s)",
     )
     parser.add_argument(
         "--physics",
@@ -62,19 +61,23 @@ def run(arguments: argparse.Namespace) -> None:
         raise CommandError("nothing would be seen", expected="above 0", got=arguments.observe_ms, where="--observe-ms")
     if not arguments.out.parent.is_dir():
         raise CommandError("no such folder", got=arguments.out.parent, where="--out")
-    config = predictor_for(arguments.physics, hit_x_m=arguments.hit_x)
+    paper = predictor_for(arguments.physics, hit_x_m=arguments.hit_x)
     t_s, ps_m = read_points(arguments.points)
     seen = t_s < t_s[0] + 1e-3 * arguments.observe_ms
     if arguments.method == "filter":
-        prediction = _filter(t_s[seen], ps_m[seen], filter_for(arguments.physics, hit_x_m=arguments.hit_x))
+        config = filter_for(arguments.physics)
+        predictor = FilterPredictor(config, hit_x_m=paper.hit_x_m)
+        needed = f"points over {config.least_seen_ms:g} ms"
     else:
-        prediction = _predict(t_s[seen], ps_m[seen], config)
+        predictor = PaperPredictor(paper)
+        needed_ms = (paper.observations - 1) * paper.spacing_ms
+        needed = f"{paper.observations} points over {needed_ms:g} ms, all before or all after the bounce"
+    prediction = _predict(predictor, t_s[seen], ps_m[seen])
     if prediction is None:
-        needed_ms = (config.observations - 1) * config.spacing_ms
         raise CommandError(
             f"too little to predict from in the first {arguments.observe_ms:g} ms",
-            expected=f"{config.observations} points over {needed_ms:g} ms, all before or all after the bounce",
-            got=f"{int(seen.sum())} points",
+            expected=needed,
+            got=f"{int(seen.sum())} points over {1e3 * (t_s[seen][-1] - t_s[0]):.0f} ms",
             where=arguments.points,
             remedy="see more with --observe-ms",
         )
@@ -99,20 +102,13 @@ def prediction_json(prediction: Prediction, later_s: NDArray[np.float64]) -> dic
     }
 
 
-def _predict(t_s: NDArray[np.float64], ps_m: NDArray[np.float64], config: PaperPredictorConfig) -> Prediction | None:
-    """The last prediction that the points lead to."""
-    predictor = PaperPredictor(config)
+def _predict(
+    predictor: PaperPredictor | FilterPredictor, t_s: NDArray[np.float64], ps_m: NDArray[np.float64]
+) -> Prediction | None:
+    """What a predictor says after points (N, 3) at times (N,)."""
     for t, p in zip(t_s, ps_m, strict=True):
         predictor.add(round(1e6 * t), p)
-    return predictor.latest
-
-
-def _filter(t_s: NDArray[np.float64], ps_m: NDArray[np.float64], config: FilterConfig) -> Prediction | None:
-    """What the filter says after the last point."""
-    predictor = FilterPredictor(config)
-    for t, p in zip(t_s, ps_m, strict=True):
-        predictor.add(round(1e6 * t), p)
-    return predictor.predict()
+    return predictor.predict() if isinstance(predictor, FilterPredictor) else predictor.latest
 
 
 def _table_point_json(point: TablePoint) -> dict[str, object]:

@@ -20,7 +20,7 @@ from core.rally.config import ChainConfig
 from core.rally.flight_gate import FlightGate, Verdict
 from core.rally.one_time import CommonTime
 from core.rally.size_check import SizeCheck
-from core.trajectory import PaperPredictor, Prediction
+from core.trajectory import Prediction
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,7 +88,7 @@ class RallyChain:
         checked = self.config.size.enabled and self.config.method != "paper"
         self._size = SizeCheck(dict(cameras), self.rig, self.config.size) if checked else None
         self._gate = FlightGate(self.config.flight)
-        self._predictor = PaperPredictor(self.config.predictor)
+        self._predictor = self.config.make_predictor()
 
     def reset(self) -> None:
         """Forget everything: the regions of interest too."""
@@ -186,4 +186,6 @@ class RallyChain:
             return None
         if verdict != "same flight":
             self._predictor.reset()
-        return None if verdict == "struck" else self._predictor.add(point.t_us, point.p_world_m)
+        if verdict == "struck":
+            return None
+        return self._predictor.add(point.t_us, point.p_world_m, point.covariance_m2)

@@ -30,6 +30,7 @@ from core.rally.outcomes import outcomes_of
 from core.simulation.physics.episode import Outcomes
 from core.simulation.physics.racket import target_for_ball
 from core.trajectory import HitPlane, predictor_for
+from core.trajectory.filter_config import with_physics
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
@@ -72,9 +73,11 @@ class EventCourt:
         self._seed = seed
         self._world_config = dataclasses.replace(world or WorldConfig(), task=task)
         self.world = SimulatedWorld(self._world_config, cameras, seed)
-        table = predictor_for("real") if task.physics.has_air else self._config.chain.predictor
+        chain = self._config.chain
+        table = predictor_for("real") if task.physics.has_air else chain.predictor
         predictor = dataclasses.replace(table, hit_x_m=task.stroke.hit_plane_x_m)
-        self._chain = RallyChain(cameras, dataclasses.replace(self._config.chain, predictor=predictor))
+        ball = with_physics(chain.filter, "real") if task.physics.has_air else chain.filter
+        self._chain = RallyChain(cameras, dataclasses.replace(chain, predictor=predictor, filter=ball))
         self._served_s = 0.0
         self._judged: JudgedBall | None = None
 

@@ -2,7 +2,8 @@
 
 from core.trajectory.config import PaperPredictorConfig, predictor_for
 from core.trajectory.continuation import predict_arrivals
-from core.trajectory.filter import FilterConfig, FilterPredictor, filter_for
+from core.trajectory.filter import FilterPredictor
+from core.trajectory.filter_config import FilterConfig, filter_for
 from core.trajectory.prediction import HitPlane, Prediction, TablePoint
 from core.trajectory.predictor import PaperPredictor
 

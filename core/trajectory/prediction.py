@@ -44,22 +44,12 @@ class HitPlane:
     covariance: Array
     """(6, 6) of p_c and v_c."""
     stage: Stage
+    spin_radps: Array | None = None
+    """(3,) the ball's spin there, where it is estimated; None where it is not."""
 
 
 class Flights(Protocol):
     """A flight in row 0 and its neighbours, one sigma away along each unknown, in pairs."""
-
-    def bounces(self) -> tuple[tuple[Array, Array], ...]:
-        """Times (N,) and positions (N, 3) of each bounce."""
-        ...
-
-    def landing(self, after_s: float) -> tuple[Array, Array]:
-        """When (N,) and where (N, 3) the balls next come down to the table's plane."""
-        ...
-
-    def hits(self, x_m: float) -> tuple[Array, Array]:
-        """When (N,) the balls cross the plane, and their states (N, 6) there."""
-        ...
 
     def at(self, t_s: Array) -> Array:
         """Positions (N, K, 3) at times (K,)."""
@@ -83,12 +73,21 @@ class Prediction:
     """Where the ball next comes down to the table's plane, on the table or beside it."""
     hit_plane: HitPlane | None
     """None for a ball that does not come to the plane."""
-    curve_t_s: Array
-    """(M,) from the newest observation to the hitting plane; to the landing if it does not get there."""
-    curve_ps_world_m: Array
-    """(M, 3)."""
     flights: Flights
     """Row 0 is the flight, rows 1 + 2 k and 2 + 2 k have unknown k changed by one sigma up and down."""
+
+    @property
+    def curve_t_s(self) -> Array:
+        """(M,) from the newest observation to the hitting plane; to the landing if it does not get there."""
+        now_s = self.t_us * 1e-6
+        end_s = max(now_s, self.hit_plane.t_s if self.hit_plane else self.landing.t_s if self.landing else now_s)
+        times = np.append(np.arange(now_s, end_s, CURVE_STEP_S), end_s)
+        return np.union1d(times, [bounce.t_s for bounce in self.bounces if bounce.t_s < end_s])
+
+    @property
+    def curve_ps_world_m(self) -> Array:
+        """(M, 3) where the ball is at `curve_t_s`."""
+        return self.flights.nominal().at(self.curve_t_s)[0]
 
     def positions(self, t_s: ArrayLike) -> tuple[Array, Array]:
         """Positions (K, 3) and their standard deviations (K, 3) at times (K,)."""
@@ -103,10 +102,10 @@ def predict_flight(
     fit = fit_arcs(t_s[None], ps_m[None])
     if not np.isfinite(fit.vs_mps).all():
         return None
-    return describe_flights(_spread(fit, t_s, config), newest_us, stage, config.hit_x_m)
+    return _describe_flights(_spread(fit, t_s, config), newest_us, stage, config.hit_x_m)
 
 
-def describe_flights(flights: Flights, newest_us: int, stage: Stage, hit_x_m: float) -> Prediction:
+def _describe_flights(flights: Continuation, newest_us: int, stage: Stage, hit_x_m: float) -> Prediction:
     """What a flight and its neighbours say about bounces, landing and hitting plane."""
     now_s = newest_us * 1e-6
     bounces = tuple(TablePoint(float(t[0]), ps[0], _sigma(ps)) for t, ps in flights.bounces() if float(t[0]) > now_s)
@@ -115,11 +114,7 @@ def describe_flights(flights: Flights, newest_us: int, stage: Stage, hit_x_m: fl
     if math.isfinite(t_landing[0]):
         landing = TablePoint(float(t_landing[0]), ps_landing[0], _sigma(ps_landing))
     hit_plane = _hit_plane(flights, stage, hit_x_m)
-    end_s = hit_plane.t_s if hit_plane else landing.t_s if landing else now_s
-    curve_t_s = np.append(np.arange(now_s, max(end_s, now_s), CURVE_STEP_S), max(end_s, now_s))
-    curve_t_s = np.union1d(curve_t_s, [bounce.t_s for bounce in bounces if bounce.t_s < end_s])
-    curve = flights.nominal().at(curve_t_s)[0]
-    return Prediction(newest_us, stage, bounces, landing, hit_plane, curve_t_s, curve, flights)
+    return Prediction(newest_us, stage, bounces, landing, hit_plane, flights)
 
 
 def _spread(fit: Arcs, t_s: Array, config: PaperPredictorConfig) -> Continuation:
@@ -171,7 +166,7 @@ def _sigma(values: Array) -> Array:
     return np.sqrt((_one_sigma_moves(values) ** 2).sum(axis=0))
 
 
-def _hit_plane(flights: Flights, stage: Stage, hit_x_m: float) -> HitPlane | None:
+def _hit_plane(flights: Continuation, stage: Stage, hit_x_m: float) -> HitPlane | None:
     t, states = flights.hits(hit_x_m)
     if not math.isfinite(t[0]):
         return None

@@ -43,8 +43,10 @@ class PaperPredictor:
         """Before or after the first bounce that was seen."""
         return "post" if self.bounces_us else "pre"
 
-    def add(self, t_us: int, p_world_m: ArrayLike) -> Prediction | None:
+    def add(self, t_us: int, p_world_m: ArrayLike, covariance_m2: Array | None = None) -> Prediction | None:
         """A new prediction if this point completes one, else None. Points come in order of time.
+
+        All points count alike: their covariance is not used.
 
         Raises:
             ConfigError: if a point is not later than the one before, or not three finite numbers.

@@ -1,4 +1,5 @@
-from core.evaluation.bench_prediction import LEADS_MS, measure
+from core.evaluation.bench_prediction import measure
+from core.evaluation.prediction_errors import LEADS_MS
 
 
 def test_a_small_measurement_has_both_methods_and_the_filter_is_nearer() -> None:

@@ -4,19 +4,19 @@ import pytest
 from core.errors import ConfigError
 from core.simulation.physics.config import physics_profile
 from core.simulation.physics.fit_flights import simulate_flight
-from core.table import BALL_RADIUS_M
+from core.table import BALL_RADIUS_M, REAL_DRAG, REAL_FRICTION, REAL_RESTITUTION, TABLE_WIDTH_M
 from core.trajectory import FilterConfig, FilterPredictor, filter_for
-from core.trajectory.ball_kernel import LIFT, advance, touches
+from core.trajectory.ball_kernel import LIFT, TOUCHES, fly, touches
 
 START = np.array([1.2, 0.1, 0.30, -5.0, 0.2, 1.0, 20.0, -80.0, 40.0])
-REAL = np.array([0.554, 0.945, 0.227])
-"""Drag, restitution, friction of the simulated profile."""
+REAL = np.array([REAL_DRAG.value, REAL_RESTITUTION.value, REAL_FRICTION.value, 0.0, 0.0])
+"""Drag, restitution, friction of the simulated profile; the table is where it should be, and so are observations."""
 
 
 def path(state: np.ndarray, t_s: np.ndarray, magnus: float = 0.10) -> np.ndarray:
     states, s, now = [], state.copy(), 0.0
     for t in t_s:
-        advance(s, t - now, LIFT * magnus)
+        fly(s, t - now, LIFT * magnus)
         now = t
         states.append(s.copy())
     return np.array(states)
@@ -32,9 +32,9 @@ def test_the_kernel_flies_and_bounces_like_the_simulation() -> None:
 
 def test_touches_are_where_the_path_is() -> None:
     state = np.concatenate([START, REAL])
-    found = np.empty((1, 19))
+    found = np.empty((1, TOUCHES))
     touches(state[None], 2.0, -1.42, LIFT * 0.10, found)
-    bounce, landing, hit = found[0, :4], found[0, 8:12], found[0, 12:]
+    bounce, landing, hit = found[0, :4], found[0, 8:12], found[0, 12:19]
     np.testing.assert_allclose(bounce, landing, rtol=0, atol=1e-12)
     assert bounce[3] == pytest.approx(BALL_RADIUS_M, abs=1e-9)
     at_hit = path(state, np.array([hit[0] - 2.0]))[0]
@@ -48,7 +48,7 @@ def test_a_noiseless_flight_gives_back_its_spin_and_its_hitting_point() -> None:
     predictor = FilterPredictor(FilterConfig(sigma_point_m=1e-4, air_noise=0.0, bounce_noise_mps=0.0))
     for t, p in zip(t_s, truth[:, :3], strict=True):
         predictor.add(round(1e6 * t), p)
-    found = np.empty((1, 19))
+    found = np.empty((1, TOUCHES))
     touches(np.concatenate([START, REAL])[None], 0.0, -1.42, LIFT * 0.10, found)
     latest = predictor.predict()
     assert predictor.stage == "post" and len(predictor.bounces_us) == 1
@@ -59,17 +59,30 @@ def test_a_noiseless_flight_gives_back_its_spin_and_its_hitting_point() -> None:
     np.testing.assert_allclose(predictor.state[6:9], truth[-1, 6:9], atol=15.0)
 
 
+def fly_up(state: np.ndarray, seconds: float, step_ms: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    t_s = np.arange(0, seconds, step_ms * 1e-3)
+    return t_s, path(state, t_s)
+
+
+def feed(predictor: FilterPredictor, t_s: np.ndarray, ps: np.ndarray) -> FilterPredictor:
+    for t, p in zip(t_s, ps, strict=True):
+        predictor.add(round(1e6 * t), p)
+    return predictor
+
+
 def test_the_covariance_is_honest_before_and_after_the_bounce() -> None:
     rng = np.random.default_rng(3)
-    config = FilterConfig(sigma_point_m=0.001, spin_sigma_radps=100.0, air_noise=0.0, bounce_noise_mps=0.0)
-    priors = [config.drag, config.restitution, config.friction]
-    sigmas = [config.drag_sigma, config.restitution_sigma, config.friction_sigma]
-    t_s = np.arange(0, 460, 2) * 1e-3
+    config = FilterConfig(sigma_point_m=0.001, air_noise=0.0, bounce_noise_mps=0.0)
+    names = ("drag", "restitution", "friction")
+    priors = [getattr(config, name) for name in names]
+    sigmas = [getattr(config, f"{name}_sigma") for name in names]
     before, after = [], []
     for _ in range(80):
         velocity = [-rng.uniform(4, 6), rng.normal(0, 0.3), rng.uniform(0.5, 1.2)]
-        state = np.array([1.2, 0.0, 0.3, *velocity, *rng.normal(0, 100.0, 3), *rng.normal(priors, sigmas)])
-        truth = path(state, t_s)
+        spin = rng.normal(0, config.spin_sigma_radps, 3)
+        higher = rng.normal(0, config.table_sigma_m)
+        state = np.array([1.2, 0.0, 0.3, *velocity, *spin, *rng.normal(priors, sigmas), higher, 0.0])
+        t_s, truth = fly_up(state, 0.60, 2.0)
         bounced = int(np.argmax(np.diff(truth[:, 5]) > 0.5)) + 1
         predictor = FilterPredictor(config)
         for k, t in enumerate(t_s[: bounced + 20]):
@@ -81,6 +94,74 @@ def test_the_covariance_is_honest_before_and_after_the_bounce() -> None:
     assert len(before) == len(after) == 80
     assert 0.8 < np.mean(before) < 1.2
     assert 0.8 < np.mean(after) < 1.2
+
+
+def test_the_noise_is_learnt_along_each_axis() -> None:
+    rng = np.random.default_rng(4)
+    t_s, truth = fly_up(np.concatenate([START, REAL]), 0.34)
+    noise = np.array([0.003, 0.0005, 0.001])
+    predictor = feed(
+        FilterPredictor(FilterConfig(sigma_point_m=0.001)), t_s, truth[:, :3] + rng.normal(0, noise, (340, 3))
+    )
+    np.testing.assert_allclose(np.sqrt(predictor.noise_scales), [3, 0.5, 1], rtol=0.15)
+    fixed = feed(FilterPredictor(FilterConfig(adapt_points=0)), t_s, truth[:, :3])
+    np.testing.assert_array_equal(fixed.noise_scales, 1.0)
+
+
+@pytest.mark.parametrize(("higher_m", "restitution"), [(0.0, 0.945), (-0.005, 0.945), (0.005, 0.945), (0.0, 0.85)])
+def test_the_bounce_is_found_where_it_is_and_not_where_it_was_expected(higher_m, restitution) -> None:
+    rng = np.random.default_rng(5)
+    state = np.concatenate([START, [REAL[0], restitution, REAL[2], higher_m, 0.0]])
+    t_s, truth = fly_up(state, 0.45)
+    fell = truth[:, 5] < 0
+    bounced = int(np.argmax(fell[:-1] & (np.diff(truth[:, 5]) > 0.5))) + 1
+    predictor = feed(
+        FilterPredictor(FilterConfig(sigma_point_m=0.001)),
+        t_s[: bounced + 30],
+        truth[: bounced + 30, :3] + rng.normal(0, 0.001, (bounced + 30, 3)),
+    )
+    assert predictor.stage == "post" and len(predictor.bounces_us) == 1
+    assert predictor.bounces_us[0] == pytest.approx(1e6 * t_s[bounced], abs=1500)
+    np.testing.assert_allclose(predictor.state[3:6], truth[bounced + 29, 3:6], atol=0.12)
+    found = np.empty((1, TOUCHES))
+    touches(truth[bounced + 29][None], 0.0, -1.42, LIFT * 0.10, found)
+    latest = predictor.predict()
+    assert latest is not None and latest.hit_plane is not None
+    np.testing.assert_allclose(latest.hit_plane.p_world_m, found[0, 13:16], atol=0.03)
+
+
+@pytest.mark.parametrize("past_m", [-0.01, 0.01, 0.10])
+def test_a_ball_past_the_edge_does_not_bounce_and_one_just_on_it_does(past_m) -> None:
+    rng = np.random.default_rng(6)
+    # Comes down 1 cm on this side of the side line, or beyond it.
+    straight = np.concatenate([[1.2, 0.0, 0.30, -5.0, 0.0, 1.0, 0.0, 0.0, 0.0], REAL])
+    t_s, truth = fly_up(straight, 0.45)
+    truth[:, 1] += TABLE_WIDTH_M / 2 + past_m
+    if past_m > 0:
+        landed = int(np.argmax(np.diff(truth[:, 5]) > 0.5))
+        falling = path(np.concatenate([truth[landed, :2] + [0, 1.0], truth[landed, 2:]]), t_s[: len(t_s) - landed])
+        truth[landed + 1 :, 2] = falling[: len(t_s) - landed - 1, 2]
+    predictor = FilterPredictor(FilterConfig(sigma_point_m=0.001))
+    for t, p in zip(t_s, truth[:, :3], strict=True):
+        if p[2] > -0.1:
+            predictor.add(round(1e6 * t), p + rng.normal(0, 0.001, 3))
+    assert predictor.stage == ("pre" if past_m > 0 else "post")
+    assert (predictor.state[5] < -1) == (past_m > 0)
+
+
+def test_an_observation_may_bring_its_own_covariance_and_a_lead_that_lasts_is_not_believed() -> None:
+    t_s, truth = fly_up(np.concatenate([START, REAL]), 0.3, 2.0)
+    along = truth[:, 3:6] / np.linalg.norm(truth[:, 3:6], axis=1, keepdims=True)
+    ps = truth[:, :3] + 0.005 * along
+    sigmas = []
+    for ahead_m in (0.0, 0.005):
+        predictor = FilterPredictor(FilterConfig(ahead_m=ahead_m, adapt_points=0))
+        for t, p in zip(t_s, ps, strict=True):
+            predictor.add(round(1e6 * t), p, np.diag([1e-6, 1e-6, 1e-6]))
+        off = predictor.state[:3] - truth[-1, :3]
+        sigmas.append(np.sqrt(off @ np.linalg.solve(predictor.covariance[:3, :3], off)))
+    assert sigmas[0] > 5, "taken for the truth"
+    assert sigmas[1] < 2
 
 
 def test_strays_are_left_out_and_a_ball_elsewhere_begins_anew() -> None:

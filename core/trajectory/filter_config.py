@@ -1,0 +1,84 @@
+"""What the filter takes for granted of air, table and observations, each with how sure that is."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Final
+
+from core.config import check_settings, setting
+from core.table import REAL_DRAG, REAL_FRICTION, REAL_MAGNUS, REAL_RESTITUTION
+from core.trajectory.config import PhysicsName
+
+PAPER: Final = {
+    "drag": 0.0,
+    "drag_sigma": 1e-6,
+    "magnus": 0.0,
+    "spin_sigma_radps": 10.0,
+    "restitution": 0.90,
+    "restitution_sigma": 0.01,
+    "friction": 0.15,
+    "friction_sigma": 0.02,
+}
+"""What the physics called `paper` changes: no air, no spin, and the table of the simulation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilterConfig:
+    """The defaults are for the physics called `real`."""
+
+    sigma_point_m: float = setting(0.003, 1e-5, 0.1, step=0.0005)
+    """Standard deviation of an observed position along each axis, where the observation does not bring its own."""
+    noise_m: float = setting(0.0, 0.0, 0.1, step=0.0005)
+    """Added to the covariance that an observation brings."""
+    adapt_points: int = setting(8, 0, 10_000)
+    """The scale of the noise is learnt from the innovations, as if so many points had spoken for what was said of it;
+    0 takes it for granted."""
+    ahead_m: float = setting(0.0, 0.0, 0.1, step=0.0005)
+    """How far observations may lie ahead of the ball or behind it, all alike for a while (standard deviation)."""
+    ahead_s: float = setting(0.15, 0.001, 10.0)
+    """For so long that is much the same."""
+    drag: float = setting(REAL_DRAG.value, 0.0, 1.0)
+    """Drag coefficient, fitted to recorded flights."""
+    drag_sigma: float = setting(0.02, 1e-6, 0.5)
+    """What is not known of it."""
+    magnus: float = setting(REAL_MAGNUS, 0.0, 0.5)
+    """Magnus coefficient; only its product with the spin moves the ball in the air."""
+    spin_sigma_radps: float = setting(200.0, 1.0, 1000.0)
+    """Standard deviation of the spin about each axis before anything is seen."""
+    restitution: float = setting(REAL_RESTITUTION.value, 0.5, 1.0)
+    """Of the table, fitted to recorded flights."""
+    restitution_sigma: float = setting(0.02, 1e-6, 0.3)
+    """What is not known of it."""
+    friction: float = setting(REAL_FRICTION.value, 0.0, 1.0)
+    """Of the table, fitted to recorded flights."""
+    friction_sigma: float = setting(0.02, 1e-6, 0.3)
+    """What is not known of it."""
+    table_sigma_m: float = setting(0.002, 0.0, 0.05, step=0.0005)
+    """Standard deviation of the table's height in the world of the observations (choice: a calibration's error)."""
+    air_noise: float = setting(0.005, 0.0, 5.0)
+    """White acceleration, m/s^2 per root hertz: what the model of the air leaves out."""
+    bounce_noise_mps: float = setting(0.01, 0.0, 1.0)
+    """Scatter of each velocity component from bounce to bounce."""
+    bounce_guard_ms: float = setting(0.0, 0.0, 30.0)
+    """So long after a bounce nothing is observed: a window of events may hold both sides of it."""
+    least_seen_ms: float = setting(20.0, 1.0, 200.0)
+    """Nothing is said before so much of a flight was seen."""
+    every_ms: float = setting(4.0, 0.0, 50.0)
+    """A prediction at most so often; the estimate takes every point."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+def filter_for(physics: PhysicsName, *, sigma_point_m: float = 0.003) -> FilterConfig:
+    """The filter for the physics called `paper` (no air, no serve with spin) or `real`."""
+    return with_physics(FilterConfig(sigma_point_m=sigma_point_m), physics)
+
+
+def with_physics(config: FilterConfig, physics: PhysicsName) -> FilterConfig:
+    """The same where balls fly and bounce as in the physics called `paper` or `real`."""
+    if physics == "real":
+        real = FilterConfig()
+        return dataclasses.replace(config, **{name: getattr(real, name) for name in PAPER})
+    return dataclasses.replace(config, **PAPER)
