@@ -14,7 +14,7 @@ from core.cameras.presets import PLACEMENTS
 from core.errors import CommandError
 from core.simulation import SensorConfig, ServeConfig, StereoConfig, scene_named, simulate_recording
 from core.simulation.physics.config import physics_profile
-from core.simulation.scene import SCENES, SCENES_TO_COME
+from core.simulation.scene import SCENES
 
 LARGEST_SEED = 2**63 - 1
 """The recording keeps the seed in 64 bits."""
@@ -22,7 +22,7 @@ LARGEST_SEED = 2**63 - 1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's arguments."""
-    scenes = "|".join((*SCENES, *SCENES_TO_COME))
+    scenes = "|".join(SCENES)
     presets = "|".join(PLACEMENTS)
     parser.add_argument("--out", type=Path, required=True, metavar="REC.h5", help="the recording to make")
     parser.add_argument("--serves", type=positive_int, default=3, metavar="N", help="default: %(default)s")

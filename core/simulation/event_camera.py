@@ -11,6 +11,8 @@ from core.cameras import Camera
 from core.errors import ConfigError
 from core.events import Events
 from core.simulation.background import LOG_LIGHT, make_background
+from core.simulation.bodies.parts import BodyProbes, MovingBodies
+from core.simulation.bodies.view import BodyView
 from core.simulation.flight import BallPath
 from core.simulation.noise import MergedEvents, RawEvents, draw_hot_pixels, draw_noise, merge_events
 from core.simulation.pixels import EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, event_buffer
@@ -35,6 +37,7 @@ class EventCamera:
         scene: SceneConfig,
         config: SensorConfig,
         rng: np.random.Generator,
+        bodies: MovingBodies | None = None,
     ) -> None:
         self.camera = camera
         self._scene = scene
@@ -42,6 +45,7 @@ class EventCamera:
         self._rng = rng
         self._maps = make_background(camera, scene)
         self._view = view_numbers(camera)
+        self._bodies = BodyView(camera, scene, bodies)
         self._pixels = make_pixels(self._maps[:, LOG_LIGHT], config, rng)
         self._hot = draw_hot_pixels(camera.sensor, config, rng)
         self._events = event_buffer(FIRST_CAPACITY)
@@ -86,10 +90,12 @@ class EventCamera:
     def _advance_block(self, path: BallPath, racket: RacketPath | None) -> MergedEvents:
         start_us, end_us = self._now_us, self._now_us + BLOCK_US
         seen = None if racket is None else RacketView(racket, self._scene.racket, self._racket_seen)
-        steps = moving_steps(self.camera, self._scene, path, seen, start_us, end_us)
+        bodies = self._bodies.probe(start_us, end_us)
+        least = self._bodies.substeps(bodies)
+        steps = moving_steps(self.camera, self._scene, path, seen, start_us, end_us, least)
         if racket is not None and steps is not None and steps.strides[RACKET]:
             self._racket_seen = steps.outlines[-1]
-        count = self._sweep(steps, start_us) if steps is not None else 0
+        count = self._sweep(steps, bodies, start_us) if steps is not None else 0
         count = self._settle(end_us, count)
         signal = self._sorted(count, start_us, end_us)
         noise = draw_noise(self.camera.sensor, self._config, self._hot, start_us, end_us, self._rng)
@@ -98,10 +104,14 @@ class EventCamera:
         merged = merge_events(signal, noise, self._pixels.rows, self._config.refractory_us, width)
         return self._readout.pass_on(merged, end_us, self._config)
 
-    def _sweep(self, steps: Steps, start_us: int) -> int:
-        pixels, width = self._pixels, self.camera.sensor.width_px
+    def _sweep(self, steps: Steps, bodies: BodyProbes, start_us: int) -> int:
+        pixels, size, mine = self._pixels, self.camera.sensor, self._bodies
+        shape, described = (size.width_px, size.height_px), (bodies.ends, bodies.circles, mine.parts, mine.scene)
         if start_us == 0:
-            look_at_once(pixels.rows, width, self._maps, self._view, steps.rows, steps.rackets, steps.boxes)
+            look_at_once(
+                pixels.rows, shape, self._maps, mine.layers, self._view, steps.rows, steps.rackets, steps.boxes,
+                described, mine.looks,
+            )  # fmt: skip
         count, done = 0, 0
         while True:
             count, pixels.awake_count, done = sweep_block(
@@ -109,8 +119,9 @@ class EventCamera:
                 pixels.awake,
                 pixels.awake_list,
                 pixels.awake_count,
-                width,
+                shape,
                 self._maps,
+                mine.layers,
                 self._view,
                 steps.t_us,
                 steps.rows,
@@ -119,6 +130,8 @@ class EventCamera:
                 steps.boxes,
                 steps.strides,
                 self._sensor(count),
+                described,
+                mine.looks,
                 self._events,
                 done,
             )

@@ -13,11 +13,12 @@ import numpy as np
 from core.cameras import Camera, stereo_preset
 from core.config import config_to_mapping
 from core.recordings import RecordingWriter
+from core.simulation.bodies import make_bodies
 from core.simulation.physics.config import PhysicsConfig
+from core.simulation.rally_flight import draw_flights
 from core.simulation.readout import ReadoutCounts
 from core.simulation.scene import SceneConfig
 from core.simulation.serve import ServeConfig
-from core.simulation.serves import draw_serves
 from core.simulation.stereo import StereoConfig, simulate_stereo
 from core.simulation.truth import ball_truth, pixel_truth, truth_times
 
@@ -66,7 +67,8 @@ def simulate_recording(
         ConfigError: if there is no such serve.
     """
     physics = physics or PhysicsConfig()
-    flights = draw_serves(serves, np.random.default_rng(seed), physics)
+    flights, strokes = draw_flights(config.scene, serves, np.random.default_rng(seed), physics)
+    bodies = make_bodies(config.scene.cast, seed, strokes)
     resolved = {
         **config_to_mapping(config),
         "serves": [config_to_mapping(serve) for serve in serves],
@@ -77,7 +79,7 @@ def simulate_recording(
     readout: dict[str, ReadoutCounts] = {}
     wanted_us = flights.end_s * 1e6
     with RecordingWriter(path, sensors, calibration=cameras, seed=seed, config=resolved, overwrite=overwrite) as writer:
-        for chunk in simulate_stereo(config, cameras, flights, seed=seed):
+        for chunk in simulate_stereo(config, cameras, flights, seed=seed, bodies=bodies):
             if cancelled():
                 finished = False
                 break
@@ -89,7 +91,7 @@ def simulate_recording(
         writer.write_ball(ball_truth(flights, times_us))
         truths = 0
         for name, camera in cameras.items():
-            truth = pixel_truth(camera, flights, times_us)
+            truth = pixel_truth(camera, flights, times_us, bodies)
             truths += int(truth.visible.sum())
             writer.write_truth(name, truth)
         writer.extend_duration(end_us)

@@ -11,6 +11,7 @@ import numpy as np
 from core.cameras import Camera
 from core.errors import ConfigError
 from core.events import Events
+from core.simulation.bodies import MovingBodies
 from core.simulation.event_camera import BLOCK_US, EventCamera
 from core.simulation.flight import BallPath
 from core.simulation.readout import ReadoutCounts
@@ -47,8 +48,11 @@ def simulate_stereo(
     seed: int,
     duration_us: int | None = None,
     chunk_us: int = CHUNK_US,
+    bodies: MovingBodies | None = None,
 ) -> Iterator[Chunk]:
     """The events of every camera, chunk after chunk, from time 0 to the path's end or `duration_us`.
+
+    `bodies` are what moves besides the ball, see `make_bodies`.
 
     The same seed, cameras and path give the same events, however they are cut into chunks. The last chunk ends at the
     first whole block after the duration. Times are int64 microseconds.
@@ -62,7 +66,7 @@ def simulate_stereo(
     last_us = -(-wanted_us // BLOCK_US) * BLOCK_US
     seeds = np.random.SeedSequence(seed).spawn(len(cameras))
     rigs = {
-        name: EventCamera(camera, config.scene, config.sensor, np.random.default_rng(seed_of_camera))
+        name: EventCamera(camera, config.scene, config.sensor, np.random.default_rng(seed_of_camera), bodies)
         for (name, camera), seed_of_camera in zip(cameras.items(), seeds, strict=True)
     }
     with ThreadPoolExecutor(len(rigs), thread_name_prefix="event-camera") as pool:  # the kernels release the GIL

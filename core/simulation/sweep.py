@@ -1,12 +1,15 @@
-"""Walk through the substeps of a block and touch only the pixels that ball, shadow and racket sweep over."""
+"""Walk through the substeps of a block and touch only pixels that ball, shadow, racket and bodies sweep over."""
 
 from __future__ import annotations
 
 import math
 
 import numba as nb
+import numpy as np
 
 from core.simulation.background import LOG_LIGHT
+from core.simulation.bodies.looks import LOOK_PX, REST_PX, look_at_tiles, mark_moved, pose_at
+from core.simulation.bodies.shading import FAR_COVER, LOG_TOTAL, NEAR_COVER, light_among
 from core.simulation.pixels import ramp_pixel, receptor_after_ramp, rest_awake, rest_pixel
 from core.simulation.racket_outline import outline_spans, rows_for_spans, unchanged_columns
 from core.simulation.sensor import OFF_THRESHOLD, ON_THRESHOLD, RECEPTOR, REFERENCE, RELEASE_US, TARGET, TIME_US
@@ -25,8 +28,9 @@ def sweep_block(
     awake,
     awake_list,
     awake_count,
-    width,
+    shape,
     maps,
+    layers,
     view,
     t_us,
     rows,
@@ -35,85 +39,127 @@ def sweep_block(
     boxes,
     strides,
     sensor,
+    bodies,
+    looks,
     events,
     done,
 ):
     """Run substeps `done + 1` to the last; returns (event count, awake count, substeps done).
 
     Part p of the boxes is looked at in every `strides[p]`-th substep and in the last; never if that is 0. `sensor` is
-    (photoreceptor time constant, refractory time, events already in the buffer). Stops early when the buffer might
-    overflow in the next substep; call again with a larger one.
+    (photoreceptor time constant, refractory time, events already in the buffer). `bodies` is (poses and circles of all
+    bodies at the block's probes, their parts, (width of an edge per metre, ambient share)), `looks` what
+    `look_at_tiles` needs with the circles of the last look. Stops early when the buffer might overflow in the next
+    substep; call again with a larger one.
     """
-    tau_us, refractory_us, count = sensor[0], sensor[1], int(sensor[2])
-    last = len(t_us) - 1
+    count, last = int(sensor[2]), len(t_us) - 1
+    probes, probed_circles, parts, scene = bodies
+    looked, marks, tiles, listed, tile_us = looks
+    ends, circles = np.empty((len(parts), 2, 3)), np.empty((len(parts), 2, 3))
     spans_before, spans_now = rows_for_spans(boxes[:, RACKET]), rows_for_spans(boxes[:, RACKET])
     for step in range(done + 1, last + 1):
-        awake_most = 0
-        for part in range(boxes.shape[1]):
-            if strides[part] != 0 and (step % strides[part] == 0 or step == last):
-                x0, y0, x1, y1 = union_box(boxes[(step - 1) // strides[part] * strides[part], part], boxes[step, part])
-                awake_most += (x1 - x0) * (y1 - y0)
-        if count + awake_most * EVENTS_PER_PIXEL > len(events):
+        if room_for(boxes, strides, step, last) + count > len(events):
             return count, awake_count, step - 1
-        ball, racket, now_us = ball_numbers(rows, step), racket_numbers(rackets, step), t_us[step]
-        for part in range(boxes.shape[1]):
-            if strides[part] == 0 or (step % strides[part] != 0 and step != last):
-                continue
-            before = (step - 1) // strides[part] * strides[part]
-            x0, y0, x1, y1 = union_box(boxes[before, part], boxes[step, part])
-            before_us, recent_us = t_us[before], t_us[max(step - INNER_STRIDE, 0)]
-            overlap = boxes_meet(boxes[step, BALL], boxes[step, SHADOW])
-            see_ball, see_shadow, see_racket = part == BALL or overlap, part == SHADOW or overlap, part == RACKET
-            if part != RACKET:
-                see_racket = spans_meet(boxes, before, step, part, RACKET)
-            else:
-                see_ball = spans_meet(boxes, before, step, RACKET, BALL)
-                see_shadow = spans_meet(boxes, before, step, RACKET, SHADOW)
-                outline_spans(outlines[before], spans_before)
-                outline_spans(outlines[step], spans_now)
-            decay = math.exp((before_us - now_us) / tau_us) if tau_us > 0.0 else 0.0
-            for y in range(y0, y1):
-                left, right, first, end = x1, x1, x0, x1
-                if part == RACKET:  # only where its outline passes
-                    first, left, right, end = unchanged_columns(spans_before, spans_now, y, x0, x1)
-                for x in range(first, end):
-                    if left <= x < right:
-                        continue
-                    pixel = y * width + x
-                    start_us = pixels[pixel, TIME_US]
-                    if start_us >= now_us:
-                        continue  # parts overlap here
-                    seen = pixel_seen(maps, pixel)
-                    deep = part == BALL and not see_racket and deep_inside(seen, ball)
-                    if deep and step % INNER_STRIDE != 0 and step != last:
-                        continue
-                    light = pixel_light(seen, view, ball, racket, see_ball, see_shadow, see_racket)
-                    goal = seen[LOG_LIGHT] if light == UNTOUCHED else math.log(light)
-                    was = pixels[pixel, TARGET]
-                    if goal == was:
-                        continue  # at rest, which is caught up with in closed form when it ends
-                    if not awake[pixel]:
-                        awake[pixel] = True
-                        awake_list[awake_count] = pixel
-                        awake_count += 1
-                    fall = decay
-                    if start_us < before_us and not (deep and start_us >= recent_us):
-                        count = rest_pixel(pixels, pixel, before_us, tau_us, refractory_us, events, count)
-                        start_us = before_us
-                    elif start_us != before_us and tau_us > 0.0:
-                        fall = math.exp((start_us - now_us) / tau_us)
-                    receptor = receptor_after_ramp(was, goal, pixels[pixel, RECEPTOR], now_us - start_us, tau_us, fall)
-                    contrast = receptor - pixels[pixel, REFERENCE]
-                    if (
-                        pixels[pixel, RELEASE_US] <= start_us
-                        and -pixels[pixel, OFF_THRESHOLD] < contrast < pixels[pixel, ON_THRESHOLD]
-                    ):  # nothing happens, as most of the time: spare the call
-                        pixels[pixel, TARGET] = goal
-                        pixels[pixel, RECEPTOR] = receptor
-                        pixels[pixel, TIME_US] = now_us
-                        continue
-                    count = ramp_pixel(pixels, pixel, goal, now_us, fall, tau_us, refractory_us, events, count)
+        ball, racket = ball_numbers(rows, step), racket_numbers(rackets, step)
+        if len(parts):
+            pose_at(probes, step / last, ends)
+            pose_at(probed_circles, step / last, circles)
+            mark_moved(circles, looked, LOOK_PX if step < last else REST_PX, shape, marks, tiles, listed)
+            count, awake_count, finished = look_at_tiles(
+                pixels, awake, awake_list, awake_count, shape, maps, layers, view, ends, circles, parts, scene,
+                (marks, tiles, listed, tile_us), t_us[step], t_us[0], ball, racket,
+                boxes[step, BALL], boxes[step, SHADOW], boxes[step, RACKET], sensor, events, count,
+            )  # fmt: skip
+            if not finished or room_for(boxes, strides, step, last) + count > len(events):
+                return count, awake_count, step - 1
+        count, awake_count = sweep_step(
+            pixels, awake, awake_list, awake_count, shape[0], maps, layers, len(parts) > 0, view, t_us, ball, racket,
+            outlines, boxes, strides, sensor, events, count, step, spans_before, spans_now,
+        )  # fmt: skip
     return count, awake_count, last
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def room_for(boxes, strides, step, last):
+    """Most events that ball, shadow and racket may make in a substep."""
+    most = 0
+    for part in range(boxes.shape[1]):
+        if strides[part] != 0 and (step % strides[part] == 0 or step == last):
+            x0, y0, x1, y1 = union_box(boxes[(step - 1) // strides[part] * strides[part], part], boxes[step, part])
+            most += (x1 - x0) * (y1 - y0)
+    return most * EVENTS_PER_PIXEL
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def sweep_step(
+    pixels, awake, awake_list, awake_count, width, maps, layers, among, view, t_us, ball, racket,
+    outlines, boxes, strides, sensor, events, count, step, spans_before, spans_now,
+):  # fmt: skip
+    """One substep of ball, shadow and racket; returns (event count, awake count). `among`: there are bodies."""
+    tau_us, refractory_us, now_us, last = sensor[0], sensor[1], t_us[step], len(t_us) - 1
+    for part in range(boxes.shape[1]):
+        if strides[part] == 0 or (step % strides[part] != 0 and step != last):
+            continue
+        before = (step - 1) // strides[part] * strides[part]
+        x0, y0, x1, y1 = union_box(boxes[before, part], boxes[step, part])
+        before_us, recent_us = t_us[before], t_us[max(step - INNER_STRIDE, 0)]
+        overlap = boxes_meet(boxes[step, BALL], boxes[step, SHADOW])
+        see_ball, see_shadow, see_racket = part == BALL or overlap, part == SHADOW or overlap, part == RACKET
+        if part != RACKET:
+            see_racket = spans_meet(boxes, before, step, part, RACKET)
+        else:
+            see_ball = spans_meet(boxes, before, step, RACKET, BALL)
+            see_shadow = spans_meet(boxes, before, step, RACKET, SHADOW)
+            outline_spans(outlines[before], spans_before)
+            outline_spans(outlines[step], spans_now)
+        decay = math.exp((before_us - now_us) / tau_us) if tau_us > 0.0 else 0.0
+        for y in range(y0, y1):
+            left, right, first, end = x1, x1, x0, x1
+            if part == RACKET:  # only where its outline passes
+                first, left, right, end = unchanged_columns(spans_before, spans_now, y, x0, x1)
+            for x in range(first, end):
+                if left <= x < right:
+                    continue
+                pixel = y * width + x
+                start_us = pixels[pixel, TIME_US]
+                if start_us >= now_us:
+                    continue  # parts overlap here
+                seen = pixel_seen(maps, pixel)
+                deep = part == BALL and not see_racket and deep_inside(seen, ball)
+                if deep and step % INNER_STRIDE != 0 and step != last:
+                    continue
+                if among and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0):
+                    light = light_among(seen, layers, pixel, view, ball, racket, see_ball, see_shadow, see_racket)
+                    rest = float(layers[pixel, LOG_TOTAL])
+                else:
+                    light = pixel_light(seen, view, ball, racket, see_ball, see_shadow, see_racket)
+                    rest = seen[LOG_LIGHT]
+                goal = rest if light == UNTOUCHED else math.log(light)
+                was = pixels[pixel, TARGET]
+                if goal == was:
+                    continue  # at rest, which is caught up with in closed form when it ends
+                if not awake[pixel]:
+                    awake[pixel] = True
+                    awake_list[awake_count] = pixel
+                    awake_count += 1
+                fall = decay
+                if start_us < before_us and not (deep and start_us >= recent_us):
+                    count = rest_pixel(pixels, pixel, before_us, tau_us, refractory_us, events, count)
+                    start_us = before_us
+                elif start_us != before_us and tau_us > 0.0:
+                    fall = math.exp((start_us - now_us) / tau_us)
+                receptor = receptor_after_ramp(was, goal, pixels[pixel, RECEPTOR], now_us - start_us, tau_us, fall)
+                contrast = receptor - pixels[pixel, REFERENCE]
+                if (
+                    pixels[pixel, RELEASE_US] <= start_us
+                    and -pixels[pixel, OFF_THRESHOLD] < contrast < pixels[pixel, ON_THRESHOLD]
+                ):  # nothing happens, as most of the time: spare the call
+                    pixels[pixel, TARGET] = goal
+                    pixels[pixel, RECEPTOR] = receptor
+                    pixels[pixel, TIME_US] = now_us
+                    continue
+                count = ramp_pixel(pixels, pixel, goal, now_us, fall, tau_us, refractory_us, events, count)
+    return count, awake_count
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -130,9 +176,9 @@ def settle_block(pixels, awake, awake_list, awake_count, end_us, sensor, events)
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def look_at_once(pixels, width, maps, view, rows, rackets, boxes):
+def look_at_once(pixels, shape, maps, layers, view, rows, rackets, boxes, bodies, looks):
     """Let pixels have looked at what is there for long: how a recording begins."""
-    ball, racket = ball_numbers(rows, 0), racket_numbers(rackets, 0)
+    ball, racket, width = ball_numbers(rows, 0), racket_numbers(rackets, 0), shape[0]
     see_ball, see_shadow, see_racket = boxes[0, BALL].any(), boxes[0, SHADOW].any(), boxes[0, RACKET].any()
     for part in range(boxes.shape[1]):
         for y in range(boxes[0, part, 1], boxes[0, part, 3]):
@@ -142,6 +188,17 @@ def look_at_once(pixels, width, maps, view, rows, rackets, boxes):
                 light = pixel_light(seen, view, ball, racket, see_ball, see_shadow, see_racket)
                 goal = seen[LOG_LIGHT] if light == UNTOUCHED else math.log(light)
                 pixels[pixel, TARGET] = pixels[pixel, RECEPTOR] = pixels[pixel, REFERENCE] = goal
+    probes, probed_circles, parts, scene = bodies
+    looked, marks, tiles, listed, tile_us = looks
+    if len(parts):
+        mark_moved(probed_circles[0], looked, 0.0, shape, marks, tiles, listed)
+        nobody, nothing = np.empty(0, np.bool_), np.empty(0, np.int64)
+        look_at_tiles(
+            pixels, nobody, nothing, 0, shape, maps, layers, view, probes[0], probed_circles[0], parts, scene,
+            (marks, tiles, listed, tile_us), 0.0, 0.0, ball, racket,
+            boxes[0, BALL], boxes[0, SHADOW], boxes[0, RACKET], (0.0, 0.0, 0.0),
+            np.empty((1 << 14, 3)), 0,
+        )  # fmt: skip
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

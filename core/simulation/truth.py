@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from core.cameras import Camera, ball_circles
 from core.recordings import BallTruth, PixelTruth
+from core.simulation.bodies import MovingBodies, hidden_by_bodies
 from core.simulation.flight import BallPath
 from core.simulation.scene import NET_TAPE_M
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M, NET_OVERHANG_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
@@ -31,11 +32,11 @@ def ball_truth(path: BallPath, t_us: ArrayLike) -> BallTruth:
     return BallTruth(t, states.p_world_m, states.v_world_mps, states.spin_radps, states.present)
 
 
-def pixel_truth(camera: Camera, path: BallPath, t_us: ArrayLike) -> PixelTruth:
+def pixel_truth(camera: Camera, path: BallPath, t_us: ArrayLike, bodies: MovingBodies | None = None) -> PixelTruth:
     """Outline centre and radius in a camera at ascending times `t_us` (N,); nan and not visible where there is none.
 
     Visible means: the whole ball is out of its launcher, its centre is on the sensor, and neither the table nor the
-    tape of the net is in front of the centre. The mesh of the net hides nothing.
+    tape of the net nor one of the `bodies` is in front of the centre. The mesh of the net hides nothing.
     """
     t = np.atleast_1d(np.asarray(t_us, np.int64))
     states, portals = path.at(t * 1e-6), path.portals(t * 1e-6)
@@ -46,6 +47,10 @@ def pixel_truth(camera: Camera, path: BallPath, t_us: ArrayLike) -> PixelTruth:
             np.abs(circles.v_px - (camera.sensor.height_px - 1) / 2) <= camera.sensor.height_px / 2
         )
         visible = states.present & out & on_sensor & ~_hidden(camera.position_world_m, states.p_world_m)
+    if bodies is not None:
+        visible &= ~hidden_by_bodies(
+            bodies, camera.position_world_m, states.p_world_m, np.asarray(t * 1e-6, np.float64)
+        )
     u, v, r = (np.where(visible, column, np.nan) for column in (circles.u_px, circles.v_px, circles.r_px))
     return PixelTruth(t, u, v, r, visible)
 

@@ -71,18 +71,27 @@ def view_numbers(camera: Camera) -> tuple[float, ...]:
 
 
 def moving_steps(
-    camera: Camera, scene: SceneConfig, path: BallPath, racket: RacketView | None, start_us: int, end_us: int
+    camera: Camera,
+    scene: SceneConfig,
+    path: BallPath,
+    racket: RacketView | None,
+    start_us: int,
+    end_us: int,
+    least: int = 0,
 ) -> Steps | None:
-    """Substeps over [start, end] fine enough for what moves; None if nothing that moves can be seen."""
+    """Substeps over [start, end] fine enough for what moves; None if nothing that moves can be seen.
+
+    `least` are the substeps that something besides ball and racket needs.
+    """
     probes_us = np.linspace(start_us, end_us, PROBES)
     states = path.at(probes_us * 1e-6)
     ball_there = bool(states.present.any())
     probes = None if racket is None else _racket_probes(camera, racket, probes_us)
     looks = 0 if racket is None or probes is None else _racket_looks(racket.seen, probes[1])
-    if not looks and not ball_there:
+    if not looks and not ball_there and not least:
         return None
     span_us = end_us - start_us
-    steps = max(looks, 1)
+    steps = max(looks, least, 1)
     if ball_there:
         speed = _picture_speed(camera, states)
         steps = max(steps, int(np.ceil(span_us / LONGEST_STEP_US)), int(np.ceil(speed * span_us / STEP_PX)))
@@ -95,11 +104,11 @@ def moving_steps(
         boxes[:, 0], boxes[:, 1] = _ball_boxes(camera, scene, states), _shadow_boxes(camera, scene, states)
         shadow = _shadow_stride(states, rows) if states.present.any() else 1
     rackets, outlines = np.zeros((steps + 1, RACKET_COLUMNS)), np.zeros((steps + 1, 0, 2))
-    if racket is not None and probes is not None and (looks or boxes.any()):
+    if racket is not None and probes is not None and (looks or least or boxes.any()):
         poses, outlines = _between_probes(*probes, steps)
         rackets = racket_rows(camera, racket.light, scene.edge_px, racket.path, poses)
         boxes[:, 2] = _boxes(camera, outlines, 0.5 * scene.edge_px)
-    if not boxes[:, :2].any() and not (looks and boxes.any()):
+    if not boxes[:, :2].any() and not (looks and boxes.any()) and not least:
         return None
     return Steps(t_us, rows, rackets, outlines, boxes, np.array([1, shadow, steps // looks if looks else 0]))
 

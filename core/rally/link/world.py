@@ -17,6 +17,7 @@ from core.events import Events
 from core.rally.link.path import SINK_S, SampledPath, SampledRacket
 from core.recordings import BallTruth, PixelTruth
 from core.simulation import StereoConfig, ball_truth, pixel_truth, truth_times
+from core.simulation.bodies import MovingBodies, make_bodies
 from core.simulation.event_camera import BLOCK_US, EventCamera
 from core.simulation.physics import TaskConfig, draw_serves
 from core.simulation.physics.judge import BallOutcome, RallyJudge
@@ -24,6 +25,7 @@ from core.simulation.physics.mujoco_rally import MujocoRally
 from core.simulation.physics.racket import RacketConfig, RacketTarget
 from core.simulation.physics.rally_events import RallyEvent
 from core.simulation.physics.rotation import normals_from_orientations
+from core.simulation.readout import ReadoutCounts
 
 Array = NDArray[np.float64]
 
@@ -78,12 +80,18 @@ class Block:
     contacts: tuple[Contact, ...]
     """Bounces on the table and hits of the racket, in order."""
     outcomes: tuple[JudgedBall, ...]
+    path: SampledPath
+    """The ball at any time in it."""
+    racket_path: SampledRacket
 
 
 class SimulatedWorld:
     """Advances in whole blocks. One thread at a time."""
 
-    def __init__(self, config: WorldConfig, cameras: Mapping[str, Camera], seed: int) -> None:
+    def __init__(
+        self, config: WorldConfig, cameras: Mapping[str, Camera], seed: int, *, threads: int | None = None
+    ) -> None:
+        """The cameras work in so many threads; one each unless told otherwise."""
         self.config = config
         self.seed = seed
         self.rally = MujocoRally(config.task, config.racket, dt_s=config.step_ms * 1e-3)
@@ -91,11 +99,13 @@ class SimulatedWorld:
         self._rng, *camera_rngs = (
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(len(cameras) + 1)
         )
+        self._bodies = make_bodies(config.stereo.scene.cast, seed)
         self._eyes = {
-            name: EventCamera(camera, config.stereo.scene, config.stereo.sensor, rng)
+            name: EventCamera(camera, config.stereo.scene, config.stereo.sensor, rng, self._bodies)
             for (name, camera), rng in zip(cameras.items(), camera_rngs, strict=True)
         }
-        self._pool = ThreadPoolExecutor(len(cameras), thread_name_prefix="event-camera")  # the kernels release the GIL
+        workers = threads or len(cameras)
+        self._pool = ThreadPoolExecutor(workers, thread_name_prefix="event-camera")  # the kernels release the GIL
         self.now_us = 0
         self.struck = self.pending = False
         self.gone_s: float | None = None
@@ -146,6 +156,16 @@ class SimulatedWorld:
         now = self.now_us * 1e-6
         return self._launch is not None and (self.gone_s is None or now < self.gone_s + SINK_S)
 
+    @property
+    def readout(self) -> dict[str, ReadoutCounts]:
+        """What each camera's readout did to the events since the start."""
+        return {name: eye.readout_counts for name, eye in self._eyes.items()}
+
+    @property
+    def bodies(self) -> MovingBodies | None:
+        """What moves besides ball and racket."""
+        return self._bodies
+
     def advance(self) -> Block:
         """Simulate the next block."""
         start_us, end_us = self.now_us, self.now_us + BLOCK_US
@@ -156,13 +176,23 @@ class SimulatedWorld:
         racket = SampledRacket(rows[:, 0], rows[:, 1:4], rows[:, 8:11], normals, radius_m, thickness_m)
         running = {name: self._pool.submit(eye.advance, path, end_us, racket) for name, eye in self._eyes.items()}
         times_us = truth_times(path, start_us, end_us)
-        circles = {name: pixel_truth(eye.camera, path, times_us) for name, eye in self._eyes.items()}
+        circles = {name: pixel_truth(eye.camera, path, times_us, self._bodies) for name, eye in self._eyes.items()}
         ball = ball_truth(path, times_us)
         events = {name: future.result() for name, future in running.items()}
         self.now_us = end_us
         racket_t_us = np.round(rows[:-1, 0] * 1e6).astype(np.int64)
         return Block(
-            start_us, end_us, events, circles, ball, racket_t_us, rows[:-1, 1:], tuple(self._contacts), outcomes
+            start_us,
+            end_us,
+            events,
+            circles,
+            ball,
+            racket_t_us,
+            rows[:-1, 1:],
+            tuple(self._contacts),
+            outcomes,
+            path,
+            racket,
         )
 
     def close(self) -> None:

@@ -10,7 +10,6 @@ from app.cli import main
 from core.cameras import save_calibration, stereo_preset
 from core.events import SensorSize
 from core.recordings import open_recording
-from core.simulation.scene import SCENES_TO_COME
 
 FAST = ("--serves", "1", "--sensor", "64x48")
 
@@ -140,7 +139,8 @@ MISTAKES = [
     (("--cameras", __file__), "--sensor goes with a placement"),
     (("--scene", "moon"), "ball, dark"),
     (("--physics", "moon"), "paper or real"),
-    *((("--scene", scene), "not built yet") for scene in SCENES_TO_COME),
+    (("--scene", "rally", "--physics", "real"), "physics paper"),
+    (("--scene", "rally", "--speed", "3"), "no ball of a rally can be played at this speed"),
 ]
 
 

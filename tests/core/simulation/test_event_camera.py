@@ -2,19 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.stats import ks_2samp
 
 from core.errors import ConfigError
+from core.evaluation.dense_sensor import agreement, dense_events
 from core.events import Events, concatenate_events
 from core.simulation import SceneConfig, SensorConfig, scene_named
 from core.simulation.background import LOG_LIGHT, make_background
 from core.simulation.event_camera import BLOCK_US, EventCamera
-from core.simulation.racket_shape import RACKET_COLUMNS
-from core.simulation.shading import render_light
-from core.simulation.view import ball_rows, view_numbers
-
-DENSE_STEP_US = 20
-NO_RACKET = (0.0,) * RACKET_COLUMNS
 
 
 def quiet(**settings) -> SensorConfig:
@@ -27,52 +21,17 @@ def simulate(camera, scene, config, path, end_us, seed=1, chunk_us=BLOCK_US) -> 
     return concatenate_events(parts, camera.sensor)
 
 
-def dense_events(camera, scene, config, path, end_us) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(t_us, pixel, on) of the same sensor model in plain numpy: every pixel, every 20 us, no mismatch."""
-    maps, view = make_background(camera, scene), view_numbers(camera)
-    times_us = np.arange(0, end_us + 1, DENSE_STEP_US, dtype=np.float64)
-    rows = ball_rows(camera, scene, path.at(times_us * 1e-6), path.portals(times_us * 1e-6))
-    light = np.empty(len(maps))
-    render_light(maps, view, tuple(rows[0]), NO_RACKET, False, light)
-    receptor, reference, previous = light.copy(), light.copy(), light.copy()
-    release_us = np.full(len(maps), -1.0)
-    keep = np.exp(-DENSE_STEP_US / config.photoreceptor_us)
-    found: list[tuple[float, int, bool]] = []
-    for now_us, row in zip(times_us[1:], rows[1:], strict=True):
-        render_light(maps, view, tuple(row), NO_RACKET, False, light)
-        lag = (light - previous) / DENSE_STEP_US * config.photoreceptor_us
-        before, receptor = receptor, light - lag + (receptor - previous + lag) * keep
-        start_us = now_us - DENSE_STEP_US
-        released = (release_us > start_us) & (release_us <= now_us)
-        share = (release_us[released] - start_us) / DENSE_STEP_US
-        reference[released] = before[released] + share * (receptor[released] - before[released])
-        free = release_us <= now_us
-        for sign, threshold in ((1.0, config.on_threshold), (-1.0, config.off_threshold)):
-            for pixel in np.flatnonzero(free & (sign * (receptor - reference) >= threshold)):
-                level = reference[pixel] + sign * threshold
-                moved = receptor[pixel] - before[pixel]
-                part = np.clip((level - before[pixel]) / moved, 0, 1) if moved else 1.0
-                crossing = max(start_us + part * DENSE_STEP_US, release_us[pixel])
-                found.append((crossing, pixel, sign > 0))
-                reference[pixel], release_us[pixel] = level, crossing + config.refractory_us
-        previous = light.copy()
-    t, pixel, on = (np.array(column) for column in zip(*sorted(found), strict=True))
-    return t, pixel, on
-
-
 @pytest.mark.parametrize("scene_name", ["ball", "dark"])
 def test_culling_and_substeps_agree_with_a_dense_simulation(small_camera, crossing, scene_name) -> None:
     scene, config, end_us = scene_named(scene_name), quiet(threshold_mismatch=0.0), 30_000
-    t, pixel, on = dense_events(small_camera, scene, config, crossing, end_us)
+    dense = dense_events(small_camera, scene, config, crossing, end_us)
     events = simulate(small_camera, scene, config, crossing, end_us)
-    assert len(t) > 2_000
-    for polarity in (True, False):
-        mine, theirs = events.t_us[events.on == polarity], t[on == polarity]
-        assert len(mine) == pytest.approx(len(theirs), rel=0.1)
-        assert ks_2samp(mine, theirs).statistic <= 0.05
+    assert len(dense.t_us) > 2_000
+    for found in agreement(events, dense).values():
+        assert found.ratio == pytest.approx(1.0, abs=0.1) and found.ks <= 0.05
     width = small_camera.sensor.width_px
-    assert np.mean(events.x_px) == pytest.approx(np.mean(pixel % width), abs=0.3)
-    assert np.mean(events.y_px) == pytest.approx(np.mean(pixel // width), abs=0.3)
+    assert np.mean(events.x_px) == pytest.approx(np.mean(dense.pixel % width), abs=0.3)
+    assert np.mean(events.y_px) == pytest.approx(np.mean(dense.pixel // width), abs=0.3)
 
 
 def test_a_bright_ball_leads_with_on_and_a_dark_one_with_off(small_camera, crossing) -> None:

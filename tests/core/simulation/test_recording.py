@@ -17,6 +17,7 @@ from core.simulation import (
     simulate_recording,
     truth_times,
 )
+from core.simulation.bodies import make_bodies
 
 CAMERAS = stereo_preset()
 SMALL = stereo_preset(sensor=SensorSize(320, 240))
@@ -103,3 +104,13 @@ def test_a_demo_that_fails_leaves_nothing_behind(tmp_path) -> None:
     with pytest.raises(StopError):
         ensure_demo(tmp_path / "demo.h5", stop)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scene_with_people_hides_the_ball_in_the_truth_too(tmp_path) -> None:
+    """The head passes between the left camera and the ball of a rally's scene at some time; nobody does in `ball`."""
+    flights = draw_serves([ServeConfig(speed_mps=3.0)] * 8, np.random.default_rng(3))
+    times_us = truth_times(flights, 0, int(flights.end_s * 1e6))
+    camera = CAMERAS["left"]
+    alone = pixel_truth(camera, flights, times_us).visible
+    among = pixel_truth(camera, flights, times_us, make_bodies("head", 0)).visible
+    assert 0 < (alone & ~among).sum() < 0.5 * alone.sum() and not (among & ~alone).any()
