@@ -38,6 +38,7 @@ class RallyJudge:
         self._task = task
         self._pending = False
         self._bounces = 0
+        self._was_service = False
         self._hit: RallyEvent | None = None
 
     def feed(self, events: Iterable[RallyEvent]) -> tuple[BallOutcome, ...]:
@@ -47,7 +48,7 @@ class RallyJudge:
     def _feed_one(self, event: RallyEvent) -> BallOutcome | None:
         if event.kind == "serve":
             unfinished = self._decide(Case.MISSED, event.t_s) if self._pending else None
-            self._pending, self._bounces, self._hit = True, 0, None
+            self._pending, self._bounces, self._hit, self._was_service = True, 0, None, False
             return unfinished
         if not self._pending:
             return None
@@ -57,12 +58,22 @@ class RallyJudge:
             return self._decide(Case.OUT if self._hit else Case.MISSED, event.t_s)
         elif event.kind in ("net", "end", "bounce"):
             if self._hit is None:
-                # A second bounce, the net or the table's end: the ball is dead before the racket.
-                self._bounces += 1
-                dead = event.kind != "bounce" or self._bounces > 1
-                return self._decide(Case.MISSED, event.t_s) if dead else None
+                return self._come_down(event)
             return self._decide(case_of(event), event.t_s)
         return None
+
+    def _come_down(self, event: RallyEvent) -> BallOutcome | None:
+        """Before the racket: a second bounce on a half, the net or the table's end, and the ball is dead.
+
+        Only a service bounces on the other half, and it does so first.
+        """
+        on_far_half = event.kind == "bounce" and event.touched[0] > 0
+        if on_far_half and not self._bounces and not self._was_service:
+            self._was_service = True
+            return None
+        self._bounces += 1
+        dead = event.kind != "bounce" or on_far_half or self._bounces > 1
+        return self._decide(Case.MISSED, event.t_s) if dead else None
 
     def _decide(self, case: Case, t_s: float) -> BallOutcome:
         self._pending = False
