@@ -6,11 +6,20 @@ from dataclasses import replace
 
 from core.rally.config import ChainConfig
 from core.simulation.physics.config import PhysicsConfig
+from core.trajectory.filter_config import with_physics
 
 
 def chain_for_physics(chain: ChainConfig, physics: PhysicsConfig) -> ChainConfig:
-    """The chain with the table of `physics`; its own settings where that is the paper's, which they are made for."""
+    """The chain with air and table of `physics`; its own settings where that is the paper's: they are made for it."""
     if physics == PhysicsConfig():
         return chain
-    table = physics.table
-    return replace(chain, predictor=replace(chain.predictor, restitution=table.restitution, friction=table.friction))
+    air, table = physics.air, physics.table
+    ball = replace(
+        with_physics(chain.filter, "real" if physics.has_air else "paper"),
+        drag=air.drag_coefficient,
+        magnus=air.magnus_coefficient,
+        restitution=table.restitution,
+        friction=table.friction,
+    )
+    fit = replace(chain.predictor, restitution=table.restitution, friction=table.friction)
+    return replace(chain, predictor=fit, filter=ball)

@@ -45,6 +45,7 @@ def chain_filter() -> FilterConfig:
         ahead_m=0.008,
         ahead_s=0.3,
         air_noise=0.03,
+        restless_odds=0.0,
         bounce_guard_ms=3.0,
         table_sigma_m=0.001,
     )

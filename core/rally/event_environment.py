@@ -24,13 +24,13 @@ from core.learning.environment import Deliveries, strokes_of
 from core.learning.gym_environment import OneStepReturn
 from core.rally.block_windows import block_windows
 from core.rally.chain import RallyChain
+from core.rally.chain_physics import chain_for_physics
 from core.rally.config import ChainConfig
 from core.rally.link.world import Block, JudgedBall, SimulatedWorld, WorldConfig
 from core.rally.outcomes import outcomes_of
 from core.simulation.physics.episode import Outcomes
 from core.simulation.physics.racket import target_for_ball
 from core.trajectory import HitPlane, predictor_for
-from core.trajectory.filter_config import with_physics
 
 Array = NDArray[np.float64]
 logger = logging.getLogger(__name__)
@@ -76,7 +76,7 @@ class EventCourt:
         chain = self._config.chain
         table = predictor_for("real") if task.physics.has_air else chain.predictor
         predictor = dataclasses.replace(table, hit_x_m=task.stroke.hit_plane_x_m)
-        ball = with_physics(chain.filter, "real") if task.physics.has_air else chain.filter
+        ball = chain_for_physics(chain, task.physics).filter
         self._chain = RallyChain(cameras, dataclasses.replace(chain, predictor=predictor, filter=ball))
         self._served_s = 0.0
         self._judged: JudgedBall | None = None

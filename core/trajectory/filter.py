@@ -10,24 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
-from core.trajectory.ball_kernel import LIFT, STATE, TOUCHES, places
-from core.trajectory.bounce_question import SIGMAS, BounceQuestion, coming_contact
+from core.trajectory.ball_filter import BallFilter
+from core.trajectory.ball_kernel import STATE, TOUCHES, places
 from core.trajectory.filter_config import FilterConfig
-from core.trajectory.filter_kernel import ROWS, Unrest, foresee, move, observe
+from core.trajectory.filter_kernel import ROWS, foresee
 from core.trajectory.prediction import HitPlane, Prediction, Stage, TablePoint
 
 Array = NDArray[np.float64]
 
 STRAYS: Final = 5
 """So many points in a row that do not fit begin a new flight."""
-GATE: Final = 40.0
-"""Squared normalised distance in three dimensions; a right point is beyond it once in 10^8."""
-FIRST_VELOCITY_MPS: Final = (-4.0, 0.0, 0.0)
-FIRST_SIGMA_MPS: Final = 10.0
-SETTLED: Final = 4
-"""From so many points on, the velocity is known well enough to expect a bounce."""
-SCALES: Final = (0.01, 100.0)
-"""Bounds of what may be learnt of the variance of the noise."""
+NOTHING: Final = np.full((STATE, STATE), np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,41 +44,58 @@ class Paths:
 
 
 class FilterPredictor:
-    """Fed point by point like `PaperPredictor`; every point moves the estimate."""
+    """Fed point by point like `PaperPredictor`; every point moves the estimate.
+
+    Two filters run side by side: one for a flight that the model describes, one for a flight that it leaves a good deal
+    of out. The one that explains the points better is believed.
+    """
 
     def __init__(self, config: FilterConfig | None = None, *, hit_x_m: float = -1.42) -> None:
         self.config = config or FilterConfig()
         self._hit_x_m = hit_x_m
-        c = self.config
-        self._unrest = Unrest(LIFT * c.magnus, c.air_noise, c.bounce_noise_mps, c.ahead_m, c.ahead_s)
-        self._noise_m2 = c.sigma_point_m**2 * np.eye(3)
-        self._floor_m2 = c.noise_m**2 * np.eye(3)
+        self._noise_m2 = self.config.sigma_point_m**2 * np.eye(3)
+        self._floor_m2 = self.config.noise_m**2 * np.eye(3)
         self.reset()
 
     def reset(self) -> None:
         """Forget the flight."""
-        self.bounces_us: tuple[int, ...] = ()
         self.latest: Prediction | None = None
-        self.state = np.full(STATE, np.nan)
-        self.covariance = np.full((STATE, STATE), np.nan)
-        self._t_us: int | None = None
-        self._first_us = self._said_us = 0
-        self._points = self._strays = 0
-        self._question: BounceQuestion | None = None
-        self._tally = np.zeros((2, 3))
+        self._filters: tuple[BallFilter, ...] = ()
+        self._said_us = 0
+
+    @property
+    def believed(self) -> BallFilter | None:
+        """The filter that explains the flight better; None before there is a point."""
+        if len(self._filters) < 2:
+            return self._filters[0] if self._filters else None
+        calm, restless = self._filters
+        odds = restless.log_likelihood - calm.log_likelihood + math.log(self.config.restless_odds)
+        return restless if odds > 0 else calm
+
+    @property
+    def state(self) -> Array:
+        """(14,) the estimate at the newest point, see `ball_kernel`; nan before there is one."""
+        return self.believed.state if self.believed else NOTHING[0]
+
+    @property
+    def covariance(self) -> Array:
+        """(14, 14) of the estimate."""
+        return self.believed.covariance if self.believed else NOTHING
+
+    @property
+    def noise_scales(self) -> Array:
+        """(3,) variances of the observations over what was said of them, by the innovations of this flight."""
+        return self.believed.noise_scales if self.believed else np.ones(3)
+
+    @property
+    def bounces_us(self) -> tuple[int, ...]:
+        """When the ball bounced in this flight."""
+        return self.believed.bounces_us if self.believed else ()
 
     @property
     def stage(self) -> Stage:
         """Before or after the first bounce that was seen."""
         return "post" if self.bounces_us else "pre"
-
-    @property
-    def noise_scales(self) -> Array:
-        """(3,) variances of the observations over what was said of them, by the innovations of this flight."""
-        weight = self.config.adapt_points
-        if weight == 0:
-            return np.ones(3)
-        return np.clip((weight + self._tally[0]) / (weight + self._tally[1]), *SCALES)
 
     def add(self, t_us: int, p_world_m: ArrayLike, covariance_m2: Array | None = None) -> Prediction | None:
         """A new prediction if one is due, else None. Points come in order of time; each may bring its covariance.
@@ -97,70 +107,35 @@ class FilterPredictor:
         if p.shape != (3,) or not math.isfinite(p[0] + p[1] + p[2]):
             raise ConfigError("not a position", expected="3 finite numbers", got=p, where="FilterPredictor.add")
         noise = self._noise_m2 if covariance_m2 is None else covariance_m2 + self._floor_m2
-        if self._t_us is None:
+        if not self._filters:
             self._begin(t_us, p, noise)
             return None
-        if t_us <= self._t_us:
-            expected = f"after {self._t_us} us"
+        if t_us <= self._filters[0].t_us:
+            expected = f"after {self._filters[0].t_us} us"
             raise ConfigError("points are not in order", expected=expected, got=t_us, where="FilterPredictor.add")
-        self._take(t_us, p, noise)
-        if self._strays == STRAYS:
+        for one in self._filters:
+            one.take(t_us, p, noise)
+        if all(one.strays >= STRAYS for one in self._filters):
             self._begin(t_us, p, noise)
-        seen_us = t_us - self._first_us
-        due = seen_us >= 1e3 * self.config.least_seen_ms and t_us - self._said_us >= 1e3 * self.config.every_ms
-        return self.predict() if due and self._question is None else None
+        due = t_us - self._said_us >= 1e3 * self.config.every_ms
+        return self.predict() if due and not any(one.is_asking for one in self._filters) else None
 
     def predict(self) -> Prediction | None:
         """The flight as it is expected now; None before enough was seen."""
-        if self._t_us is None or self._t_us - self._first_us < 1e3 * self.config.least_seen_ms:
+        ball = self.believed
+        if ball is None or ball.t_us - ball.first_us < 1e3 * self.config.least_seen_ms:
             return None
-        self._said_us = self._t_us
+        self._said_us = ball.t_us
         rows, spread = np.empty((ROWS, STATE)), np.empty((TOUCHES, TOUCHES))
-        now_s = self._t_us * 1e-6
-        found = foresee(self.state, self.covariance, now_s, self._hit_x_m, self._unrest.lift, rows, spread)
-        self.latest = _describe(found, spread, self._t_us, self.stage, Paths(now_s, rows, self._unrest.lift))
+        now_s, lift = ball.t_us * 1e-6, ball.unrest.lift
+        found = foresee(ball.state, ball.covariance, now_s, self._hit_x_m, lift, rows, spread)
+        self.latest = _describe(found, spread, ball.t_us, self.stage, Paths(now_s, rows, lift))
         return self.latest
 
-    def _take(self, t_us: int, p: Array, noise: Array) -> None:
-        """Move the estimate to the time of a point, and take the point."""
-        assert self._t_us is not None
-        if self._question is None:
-            self._question = self._ask(t_us)
-        seconds, self._t_us = (t_us - self._t_us) * 1e-6, t_us
-        if self._question is None:
-            move(self.state, self.covariance, seconds, self._unrest)
-            distance, _ = observe(self.state, self.covariance, p, noise, self.noise_scales, GATE, self._tally)
-            self._points += 1
-            self._strays = self._strays + 1 if distance > GATE else 0
-            return
-        bounced = self._question.add(t_us, p, noise, self.noise_scales, GATE)
-        self.state, self.covariance = self._question.likelier
-        if bounced is not None:
-            if bounced:
-                self.bounces_us = (*self.bounces_us, self._question.bounced_us())
-            self._question = None
-
-    def _ask(self, t_us: int) -> BounceQuestion | None:
-        """Whether a bounce is near until the next point."""
-        assert self._t_us is not None
-        if self._points < SETTLED:
-            return None
-        contact = coming_contact(self.state, self.covariance, self._unrest.lift)
-        if contact is None or contact.in_s - SIGMAS * contact.sigma_s > (t_us - self._t_us) * 1e-6:
-            return None
-        guard_s = 1e-3 * self.config.bounce_guard_ms
-        return BounceQuestion(self._t_us, self.state, self.covariance, contact, self._unrest, guard_s)
-
     def _begin(self, t_us: int, p: Array, noise: Array) -> None:
-        c = self.config
-        self.state = np.array([*p, *FIRST_VELOCITY_MPS, 0.0, 0.0, 0.0, c.drag, c.restitution, c.friction, 0.0, 0.0])
-        sigmas = [0.0] * 3 + [FIRST_SIGMA_MPS] * 3 + [c.spin_sigma_radps] * 3
-        constants = [c.drag_sigma, c.restitution_sigma, c.friction_sigma, c.table_sigma_m, c.ahead_m]
-        self.covariance = np.diag(np.square([*sigmas, *constants]))
-        self.covariance[:3, :3] = noise + c.ahead_m**2 * np.eye(3)
-        self._t_us = self._first_us = self._said_us = t_us
-        self.bounces_us = ()
-        self._points, self._strays, self._question = 1, 0, None
+        kinds = (False, True) if self.config.restless_odds > 0 else (False,)
+        self._filters = tuple(BallFilter(self.config, t_us, p, noise, restless=kind) for kind in kinds)
+        self._said_us = t_us
 
 
 def _describe(found: Array, spread: Array, newest_us: int, stage: Stage, paths: Paths) -> Prediction:

@@ -60,6 +60,13 @@ class FilterConfig:
     """White acceleration, m/s^2 per root hertz: what the model of the air leaves out."""
     bounce_noise_mps: float = setting(0.01, 0.0, 1.0)
     """Scatter of each velocity component from bounce to bounce."""
+    restless_air: float = setting(0.5, 0.0, 5.0)
+    """The same of a flight that the model describes less well: with it the standard deviations of 49 recorded flights
+    100 ms ahead are right."""
+    restless_bounce_mps: float = setting(0.1, 0.0, 1.0)
+    """The scatter of its bounces."""
+    restless_odds: float = setting(20.0, 0.0, 1e6)
+    """How many flights are like that for each that is not (choice); which one this is, its points decide. 0: none."""
     bounce_guard_ms: float = setting(0.0, 0.0, 30.0)
     """So long after a bounce nothing is observed: a window of events may hold both sides of it."""
     least_seen_ms: float = setting(20.0, 1.0, 200.0)

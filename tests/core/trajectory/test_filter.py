@@ -149,6 +149,22 @@ def test_a_ball_past_the_edge_does_not_bounce_and_one_just_on_it_does(past_m) ->
     assert (predictor.state[5] < -1) == (past_m > 0)
 
 
+def test_a_flight_that_the_model_does_not_describe_is_noticed_and_its_spread_is_wider() -> None:
+    rng = np.random.default_rng(7)
+    t_s, truth = fly_up(np.concatenate([START, REAL]), 0.30, 5.0)
+    noise = rng.normal(0, 0.001, (len(t_s), 3))
+    wavering = truth[:, :3] + np.outer(0.012 * np.sin(2 * np.pi * t_s / 0.15), [1.0, 0.0, 1.0])
+    sigmas, missed = [], []
+    for ps in (truth[:, :3], wavering):
+        prediction = feed(FilterPredictor(FilterConfig(sigma_point_m=0.001)), t_s, ps + noise).predict()
+        assert prediction is not None and prediction.landing is not None
+        sigmas.append(float(prediction.landing.sigma_m[0]))
+        bounce = path(np.concatenate([START, REAL]), np.array([prediction.landing.t_s]))[0, :3]
+        missed.append(abs(prediction.landing.p_world_m[0] - bounce[0]))
+    assert sigmas[1] > 2 * sigmas[0]
+    assert missed[1] < 4 * sigmas[1]
+
+
 def test_an_observation_may_bring_its_own_covariance_and_a_lead_that_lasts_is_not_believed() -> None:
     t_s, truth = fly_up(np.concatenate([START, REAL]), 0.3, 2.0)
     along = truth[:, 3:6] / np.linalg.norm(truth[:, 3:6], axis=1, keepdims=True)

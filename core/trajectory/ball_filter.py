@@ -1,0 +1,94 @@
+"""The estimate of a ball from points, one after the other: an extended Kalman filter with a table in it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.trajectory.ball_kernel import LIFT
+from core.trajectory.bounce_question import SIGMAS, BounceQuestion, coming_contact
+from core.trajectory.filter_config import FilterConfig
+from core.trajectory.filter_kernel import Unrest, move, observe
+
+Array = NDArray[np.float64]
+
+GATE: Final = 40.0
+"""Squared normalised distance in three dimensions; a right point is beyond it once in 10^8."""
+FIRST_VELOCITY_MPS: Final = (-4.0, 0.0, 0.0)
+FIRST_SIGMA_MPS: Final = 10.0
+SETTLED: Final = 4
+"""From so many points on, the velocity is known well enough to expect a bounce."""
+TYPICAL: Final = 8
+"""From so many points on, how likely a point is tells of the flight and no longer of what was assumed at first."""
+SCALES: Final = (0.01, 100.0)
+"""Bounds of what may be learnt of the variance of the noise."""
+
+
+class BallFilter:
+    """One flight; what the model leaves out is one of the two amounts of the configuration."""
+
+    def __init__(self, config: FilterConfig, t_us: int, p: Array, noise_m2: Array, *, restless: bool) -> None:
+        """Begin with a point and its covariance."""
+        c = self._config = config
+        air, bounce = (c.restless_air, c.restless_bounce_mps) if restless else (c.air_noise, c.bounce_noise_mps)
+        self.unrest = Unrest(LIFT * c.magnus, air, bounce, c.ahead_m, c.ahead_s)
+        self.state = np.array([*p, *FIRST_VELOCITY_MPS, 0.0, 0.0, 0.0, c.drag, c.restitution, c.friction, 0.0, 0.0])
+        sigmas = [0.0] * 3 + [FIRST_SIGMA_MPS] * 3 + [c.spin_sigma_radps] * 3
+        constants = [c.drag_sigma, c.restitution_sigma, c.friction_sigma, c.table_sigma_m, c.ahead_m]
+        self.covariance = np.diag(np.square([*sigmas, *constants]))
+        self.covariance[:3, :3] = noise_m2 + c.ahead_m**2 * np.eye(3)
+        self.t_us = self.first_us = t_us
+        self.bounces_us: tuple[int, ...] = ()
+        self.strays = 0
+        """Points in a row that did not fit."""
+        self.log_likelihood = 0.0
+        """Of the points, but for a constant."""
+        self._points = 1
+        self._question: BounceQuestion | None = None
+        self._tally = np.zeros((2, 3))
+
+    @property
+    def is_asking(self) -> bool:
+        """Whether it is open if the ball has bounced."""
+        return self._question is not None
+
+    @property
+    def noise_scales(self) -> Array:
+        """(3,) variances of the observations over what was said of them, by the innovations of this flight."""
+        weight = self._config.adapt_points
+        if weight == 0:
+            return np.ones(3)
+        return np.clip((weight + self._tally[0]) / (weight + self._tally[1]), *SCALES)
+
+    def take(self, t_us: int, p: Array, noise_m2: Array) -> None:
+        """Move the estimate to the time of a point, and take the point with its covariance (3, 3)."""
+        if self._question is None:
+            self._question = self._ask(t_us)
+        seconds, self.t_us = (t_us - self.t_us) * 1e-6, t_us
+        if self._question is None:
+            move(self.state, self.covariance, seconds, self.unrest)
+            found = observe(self.state, self.covariance, p, noise_m2, self.noise_scales, GATE, self._tally)
+            distance, likelihood = found
+            self._points += 1
+            self.strays = self.strays + 1 if distance > GATE else 0
+            if self._points > TYPICAL:
+                self.log_likelihood += likelihood
+            return
+        bounced = self._question.add(t_us, p, noise_m2, self.noise_scales, GATE)
+        self.state, self.covariance = self._question.likelier
+        if bounced is not None:
+            if bounced:
+                self.bounces_us = (*self.bounces_us, self._question.bounced_us())
+            self._question = None
+
+    def _ask(self, t_us: int) -> BounceQuestion | None:
+        """Whether a bounce is near until the next point."""
+        if self._points < SETTLED:
+            return None
+        contact = coming_contact(self.state, self.covariance, self.unrest.lift)
+        if contact is None or contact.in_s - SIGMAS * contact.sigma_s > (t_us - self.t_us) * 1e-6:
+            return None
+        guard_s = 1e-3 * self._config.bounce_guard_ms
+        return BounceQuestion(self.t_us, self.state, self.covariance, contact, self.unrest, guard_s)
