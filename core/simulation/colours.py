@@ -22,6 +22,15 @@ TINTS: Final[dict[str, Tint]] = {
 """A blue table on a red sports floor before a grey curtain; lines, net and racket have no colour (choice)."""
 BALL_TINTS: Final[dict[BallColour, Tint]] = {"orange": (1.15, 0.55, 0.10), "white": (1.05, 1.03, 0.97)}
 
+SKIN_TINT: Final[Tint] = (1.30, 0.95, 0.75)
+CLOTH_TINTS: Final[tuple[Tint, ...]] = ((1.60, 0.60, 0.55), (0.55, 1.10, 1.35), (0.75, 1.25, 0.70))
+"""Red, blue and green shirts: the rules forbid the colour of the ball."""
+
+
+def tinted(brightness: float, tint: Tint, channel: int) -> float:
+    """A reflectance in one colour, within what a scene allows."""
+    return min(1.0, max(0.01, brightness * tint[channel]))
+
 
 def coloured_scenes(scene: SceneConfig, ball: BallColour) -> tuple[SceneConfig, SceneConfig, SceneConfig]:
     """The scene in red, green and blue light."""
@@ -29,7 +38,7 @@ def coloured_scenes(scene: SceneConfig, ball: BallColour) -> tuple[SceneConfig, 
     red, green, blue = (
         dataclasses.replace(
             scene,
-            **{name: min(1.0, max(0.01, getattr(scene, name) * tint[channel])) for name, tint in tints.items()},
+            **{name: tinted(getattr(scene, name), tint, channel) for name, tint in tints.items()},
         )
         for channel in range(3)
     )

@@ -6,6 +6,7 @@ something moves over are worked on; the rest of a picture is the static room.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -18,8 +19,11 @@ from core.cameras import Camera
 from core.config import check_settings, setting
 from core.errors import ConfigError
 from core.simulation.background import LOG_LIGHT, make_background
+from core.simulation.bodies import MovingBodies
+from core.simulation.bodies.shading import FAR_COVER, LOG_TOTAL, NEAR_COVER, light_among
 from core.simulation.colours import BallColour, coloured_scenes
 from core.simulation.flight import BallPath
+from core.simulation.frame_bodies import FrameBodies
 from core.simulation.racket_shape import RacketPath
 from core.simulation.scene import SceneConfig
 from core.simulation.shading import UNTOUCHED, pixel_light, pixel_seen
@@ -29,8 +33,11 @@ LEAST_INSTANTS: Final = 8
 """Of an exposure, however little moves."""
 BLUR_STEP_PX: Final = 0.7
 """Most motion between two instants, less than half an edge: a streak is right to 1.5 levels of 255 (measured)."""
-BALL_LIGHT, RACKET_LIGHT = 13, 6
-"""Columns of a ball's and a racket's row in which the colours differ."""
+BALL_DEPTH, BALL_LIGHT, RACKET_LIGHT = 2, 13, 6
+"""Columns of a ball's row: camera z, and light; and the light in a racket's."""
+TONES: Final = 1 << 16
+"""Steps of the tone curve's table: right to half a level from 0.1 % of white on."""
+NO_LAYERS: Final = np.zeros((0, 8), np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,62 +67,86 @@ class FrameConfig:
 class FrameCamera:
     """One colour camera. Its noise is drawn picture by picture, so that pictures are asked for in order."""
 
-    def __init__(self, camera: Camera, scene: SceneConfig, config: FrameConfig, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        camera: Camera,
+        scene: SceneConfig,
+        config: FrameConfig,
+        rng: np.random.Generator,
+        bodies: MovingBodies | None = None,
+    ) -> None:
         self.camera = camera
         self._config, self._rng = config, rng
         self._scenes = coloured_scenes(scene, config.ball_colour)
         self._maps = [make_background(camera, channel) for channel in self._scenes]
         self._view = view_numbers(camera)
         self._still = np.stack([np.exp(maps[:, LOG_LIGHT]) for maps in self._maps], axis=1)
+        self._bodies = None if bodies is None else FrameBodies(camera, scene, bodies, self._maps)
+        self._tones = np.rint(255.0 * np.linspace(0.0, 1.0, TONES) ** (1.0 / config.gamma)).astype(np.uint8)
 
     def take(self, path: BallPath, racket: RacketPath | None, t_us: int) -> NDArray[np.uint8]:
         """The picture (height, width, 3 = RGB) whose exposure has its middle at `t_us`."""
-        light = self._still.copy()
+        light, least, scene = self._still.copy(), LEAST_INSTANTS, self._scenes[0]
         start_us = t_us - self._config.exposure_us // 2
         end_us = start_us + self._config.exposure_us
-        seen = None if racket is None else RacketView(racket, self._scenes[0].racket, None)
-        steps = moving_steps(self.camera, self._scenes[0], path, seen, start_us, end_us, LEAST_INSTANTS)
-        if steps is not None:
-            instants = chosen_instants(len(steps.t_us))
-            pixels = _swept_pixels(steps, instants, self.camera)
-            for channel in range(3):
-                light[pixels, channel] = self._mean_light(channel, steps, instants, pixels)
+        seen = None if racket is None else RacketView(racket, scene.racket, None)
+        if self._bodies is not None:
+            least = max(least, self._bodies.instants(start_us, end_us, STEP_PX))
+        steps = moving_steps(self.camera, scene, path, seen, start_us, end_us, least)
+        assert steps is not None, "with so many steps at least there are always some"
+        pixels, mean = self._mean_light(steps, chosen_instants(len(steps.t_us)))
+        light[pixels] = mean
         return self._develop(light)
 
-    def _mean_light(
-        self, channel: int, steps: Steps, instants: NDArray[np.intp], pixels: NDArray[np.intp]
-    ) -> NDArray[np.float64]:
-        """Of the pixels over the exposure, by the trapezoidal rule."""
-        scene, see_racket = self._scenes[channel], steps.outlines.shape[1] > 0
-        mean, span = np.zeros(len(pixels)), np.diff(steps.t_us[instants]) / (steps.t_us[-1] - steps.t_us[0])
+    def _mean_light(self, steps: Steps, instants: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Pixels that something moves over, and their light (N, 3) over the exposure, by the trapezoidal rule."""
+        swept, bodies = _swept(steps.boxes[instants], self.camera), self._bodies
+        probes = None if bodies is None else bodies.probe(steps.t_us[instants])
+        if bodies is not None and probes is not None:
+            swept |= bodies.cover(probes)
+        pixels = np.flatnonzero(swept)
+        span = np.diff(steps.t_us[instants]) / (steps.t_us[-1] - steps.t_us[0])
         shares = 0.5 * (np.append(span, 0.0) + np.append(0.0, span))
-        for instant, share in zip(instants, shares.tolist(), strict=True):
+        mean, see_racket = np.zeros((len(pixels), 3)), steps.outlines.shape[1] > 0
+        for number, instant in enumerate(instants):
             ball, racket = steps.rows[instant].copy(), steps.rackets[instant].copy()
-            ball[BALL_LIGHT], racket[RACKET_LIGHT] = scene.ball, scene.racket
-            _add_light(
-                self._maps[channel], self._view, tuple(ball.tolist()), tuple(racket.tolist()), see_racket, share,
-                pixels, mean,
-            )  # fmt: skip
-        return mean
+            if bodies is not None and probes is not None:
+                ball_m = float(ball[BALL_DEPTH]) if ball[BALL_DEPTH] > 0 else np.inf
+                bodies.look(probes, number, ball_m, steps.boxes[instant])
+            for channel, (scene, maps) in enumerate(zip(self._scenes, self._maps, strict=True)):
+                ball[BALL_LIGHT], racket[RACKET_LIGHT] = scene.ball, scene.racket
+                layers = NO_LAYERS if bodies is None else bodies.layers[channel]
+                _add_light(
+                    maps, layers, self._view, tuple(ball.tolist()), tuple(racket.tolist()), see_racket,
+                    shares[number], pixels, mean[:, channel],
+                )  # fmt: skip
+        return pixels, mean
 
     def _develop(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
         """Light as 8-bit levels, with what the sensor adds."""
         config, size = self._config, self.camera.sensor
         if config.read_noise:
             light += config.read_noise * self._rng.standard_normal(light.shape, np.float32)
-        np.clip(light, 0.0, 1.0, out=light)
-        levels = np.rint(255.0 * light ** np.float32(1.0 / config.gamma)).astype(np.uint8)
+        levels = np.empty(light.shape, np.uint8)
+        _expose(light.ravel(), self._tones, levels.ravel())
         return levels.reshape(size.height_px, size.width_px, 3)
 
 
 class FrameTrack:
     """Pictures of several cameras at once, at a steady rate from time 0 on."""
 
-    def __init__(self, cameras: Mapping[str, Camera], scene: SceneConfig, config: FrameConfig, seed: int) -> None:
+    def __init__(
+        self,
+        cameras: Mapping[str, Camera],
+        scene: SceneConfig,
+        config: FrameConfig,
+        seed: int,
+        bodies: MovingBodies | None = None,
+    ) -> None:
         self.config = config
         seeds = np.random.SeedSequence([seed, 0xF4A3E5]).spawn(len(cameras))  # apart from those of the events
         self._cameras = {
-            name: FrameCamera(camera, scene, config, np.random.default_rng(own))
+            name: FrameCamera(camera, scene, config, np.random.default_rng(own), bodies)
             for (name, camera), own in zip(cameras.items(), seeds, strict=True)
         }
         self._taken = 0
@@ -140,18 +171,30 @@ def chosen_instants(count: int) -> NDArray[np.intp]:
     return np.unique(np.rint(np.linspace(0, count - 1, min(most, count - 1) + 1)).astype(np.intp))
 
 
-def _swept_pixels(steps: Steps, instants: NDArray[np.intp], camera: Camera) -> NDArray[np.intp]:
-    """Numbers of the pixels in any box of ball, shadow and racket."""
+def _swept(boxes: NDArray[np.int64], camera: Camera) -> NDArray[np.bool_]:
+    """(height, width): the pixels in any of the boxes (..., 4)."""
     swept = np.zeros((camera.sensor.height_px, camera.sensor.width_px), np.bool_)
-    for x0, y0, x1, y1 in np.unique(steps.boxes[instants].reshape(-1, 4), axis=0):
+    for x0, y0, x1, y1 in np.unique(boxes.reshape(-1, 4), axis=0):
         swept[y0:y1, x0:x1] = True
-    return np.flatnonzero(swept)
+    return swept
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _add_light(maps, view, ball, racket, see_racket, share, pixels, mean):
+def _add_light(maps, layers, view, ball, racket, see_racket, share, pixels, mean):
     """Add this share of the light of the pixels at one instant to their mean."""
     for number in range(len(pixels)):
-        seen = pixel_seen(maps, pixels[number])
-        light = pixel_light(seen, view, ball, racket, True, True, see_racket)
-        mean[number] += share * (np.exp(seen[LOG_LIGHT]) if light == UNTOUCHED else light)
+        pixel = pixels[number]
+        seen = pixel_seen(maps, pixel)
+        if len(layers) and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0):
+            light = light_among(seen, layers, pixel, view, ball, racket, True, True, see_racket)
+            rest = float(layers[pixel, LOG_TOTAL])
+        else:
+            light = pixel_light(seen, view, ball, racket, True, True, see_racket)
+            rest = seen[LOG_LIGHT]
+        mean[number] += share * (math.exp(rest) if light == UNTOUCHED else light)
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _expose(light, tones, levels):
+    for index in range(len(light)):
+        levels[index] = tones[int(min(max(light[index], 0.0), 1.0) * (len(tones) - 1) + 0.5)]

@@ -1,15 +1,20 @@
 """Pictures of a colour camera: light averaged over the exposure, against a dense average of the whole picture."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from core.cameras import stereo_preset
 from core.errors import ConfigError
 from core.events import SensorSize
-from core.simulation import SceneConfig, pixel_truth
+from core.simulation import SceneConfig, ServeConfig, draw_serves, pixel_truth
 from core.simulation.background import make_background
+from core.simulation.bodies import MovingBodies, make_bodies
+from core.simulation.bodies.picture import BodyPicture
 from core.simulation.colours import coloured_scenes
 from core.simulation.flight import BallPath, Flight, Portals
+from core.simulation.frame_bodies import tinted_parts
 from core.simulation.frames import LEAST_INSTANTS, FrameCamera, FrameConfig, FrameTrack, chosen_instants
 from core.simulation.racket_shape import RACKET_COLUMNS, RacketPath, RacketPoses, racket_rows
 from core.simulation.shading import render_light
@@ -139,3 +144,39 @@ def test_a_track_takes_every_picture_once_when_its_exposure_is_over(small_camera
 def test_an_exposure_longer_than_the_time_between_pictures_is_refused() -> None:
     with pytest.raises(ConfigError, match="at most 16667 us at 60 Hz"):
         FrameConfig(exposure_us=20_000)
+
+
+class Tinted:
+    """The bodies of a scene in one colour."""
+
+    def __init__(self, bodies: MovingBodies, channel: int) -> None:
+        self.parts = tinted_parts(bodies.parts, channel)
+        self.ends = bodies.ends
+
+
+@pytest.mark.parametrize("t_us", [120_000, 460_000])
+def test_bodies_blur_with_everything_else(t_us: int) -> None:
+    camera = stereo_preset("behind", SensorSize(160, 90))["left"]
+    camera = dataclasses.replace(camera, K=np.array([[125, 0, 79.5], [0, 125, 44.5], [0, 0, 1.0]]))
+    bodies, path = make_bodies("rally", 3), draw_serves([ServeConfig()], np.random.default_rng(3))
+    assert bodies is not None
+    config = FrameConfig(read_noise=0.0, exposure_us=8000)
+    rig = FrameCamera(camera, SCENE, config, np.random.default_rng(1), bodies)
+    for before_us in (20_000, 250_000):  # what an earlier picture left behind does not show
+        if before_us < t_us:
+            rig.take(path, None, before_us)
+    seen, known = rig.take(path, None, t_us), np.zeros((90, 160, 3))
+    t_s = (t_us - 4000 + (np.arange(100) + 0.5) * 80) * 1e-6
+    states, portals = path.at(t_s), path.portals(t_s)
+    for channel, scene in enumerate(coloured_scenes(SCENE, "orange")):
+        picture = BodyPicture(camera, scene, Tinted(bodies, channel), make_background(camera, scene))
+        out = np.empty(160 * 90)
+        for time_s, ball in zip(t_s, ball_rows(camera, scene, states, portals), strict=True):
+            picture.draw(float(time_s), float(ball[2]) if ball[2] > 0 else np.inf)
+            picture.render(tuple(ball.tolist()), (0.0,) * RACKET_COLUMNS, False, out)
+            known[:, :, channel] += np.exp(out).reshape(90, 160) / len(t_s)
+    known = 255 * np.clip(known, 0, 1) ** (1 / 2.2)
+    empty = dense(camera, config, GONE, None, t_us, instants=1)
+    assert (np.abs(known - empty) > 20).any(axis=2).mean() > 0.03, "a good part of the picture are people"
+    gap = np.abs(seen - known)
+    assert gap.mean() < 0.4 and (gap > 3).mean() < 5e-3 and gap.max() < 14

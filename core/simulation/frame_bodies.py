@@ -1,0 +1,129 @@
+"""Moving bodies in the pictures of a colour camera: layers in red, green and blue, drawn again where they move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from core.simulation.bodies.looks import MARGIN_PX, TILE_PX, draw_tile, mark_moved, near_tile
+from core.simulation.bodies.parts import REFLECTANCE, TEXTURE, BodyProbes, MovingBodies, probe_bodies
+from core.simulation.bodies.person import Clothes
+from core.simulation.bodies.shading import PARTS_IN_PIXEL, POSED_COLUMNS, posed_parts
+from core.simulation.colours import CLOTH_TINTS, SKIN_TINT, Tint, tinted
+from core.simulation.scene import SceneConfig
+from core.simulation.view import view_numbers
+
+Array = NDArray[np.float64]
+
+LOOK_PX: Final = 0.1
+"""A part that has moved less since it was drawn last is left as it is. A blade that only turns is seen 10 levels wrong
+at worst then, in single pixels (measured)."""
+PROBES: Final = 9
+NOWHERE: Final = -1e6
+
+
+class FrameBodies:
+    """The bodies of a scene to one colour camera with the static pictures `maps` of its three colours."""
+
+    def __init__(
+        self, camera: Camera, scene: SceneConfig, bodies: MovingBodies, maps: Sequence[NDArray[np.float32]]
+    ) -> None:
+        size = camera.sensor
+        self._camera, self._bodies, self._maps = camera, bodies, maps
+        self._shape = (size.width_px, size.height_px)
+        self._wide, high = -(-size.width_px // TILE_PX), -(-size.height_px // TILE_PX)
+        self._parts = [tinted_parts(bodies.parts, channel) for channel in range(3)]
+        self.layers = [np.zeros_like(channel) for channel in maps]
+        """Per colour, see `core.simulation.bodies.shading`."""
+        self._scene = (scene.edge_px / math.sqrt(camera.K[0, 0] * camera.K[1, 1]), scene.ambient)
+        self._view = view_numbers(camera)
+        self._looked = np.full((len(bodies.parts), 2, 3), NOWHERE)
+        self._looked[:, :, 2] = -1.0
+        self._marks, self._tiles = np.zeros(self._wide * high, np.bool_), np.zeros(self._wide * high, np.int64)
+        self._listed = np.zeros(1, np.int64)
+
+    def instants(self, start_us: int, end_us: int, step_px: float) -> int:
+        """How many steps of at most `step_px` the fastest part makes in [start, end]."""
+        circles = self.probe(np.linspace(start_us, end_us, PROBES)).circles
+        there = (circles[..., 2] >= 0).all(axis=(0, 2))
+        moved = np.abs(np.diff(circles[:, there], axis=0))
+        return math.ceil(float(moved.max()) * (PROBES - 1) / step_px) if moved.size else 1
+
+    def probe(self, t_us: Array) -> BodyProbes:
+        """Where the bodies are at the times `t_us` (N,)."""
+        return probe_bodies(self._camera, self._bodies, t_us * 1e-6)
+
+    def cover(self, probes: BodyProbes) -> NDArray[np.bool_]:
+        """(height, width): where a body may be at one of the probes."""
+        width, height = self._shape
+        tiles = np.zeros((-(-height // TILE_PX), self._wide), np.bool_)
+        for circles in probes.circles:
+            _mark_near(circles, tiles)
+        return tiles.repeat(TILE_PX, axis=0)[:height].repeat(TILE_PX, axis=1)[:, :width]
+
+    def look(self, probes: BodyProbes, which: int, ball_m: float, boxes: NDArray[np.int64]) -> None:
+        """Draw what has moved, and the boxes (K, 4): what is before the ball at `ball_m` may change there."""
+        mark_moved(probes.circles[which], self._looked, LOOK_PX, self._shape, self._marks, self._tiles, self._listed)
+        for x0, y0, x1, y1 in boxes.tolist():
+            for row in range(y0 // TILE_PX, -(-y1 // TILE_PX)):
+                self._list(row * self._wide + np.arange(x0 // TILE_PX, -(-x1 // TILE_PX)))
+        count, self._listed[0] = int(self._listed[0]), 0
+        tiles = self._tiles[:count]
+        self._marks[tiles] = False
+        for parts, maps, layers in zip(self._parts, self._maps, self.layers, strict=True):
+            _draw(
+                tiles, self._shape, maps, layers, probes.ends[which], probes.circles[which], parts, self._scene,
+                ball_m, self._view,
+            )  # fmt: skip
+
+    def _list(self, tiles: NDArray[np.int64]) -> None:
+        new = tiles[~self._marks[tiles]]
+        count = int(self._listed[0])
+        self._tiles[count : count + len(new)], self._marks[new] = new, True
+        self._listed[0] = count + len(new)
+
+
+def tinted_parts(parts: Array, channel: int) -> Array:
+    """The parts in red (0), green (1) or blue (2) light: skin, and shirts and shorts of a few colours."""
+    skin, coloured = Clothes(shirt=0.0, shorts=0.0).skin, parts.copy()
+    for row in coloured:
+        grey = row[REFLECTANCE]
+        tint: Tint = (1.0, 1.0, 1.0)
+        if grey == skin:
+            tint = SKIN_TINT
+        elif row[TEXTURE] > 0:
+            tint = CLOTH_TINTS[round(100 * grey) % len(CLOTH_TINTS)]
+        row[REFLECTANCE] = tinted(grey, tint, channel)
+    return coloured
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _mark_near(circles, tiles):
+    """Mark the tiles (rows, columns) that the parts (P, 2, 3) may reach into."""
+    high, wide = tiles.shape
+    for index in range(len(circles)):
+        a, b = circles[index, 0], circles[index, 1]
+        reach = max(a[2], b[2]) + MARGIN_PX
+        if a[2] < 0.0 or b[2] < 0.0:
+            continue
+        first_row, last_row = (min(a[1], b[1]) - reach) / TILE_PX, (max(a[1], b[1]) + reach) / TILE_PX
+        first, last = (min(a[0], b[0]) - reach) / TILE_PX, (max(a[0], b[0]) + reach) / TILE_PX
+        for row in range(int(max(first_row, 0)), int(min(last_row, high - 1)) + 1):
+            for column in range(int(max(first, 0)), int(min(last, wide - 1)) + 1):
+                if not tiles[row, column] and near_tile(circles[index], column, row):
+                    tiles[row, column] = True
+
+
+@nb.njit(cache=True, nogil=True, error_model="numpy")
+def _draw(tiles, shape, maps, layers, ends, circles, parts, scene, ball_m, view):
+    here, found = np.empty(len(parts), np.int64), np.empty((PARTS_IN_PIXEL, 3))
+    posed = np.empty((len(parts), POSED_COLUMNS))
+    posed_parts(ends, parts, scene[0], posed)
+    for tile in tiles:
+        draw_tile(tile, shape, maps, layers, posed, circles, here, found, scene, ball_m, view)
