@@ -159,8 +159,7 @@ class WatchMode:
     def _show_status(self, moment: Moment, live: LiveRally | None) -> None:
         figures = ""
         if live is not None and live.state is not None and self._simulation is not None:
-            pace = live.state.real_time_factor, live.state.speed_factor
-            figures = live_html(live.player.snapshot, *pace, live.client.status)
+            figures = live_html(live.player.snapshot, live.state, live.client.status)
             self._simulation.show(live.state)
         assert self._rally is not None
         self._cameras.show_figures(moment_html(moment, ACTION_LIMIT_DEG, self._rally.followed), figures)

@@ -16,6 +16,7 @@ from core.errors import RallyscopeError
 from core.rally.controller import BuiltInController
 from core.rally.link import messages as m
 from core.rally.policy_controller import load_controller
+from core.simulation.scene import SCENES
 
 RECORD: Final = "Record"
 STOP, RUN, STEP = "Stop the clock", "Run", "One step"
@@ -43,6 +44,9 @@ class SimulationPanel:
             self._pause = gui.add_button_group("Clock", (STOP, RUN, STEP), hint="One step: 10 ms")
             self._record = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color="red")
             self._pace = gui.add_dropdown("Pace", tuple(PACES), hint="Slow motion of the simulation itself")
+            self._scene = gui.add_dropdown(
+                "Scene", tuple(SCENES), hint="What the cameras look at; people take more time"
+            )
             self._controller = Listing(gui, "Controller", self._use, hint="The built-in one, or a trained policy")
             with gui.add_folder("Noise and landing target", expand_by_default=False):
                 self._noise = gui.add_slider(
@@ -55,6 +59,7 @@ class SimulationPanel:
         when_changed(self._speed, lambda _: self._auto_serve() if self._auto.value else None)
         when_changed(self._auto, lambda _: self._auto_serve())
         when_changed(self._pace, lambda pace: self._ask(lambda: client.set_speed(PACES[str(pace)])))
+        when_changed(self._scene, self._change_scene)
         when_changed(self._noise, lambda hz: self._ask(lambda: client.set_noise(_bounded(hz, NOISE_HZ))))
         for slider in (self._goal_x, self._goal_y):
             when_changed(slider, lambda _: self._aim())
@@ -82,6 +87,8 @@ class SimulationPanel:
             self._speed.value = state.auto_serve_mps
         self._auto.value = state.auto_serve_mps > 0
         self._pace.value = min(PACES, key=lambda name: abs(PACES[name] - state.speed_factor))
+        if state.scene in SCENES:
+            self._scene.value = state.scene
         self._noise.value = min(max(round(state.noise_hz, 1), NOISE_HZ[0]), NOISE_HZ[1])
         x, y = self._rally.player.snapshot.goal_m.tolist()
         self._goal_x.value, self._goal_y.value = _bounded(x, GOAL_X_M), _bounded(y, GOAL_Y_M)
@@ -101,6 +108,10 @@ class SimulationPanel:
                 self._rally.player.use(load_controller(run, goal_m=goal))
 
         self._ask(use)
+
+    def _change_scene(self, name: object) -> None:
+        if name in SCENES:
+            self._ask(lambda: self._rally.client.set_scene(str(name)))
 
     def _auto_serve(self) -> None:
         speed = _bounded(self._speed.value, SPEEDS_MPS) if self._auto.value else 0.0

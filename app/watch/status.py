@@ -11,6 +11,7 @@ import numpy as np
 from app import theme
 from app.scene.landing import CASE_NAMES, CASE_RGB
 from app.watch.history import Moment, Outcome, Sent, Step
+from core.rally.link.messages import State
 from core.rally.live_snapshot import RallySnapshot
 from core.simulation.physics.episode import Case
 from core.trajectory.prediction import HitPlane
@@ -37,11 +38,11 @@ def moment_html(moment: Moment, action_limit_deg: float, followed: float) -> str
     return _table(rows)
 
 
-def live_html(snapshot: RallySnapshot, real_time_factor: float, speed_factor: float, status: str) -> str:
+def live_html(snapshot: RallySnapshot, state: State, status: str) -> str:
     """How well the live rally is followed."""
     health = snapshot.health
-    slow = real_time_factor < 0.95 * speed_factor
-    pace = f"{min(real_time_factor, speed_factor):.2f} x real time"
+    slow = state.real_time_factor < 0.95 * state.speed_factor
+    pace = f"{min(state.real_time_factor, state.speed_factor):.2f} x real time"
     colour = theme.BAD if slow or status != "connected" else theme.GOOD
     rows = [
         ("Simulation", f"<span style='color:{colour}'>{html.escape(status)}, {pace}</span>"),
@@ -49,11 +50,21 @@ def live_html(snapshot: RallySnapshot, real_time_factor: float, speed_factor: fl
         ("Window to racket", f"{_ms(health.window_to_sent.p50_ms)} / {_ms(health.window_to_sent.p99_ms)} ms p50 / p99"),
         ("Controller", html.escape(snapshot.controller)),
     ]
+    if state.readout_delayed or state.readout_dropped:
+        rows.append(("Readout", _readout(state)))
     if health.blocks_dropped:
         rows.append(("Dropped", f"<span style='color:{theme.BAD}'>{health.blocks_dropped} blocks</span>"))
     if snapshot.problem:
         rows.append(("Problem", f"<span style='color:{theme.BAD}'>{html.escape(snapshot.problem)}</span>"))
     return _table(rows)
+
+
+def _readout(state: State) -> str:
+    """What the cameras' readouts did to the events: late ones wait in a queue, lost ones are bad."""
+    late = f"{state.readout_delayed:,} late, up to {state.readout_longest_us} us"
+    if not state.readout_dropped:
+        return late
+    return f"{late}, <span style='color:{theme.BAD}'>{state.readout_dropped:,} events lost</span>"
 
 
 def legend_html() -> str:

@@ -29,7 +29,7 @@ FIRST_CAPACITY: Final = 1 << 19
 
 
 class EventCamera:
-    """A camera with the state of its pixels. Time starts at 0 and is asked for in order, in whole blocks."""
+    """A camera with the state of its pixels. Time starts at `start_us` and is asked for in order, in whole blocks."""
 
     def __init__(
         self,
@@ -38,6 +38,7 @@ class EventCamera:
         config: SensorConfig,
         rng: np.random.Generator,
         bodies: MovingBodies | None = None,
+        start_us: int = 0,
     ) -> None:
         self.camera = camera
         self._scene = scene
@@ -51,12 +52,18 @@ class EventCamera:
         self._events = event_buffer(FIRST_CAPACITY)
         self._racket_seen: np.ndarray | None = None
         self._readout = Readout()
-        self._now_us = 0
+        self._now_us = start_us
+        self._fresh = True
 
     @property
     def readout_counts(self) -> ReadoutCounts:
         """Events that the readout passed on, delayed and dropped so far."""
         return self._readout.counts
+
+    @property
+    def config(self) -> SensorConfig:
+        """The sensor with its present noise."""
+        return self._config
 
     @property
     def now_us(self) -> int:
@@ -95,7 +102,10 @@ class EventCamera:
         steps = moving_steps(self.camera, self._scene, path, seen, start_us, end_us, least)
         if racket is not None and steps is not None and steps.strides[RACKET]:
             self._racket_seen = steps.outlines[-1]
-        count = self._sweep(steps, bodies, start_us) if steps is not None else 0
+        if self._fresh and steps is not None:
+            self._look_at_once(steps, bodies)
+        self._fresh = False
+        count = self._sweep(steps, bodies) if steps is not None else 0
         count = self._settle(end_us, count)
         signal = self._sorted(count, start_us, end_us)
         noise = draw_noise(self.camera.sensor, self._config, self._hot, start_us, end_us, self._rng)
@@ -104,14 +114,22 @@ class EventCamera:
         merged = merge_events(signal, noise, self._pixels.rows, self._config.refractory_us, width)
         return self._readout.pass_on(merged, end_us, self._config)
 
-    def _sweep(self, steps: Steps, bodies: BodyProbes, start_us: int) -> int:
-        pixels, size, mine = self._pixels, self.camera.sensor, self._bodies
-        shape, described = (size.width_px, size.height_px), (bodies.ends, bodies.circles, mine.parts, mine.scene)
-        if start_us == 0:
-            look_at_once(
-                pixels.rows, shape, self._maps, mine.layers, self._view, steps.rows, steps.rackets, steps.boxes,
-                described, mine.looks,
-            )  # fmt: skip
+    def _look_at_once(self, steps: Steps, bodies: BodyProbes) -> None:
+        pixels, mine = self._pixels.rows, self._bodies
+        look_at_once(
+            pixels, self._shape, self._maps, mine.layers, self._view, steps.rows, steps.rackets, steps.boxes,
+            self._described(bodies), mine.looks,
+        )  # fmt: skip
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        return self.camera.sensor.width_px, self.camera.sensor.height_px
+
+    def _described(self, bodies: BodyProbes) -> tuple:
+        return bodies.ends, bodies.circles, self._bodies.parts, self._bodies.scene
+
+    def _sweep(self, steps: Steps, bodies: BodyProbes) -> int:
+        pixels, mine = self._pixels, self._bodies
         count, done = 0, 0
         while True:
             count, pixels.awake_count, done = sweep_block(
@@ -119,7 +137,7 @@ class EventCamera:
                 pixels.awake,
                 pixels.awake_list,
                 pixels.awake_count,
-                shape,
+                self._shape,
                 self._maps,
                 mine.layers,
                 self._view,
@@ -130,7 +148,7 @@ class EventCamera:
                 steps.boxes,
                 steps.strides,
                 self._sensor(count),
-                described,
+                self._described(bodies),
                 mine.looks,
                 self._events,
                 done,

@@ -26,6 +26,12 @@ class ReadoutCounts:
     longest_us: int = 0
     """The longest wait of an event that was not dropped."""
 
+    def plus(self, later: ReadoutCounts) -> ReadoutCounts:
+        """Both together."""
+        longest_us = max(self.longest_us, later.longest_us)
+        delayed, dropped = self.delayed + later.delayed, self.dropped + later.dropped
+        return ReadoutCounts(self.passed + later.passed, delayed, dropped, longest_us)
+
 
 class Readout:
     """The queue of one sensor. Blocks of events go in by time and come out with the times at which they are read."""

@@ -70,6 +70,11 @@ as bright as the table, so that an edge is three thresholds high where that of t
 room with people, see `SceneConfig.cast`."""
 
 
+def name_of_scene(scene: SceneConfig) -> str:
+    """Its name on the command line, or "custom"."""
+    return next((name for name, known in SCENES.items() if known == scene), "custom")
+
+
 def scene_named(name: str) -> SceneConfig:
     """A scene by its name on the command line.
 

@@ -129,6 +129,10 @@ class SimulationClient:
         """Background events per pixel and second."""
         return self.ask(lambda number: m.SetNoise(id=number, noise_hz=noise_hz))
 
+    def set_scene(self, scene: str) -> m.Reply:
+        """What the cameras look at: a name of `core.simulation.scene.SCENES`."""
+        return self.ask(lambda number: m.SetScene(id=number, scene=scene))
+
     def auto_serve(self, speed_mps: float) -> m.Reply:
         """Serve again and again at this speed; 0 stops."""
         return self.ask(lambda number: m.AutoServe(id=number, speed_mps=speed_mps))

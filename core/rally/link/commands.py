@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from core.errors import LinkError
 from core.rally.link.bounds import LONGEST_US, WALL_NS
-from core.rally.link.fields import number, optional, vector, whole
+from core.rally.link.fields import choice, number, optional, vector, whole
+from core.simulation.scene import SCENES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,6 +86,14 @@ class SetNoise:
 
     id: int = whole(0, WALL_NS)
     noise_hz: float = number(0.0, 20.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetScene:
+    """What the cameras look at, from the next block on."""
+
+    id: int = whole(0, WALL_NS)
+    scene: str = choice(*SCENES)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,6 +29,7 @@ from core.rally.link.commands import (
     Resume,
     Serve,
     SetNoise,
+    SetScene,
     SetSpeed,
     SingleStep,
 )
@@ -78,6 +79,7 @@ __all__ = [
     "Serve",
     "ServeNotice",
     "SetNoise",
+    "SetScene",
     "SetSpeed",
     "SingleStep",
     "State",
@@ -111,6 +113,13 @@ class State:
     """Simulated per computing time of late: below the speed factor, the machine is too slow."""
     served: int = whole(0, WALL_NS)
     returned: int = whole(0, WALL_NS)
+    scene: str = text(64, default="ball")
+    readout_delayed: int = whole(0, WALL_NS, default=0)
+    """Events of all cameras that the readout stamped late, since the session began."""
+    readout_dropped: int = whole(0, WALL_NS, default=0)
+    """Those that it lost."""
+    readout_longest_us: int = whole(0, WALL_NS, default=0)
+    """The longest that an event waited for it."""
     ball_t_us: NDArray[np.int64] = column("<i8", most=MOST_ROWS)
     ball: Array = column("<f8", 9, most=MOST_ROWS)
     """(N, 9) position, velocity and spin in the world; NaN where there is none."""
@@ -249,6 +258,7 @@ COMMANDS: Final[dict[str, type]] = {
     "step": SingleStep,
     "speed": SetSpeed,
     "noise": SetNoise,
+    "scene": SetScene,
     "auto_serve": AutoServe,
     "reset": Reset,
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import time
 import uuid
@@ -20,6 +21,7 @@ from core.rally.link.published import ball_rows, contact_notice, event_batch, ou
 from core.rally.link.world import Block, SimulatedWorld, WorldConfig
 from core.simulation.event_camera import BLOCK_US
 from core.simulation.physics.racket import RacketTarget
+from core.simulation.scene import name_of_scene, scene_named
 
 logger = logging.getLogger(__name__)
 
@@ -71,7 +73,7 @@ class SimulationServer:
         """Messages that were no command."""
         self._speed, self._paused, self._steps = 1.0, False, 0
         self._noise_hz = config.world.stereo.sensor.noise_hz
-        self._auto_mps = config.auto_serve_mps
+        self._auto_mps, self._scene = config.auto_serve_mps, config.world.stereo.scene
         try:
             self.address = self._bind(address)
         except LinkError:
@@ -117,7 +119,8 @@ class SimulationServer:
     def _start_session(self, seed: int) -> None:
         self._session = uuid.uuid4().hex
         self._seq = self._served = self._returned = 0
-        self._world = SimulatedWorld(self._config.world, self._cameras, seed)
+        stereo = dataclasses.replace(self._config.world.stereo, scene=self._scene)
+        self._world = SimulatedWorld(dataclasses.replace(self._config.world, stereo=stereo), self._cameras, seed)
         self._world.set_noise(self._noise_hz)
         self._anchor()
         self._quiet_since_us = -AUTO_SERVE_PAUSE_US
@@ -197,6 +200,10 @@ class SimulationServer:
             real_time_factor=self._factor,
             served=self._served,
             returned=self._returned,
+            scene=name_of_scene(self._scene),
+            readout_delayed=sum(counts.delayed for counts in world.readout.values()),
+            readout_dropped=sum(counts.dropped for counts in world.readout.values()),
+            readout_longest_us=max(counts.longest_us for counts in world.readout.values()),
             ball_t_us=no_times if block is None else block.ball.t_us,
             ball=ball,
             ball_visible=np.empty(0, np.uint8) if block is None else block.ball.visible.view(np.uint8),
@@ -267,6 +274,10 @@ class SimulationServer:
             case m.SetNoise():
                 self._world.set_noise(command.noise_hz)
                 self._noise_hz = command.noise_hz
+            case m.SetScene():
+                self._scene = scene_named(command.scene)
+                self._world.set_scene(self._scene)
+                self._anchor()
             case m.AutoServe():
                 self._auto_mps = command.speed_mps
             case m.Reset():

@@ -26,6 +26,8 @@ from core.simulation.physics.racket import RacketConfig, RacketTarget
 from core.simulation.physics.rally_events import RallyEvent
 from core.simulation.physics.rotation import normals_from_orientations
 from core.simulation.readout import ReadoutCounts
+from core.simulation.scene import SceneConfig
+from core.simulation.sensor import SensorConfig
 
 Array = NDArray[np.float64]
 
@@ -99,11 +101,9 @@ class SimulatedWorld:
         self._rng, *camera_rngs = (
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(len(cameras) + 1)
         )
-        self._bodies = make_bodies(config.stereo.scene.cast, seed)
-        self._eyes = {
-            name: EventCamera(camera, config.stereo.scene, config.stereo.sensor, rng, self._bodies)
-            for (name, camera), rng in zip(cameras.items(), camera_rngs, strict=True)
-        }
+        self._cameras = dict(cameras)
+        self._lost = dict.fromkeys(cameras, ReadoutCounts())
+        self._look_at(config.stereo.scene, config.stereo.sensor, camera_rngs, 0)
         workers = threads or len(cameras)
         self._pool = ThreadPoolExecutor(workers, thread_name_prefix="event-camera")  # the kernels release the GIL
         self.now_us = 0
@@ -150,6 +150,24 @@ class SimulatedWorld:
         for eye in self._eyes.values():
             eye.set_noise(noise_hz)
 
+    def set_scene(self, scene: SceneConfig) -> None:
+        """Let the cameras look at something else from now on; what they saw so far is forgotten. Takes a moment."""
+        self._lost = self.readout
+        rngs = [
+            np.random.default_rng(s) for s in np.random.SeedSequence([self.seed, self.now_us]).spawn(len(self._eyes))
+        ]
+        sensor = next(iter(self._eyes.values())).config
+        self._look_at(scene, sensor, rngs, self.now_us)
+
+    def _look_at(
+        self, scene: SceneConfig, sensor: SensorConfig, rngs: Sequence[np.random.Generator], start_us: int
+    ) -> None:
+        self._bodies = make_bodies(scene.cast, self.seed)
+        self._eyes = {
+            name: EventCamera(camera, scene, sensor, rng, self._bodies, start_us)
+            for (name, camera), rng in zip(self._cameras.items(), rngs, strict=True)
+        }
+
     @property
     def ball_is_visible(self) -> bool:
         """Whether a ball is in play, or still disappearing."""
@@ -159,7 +177,7 @@ class SimulatedWorld:
     @property
     def readout(self) -> dict[str, ReadoutCounts]:
         """What each camera's readout did to the events since the start."""
-        return {name: eye.readout_counts for name, eye in self._eyes.items()}
+        return {name: self._lost[name].plus(eye.readout_counts) for name, eye in self._eyes.items()}
 
     @property
     def bodies(self) -> MovingBodies | None:

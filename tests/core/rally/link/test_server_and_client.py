@@ -190,6 +190,26 @@ def simulated_per_second(client: SimulationClient, seconds: float = 0.4) -> floa
     return (client.ask(lambda number: m.Hello(id=number)).t_us - t_us) * 1e-6 / (time.monotonic() - began)
 
 
+def test_the_scene_changes_between_two_blocks_and_stays_in_the_next_session(client):
+    ear = Ear()
+    client.pause()
+    client.add_listener(ear)
+    client.step(5)
+    wait_for(lambda: ear.states and ear.states[-1].scene == "ball")
+    client.set_scene("head")
+    before = ear.states[-1].t_us
+    client.step(10)
+    wait_for(lambda: ear.states[-1].scene == "head" and ear.states[-1].t_us >= before + 100_000)
+    starts_us = [batch.start_us for batch in ear.batches if batch.camera == "left"]
+    assert set(np.diff(starts_us)) == {10_000}
+    client.reset()
+    client.step(1)
+    wait_for(lambda: ear.states[-1].t_us == 10_000 and ear.states[-1].scene == "head")
+    client.set_scene("ball")
+    with pytest.raises(LinkError, match="no such choice"):
+        client.set_scene("moon")
+
+
 def test_a_subscriber_that_never_reads_does_not_slow_the_simulation(address, client):
     with zmq.Context() as context, context.socket(zmq.SUB) as slow:
         slow.setsockopt(zmq.RCVHWM, 1)
