@@ -39,6 +39,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise CommandError(
             "not enough flights", expected="4 or more: some are kept for the test", got=len(arguments.flights)
         )
+    from core.evaluation.flight_predictors import compare_predictors
     from core.evaluation.physics_report import compare_models
     from core.simulation.physics.fit_flights import bootstrap, fit_physics
     from core.simulation.physics.flight_files import read_flight
@@ -52,6 +53,7 @@ def run(arguments: argparse.Namespace) -> None:
         progress(0.2)
         spread = bootstrap(fit, fitted, arguments.samples, arguments.seed, lambda share: progress(0.2 + 0.7 * share))
         errors = compare_models(test, fitted, lambda share: progress(0.9 + 0.1 * share))
+        predictors = compare_predictors(test, fitted)
     constants = {
         "drag_coefficient": {"value": fitted.drag_coefficient, "sigma": spread.drag_coefficient},
         "restitution": {"value": fitted.restitution, "sigma": spread.restitution},
@@ -65,6 +67,7 @@ def run(arguments: argparse.Namespace) -> None:
             "residual_m": {"rms": fitted.rms_m, "median": fitted.median_m},
             "spins_radps": {flight.name: float(spin) for flight, spin in zip(fit, spins, strict=True)},
             "test": [asdict(row) for row in errors],
+            "predictors": [asdict(row) for row in predictors],
             "flights": {"fit": len(fit), "test": len(test)},
         }
         print(json.dumps(report))
@@ -84,6 +87,25 @@ def run(arguments: argparse.Namespace) -> None:
                     **{f"{1e3 * ahead:.0f} ms 95 %": value for ahead, value in row.ahead_p95_mm.items()},
                 }
                 for row in errors
+            ]
+        )
+    )
+    print()
+    print(
+        "Test flights, predicted point by point from the same 150 ms, mm (median, 95 %; squared error over its spread):"
+    )
+    print(
+        format_table(
+            [
+                {
+                    "predictor": row.method,
+                    "bounce": row.bounce_median_mm,
+                    "bounce 95 %": row.bounce_p95_mm,
+                    **{f"{1e3 * ahead:.0f} ms": value for ahead, value in row.ahead_median_mm.items()},
+                    **{f"{1e3 * ahead:.0f} ms 95 %": value for ahead, value in row.ahead_p95_mm.items()},
+                    **{f"{1e3 * ahead:.0f} ms nees": value for ahead, value in row.normalised.items()},
+                }
+                for row in predictors
             ]
         )
     )

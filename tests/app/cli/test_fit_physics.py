@@ -30,6 +30,7 @@ def test_it_prints_what_it_found_and_how_well_it_predicts(files, capsys) -> None
     assert report["restitution"]["value"] == pytest.approx(0.9, abs=0.02)
     assert report["flights"] == {"fit": 4, "test": 2}
     assert [row["model"] for row in report["test"]] == ["gravity", "drag", "drag + Magnus"]
+    assert [row["method"] for row in report["predictors"]] == ["filter", "paper"]
 
 
 @pytest.mark.parametrize(
