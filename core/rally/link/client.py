@@ -19,6 +19,8 @@ logger = logging.getLogger(__name__)
 
 LOST_S: Final = 1.0
 """Without a sign of life for so long, the server counts as lost; it beats ten times a second."""
+SCENE_S: Final = 30.0
+"""The answer to a new scene comes when every pixel has its picture: half a second in quiet."""
 Status = Literal["connected", "lost"]
 
 
@@ -131,7 +133,7 @@ class SimulationClient:
 
     def set_scene(self, scene: str) -> m.Reply:
         """What the cameras look at: a name of `core.simulation.scene.SCENES`."""
-        return self.ask(lambda number: m.SetScene(id=number, scene=scene))
+        return self.ask(lambda number: m.SetScene(id=number, scene=scene), timeout_s=SCENE_S)
 
     def auto_serve(self, speed_mps: float) -> m.Reply:
         """Serve again and again at this speed; 0 stops."""
@@ -141,8 +143,8 @@ class SimulationClient:
         """Begin a new session."""
         return self.ask(lambda number: m.Reset(id=number, seed=seed))
 
-    def ask(self, command: Callable[[int], object]) -> m.Reply:
-        """The answer to a command made for a number. Any thread may ask.
+    def ask(self, command: Callable[[int], object], timeout_s: float | None = None) -> m.Reply:
+        """The answer to a command made for a number, in the client's time-out or another. Any thread may ask.
 
         Raises:
             LinkError: if the server refuses, is of another version, or does not answer in time.
@@ -155,7 +157,7 @@ class SimulationClient:
                 self._socket.setsockopt(zmq.MAXMSGSIZE, m.COMMAND_BYTES)
                 self._socket.connect(self._commands_address)
             self._socket.send(m.encode(command(number)))
-            until_s = time.monotonic() + self._timeout_s
+            until_s = time.monotonic() + (timeout_s or self._timeout_s)
             while self._socket.poll(max(0, round((until_s - time.monotonic()) * 1e3))):
                 reply = m.decode(self._socket.recv(), {"reply": m.Reply})
                 if reply.id not in (0, number):

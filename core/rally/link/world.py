@@ -101,11 +101,11 @@ class SimulatedWorld:
         self._rng, *camera_rngs = (
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(len(cameras) + 1)
         )
+        workers = threads or len(cameras)
+        self._pool = ThreadPoolExecutor(workers, thread_name_prefix="event-camera")  # the kernels release the GIL
         self._cameras = dict(cameras)
         self._lost = dict.fromkeys(cameras, ReadoutCounts())
         self._look_at(config.stereo.scene, config.stereo.sensor, camera_rngs, 0)
-        workers = threads or len(cameras)
-        self._pool = ThreadPoolExecutor(workers, thread_name_prefix="event-camera")  # the kernels release the GIL
         self.now_us = 0
         self.struck = self.pending = False
         self.gone_s: float | None = None
@@ -163,10 +163,11 @@ class SimulatedWorld:
         self, scene: SceneConfig, sensor: SensorConfig, rngs: Sequence[np.random.Generator], start_us: int
     ) -> None:
         self._bodies = make_bodies(scene.cast, self.seed)
-        self._eyes = {
-            name: EventCamera(camera, scene, sensor, rng, self._bodies, start_us)
-            for (name, camera), rng in zip(self._cameras.items(), rngs, strict=True)
-        }
+        bodies = self._bodies
+        made = self._pool.map(
+            lambda camera, rng: EventCamera(camera, scene, sensor, rng, bodies, start_us), self._cameras.values(), rngs
+        )
+        self._eyes = dict(zip(self._cameras, made, strict=True))
 
     @property
     def ball_is_visible(self) -> bool:
