@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import importlib
 import importlib.util
+import inspect
 import json
+from collections.abc import Callable
 
 from app.cli.progress import progress_bar
-from core.errors import NotBuiltError
+from core.errors import CommandError, NotBuiltError
 
 HOMES = ("core.evaluation", "core.rally", "labels", "app")
 """Packages in which the module `bench_NAME` may be: that of the layer it measures."""
@@ -18,6 +21,7 @@ BENCHES = (
     "simulation",
     "physics",
     "prediction",
+    "perceived-prediction",
     "rally",
     "learning",
     "labels",
@@ -30,6 +34,7 @@ BENCHES = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's arguments."""
     parser.add_argument("name", choices=BENCHES, metavar="|".join(BENCHES), help="what to measure")
+    parser.add_argument("--count", type=int, metavar="N", help="balls of each speed (perceived-prediction only)")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
@@ -39,8 +44,13 @@ def run(arguments: argparse.Namespace) -> None:
     if module is None:
         built = ", ".join(name for name in BENCHES if find_bench(name))
         raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
+    measure: Callable[..., dict[str, object]] = importlib.import_module(module).run
+    if arguments.count is not None:
+        if "count" not in inspect.signature(measure).parameters or arguments.count < 1:
+            raise CommandError("no such count", expected="from 1, of a bench that has one", where="--count")
+        measure = functools.partial(measure, count=arguments.count)
     with progress_bar(f"Measuring {arguments.name}") as progress:
-        report: dict[str, object] = importlib.import_module(module).run(progress)
+        report = measure(progress)
     if arguments.json:
         print(json.dumps(report))
         return

@@ -1,6 +1,8 @@
 import json
 import types
 
+import pytest
+
 from app.cli import bench, main
 
 
@@ -34,3 +36,10 @@ def test_a_bench_that_is_not_there_yet_says_so(monkeypatch, capsys) -> None:
 def test_an_unknown_bench_is_refused_in_one_line(capsys) -> None:
     assert main(["bench", "coffee"]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments", [["rally", "--count", "3"], ["perceived-prediction", "--count", "0"]])
+def test_a_count_is_for_benches_that_have_one(arguments, capsys) -> None:
+    assert main(["bench", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert "--count" in error and error.count("\n") == 1
