@@ -21,9 +21,9 @@ def test_json_is_what_the_bench_returns(monkeypatch, capsys) -> None:
     report = {"rows": [{"a": 1.5}], "machine": {"cpu": "x"}}
     module = types.SimpleNamespace(run=lambda progress: progress(1.0) or report)
     monkeypatch.setattr(bench.importlib, "import_module", lambda name: module)
-    bench.run(types.SimpleNamespace(name="detection", json=True))  # pyright: ignore[reportArgumentType]
+    bench.run(types.SimpleNamespace(name="detection", count=None, json=True))  # pyright: ignore[reportArgumentType]
     assert json.loads(capsys.readouterr().out) == report
-    bench.run(types.SimpleNamespace(name="detection", json=False))  # pyright: ignore[reportArgumentType]
+    bench.run(types.SimpleNamespace(name="detection", count=None, json=False))  # pyright: ignore[reportArgumentType]
     assert capsys.readouterr().out.splitlines() == ["    a", "1.500", 'machine: {"cpu": "x"}']
 
 
