@@ -78,7 +78,19 @@ def prediction_rows(prediction: Prediction, zero_us: int) -> Rows | None:
     }
 
 
-def racket_rows(state: m.State, zero_us: int) -> Rows:
+class HasRacket(Protocol):
+    """A block of a live rally, sent or at its source."""
+
+    @property
+    def racket_t_us(self) -> NDArray[np.int64]: ...
+
+    @property
+    def racket(self) -> Array:
+        """(M, 10) position, orientation wxyz, velocity."""
+        ...
+
+
+def racket_rows(state: HasRacket, zero_us: int) -> Rows:
     """Where the racket was in a block."""
     rows = state.racket
     pose = {"p_world_m": rows[:, :3], "q_world_wxyz": rows[:, 3:7], "v_world_mps": rows[:, 7:10]}

@@ -14,7 +14,10 @@ from core.cameras import Camera, stereo_preset
 from core.config import config_to_mapping
 from core.recordings import RecordingWriter
 from core.simulation.bodies import make_bodies
+from core.simulation.flight import BallPath
+from core.simulation.frames import FrameConfig, FrameTrack
 from core.simulation.physics.config import PhysicsConfig
+from core.simulation.racket_shape import RacketPath
 from core.simulation.rally_flight import draw_flights
 from core.simulation.readout import ReadoutCounts
 from core.simulation.scene import SceneConfig
@@ -25,6 +28,8 @@ from core.simulation.truth import ball_truth, pixel_truth, truth_times
 DEMO_SERVES_MPS: Final = (5.0, 4.0, 6.0, 5.0)
 """Launch speeds of the demo's serves."""
 DEMO_SEED: Final = 20
+READOUT: Final = "/readout"
+"""The group with what each camera's readout did."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +47,8 @@ class SimulatedRecording:
     """Per camera: events that waited for the readout for a microsecond or more."""
     dropped: dict[str, int]
     """Per camera: events that the readout lost; a note in the recording says so."""
+    frames: int
+    """Pictures, over all cameras."""
     finished: bool
     """False where it was cancelled: everything up to then is in the file."""
 
@@ -54,13 +61,17 @@ def simulate_recording(
     *,
     seed: int,
     physics: PhysicsConfig | None = None,
+    frames: FrameConfig | None = None,
+    threads: int | None = None,
+    uuid: str | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] = lambda share: None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> SimulatedRecording:
     """Write the events and the truth of some serves, one after the other. The same seed gives the same events.
 
-    The physics is that of the paper unless told otherwise.
+    The physics is that of the paper unless told otherwise. With `frames` every camera takes pictures too, which changes
+    nothing in the events. The cameras work in `threads` threads, one each unless told otherwise.
 
     Raises:
         RecordingError: if the file exists and `overwrite` is not set, or it cannot be written.
@@ -73,19 +84,24 @@ def simulate_recording(
         **config_to_mapping(config),
         "serves": [config_to_mapping(serve) for serve in serves],
         "physics": config_to_mapping(physics),
+        **frames_mapping(frames),
     }
+    track = None if frames is None else FrameTrack(cameras, config.scene, frames, seed, bodies)
     sensors = {name: camera.sensor for name, camera in cameras.items()}
-    end_us, finished = 0, True
+    end_us, pictures, finished = 0, 0, True
     readout: dict[str, ReadoutCounts] = {}
     wanted_us = flights.end_s * 1e6
-    with RecordingWriter(path, sensors, calibration=cameras, seed=seed, config=resolved, overwrite=overwrite) as writer:
-        for chunk in simulate_stereo(config, cameras, flights, seed=seed, bodies=bodies):
+    with RecordingWriter(
+        path, sensors, calibration=cameras, seed=seed, config=resolved, uuid=uuid, overwrite=overwrite
+    ) as writer:
+        for chunk in simulate_stereo(config, cameras, flights, seed=seed, bodies=bodies, threads=threads):
             if cancelled():
                 finished = False
                 break
             for name, events in chunk.events.items():
                 writer.append(name, events)
             end_us, readout = chunk.end_us, chunk.readout
+            pictures += write_frames(writer, track, end_us, flights)
             progress(min(1.0, end_us / wanted_us))
         times_us = truth_times(flights, 0, end_us)
         writer.write_ball(ball_truth(flights, times_us))
@@ -95,13 +111,45 @@ def simulate_recording(
             truths += int(truth.visible.sum())
             writer.write_truth(name, truth)
         writer.extend_duration(end_us)
-        for name, counted in readout.items():
-            if counted.dropped:
-                writer.note(f"the readout of {name} dropped {counted.dropped:,} events")
+        write_readout(writer, readout)
         counts = {name: writer.event_count(name) for name in cameras}
     delayed = {name: counted.delayed for name, counted in readout.items()}
     dropped = {name: counted.dropped for name, counted in readout.items()}
-    return SimulatedRecording(path, end_us, len(serves), counts, truths, delayed, dropped, finished)
+    return SimulatedRecording(path, end_us, len(serves), counts, truths, delayed, dropped, pictures, finished)
+
+
+def frames_mapping(frames: FrameConfig | None) -> dict[str, object]:
+    """How pictures were taken, for the config in a recording; nothing without pictures."""
+    return {} if frames is None else {"frames": config_to_mapping(frames)}
+
+
+def write_frames(
+    writer: RecordingWriter, track: FrameTrack | None, end_us: int, path: BallPath, racket: RacketPath | None = None
+) -> int:
+    """Take and write the pictures whose exposure is over at `end_us`; returns how many, over all cameras."""
+    written = 0
+    if track is None:
+        return 0
+    for t_us, images in track.take_until(end_us, path, racket):
+        for name, image in images.items():
+            writer.write_frames(name, np.array([t_us]), np.array([track.config.exposure_us]), image[None])
+            written += 1
+    return written
+
+
+def write_readout(writer: RecordingWriter, readout: Mapping[str, ReadoutCounts]) -> None:
+    """What each camera's readout did to the events, as rows, and as a note where some were lost."""
+    for name, counted in readout.items():
+        writer.append_rows(
+            f"{READOUT}/{name}",
+            {
+                "delayed": np.array([counted.delayed]),
+                "dropped": np.array([counted.dropped]),
+                "longest_us": np.array([counted.longest_us]),
+            },
+        )
+        if counted.dropped:
+            writer.note(f"the readout of {name} dropped {counted.dropped:,} events")
 
 
 def ensure_demo(path: Path, progress: Callable[[float], None] = lambda share: None) -> None:

@@ -49,10 +49,12 @@ def simulate_stereo(
     duration_us: int | None = None,
     chunk_us: int = CHUNK_US,
     bodies: MovingBodies | None = None,
+    threads: int | None = None,
 ) -> Iterator[Chunk]:
     """The events of every camera, chunk after chunk, from time 0 to the path's end or `duration_us`.
 
-    `bodies` are what moves besides the ball, see `make_bodies`.
+    `bodies` are what moves besides the ball, see `make_bodies`. The cameras work in so many threads, one each unless
+    told otherwise.
 
     The same seed, cameras and path give the same events, however they are cut into chunks. The last chunk ends at the
     first whole block after the duration. Times are int64 microseconds.
@@ -69,7 +71,9 @@ def simulate_stereo(
         name: EventCamera(camera, config.scene, config.sensor, np.random.default_rng(seed_of_camera), bodies)
         for (name, camera), seed_of_camera in zip(cameras.items(), seeds, strict=True)
     }
-    with ThreadPoolExecutor(len(rigs), thread_name_prefix="event-camera") as pool:  # the kernels release the GIL
+    with ThreadPoolExecutor(
+        threads or len(rigs), thread_name_prefix="event-camera"
+    ) as pool:  # the kernels release the GIL
         for start_us in range(0, last_us, chunk_us):
             end_us = min(start_us + chunk_us, last_us)
             running = {name: pool.submit(rig.advance, path, end_us) for name, rig in rigs.items()}

@@ -15,9 +15,11 @@ from core.simulation import (
     ensure_demo,
     pixel_truth,
     simulate_recording,
+    simulate_stereo,
     truth_times,
 )
 from core.simulation.bodies import make_bodies
+from core.simulation.frames import FrameConfig
 
 CAMERAS = stereo_preset()
 SMALL = stereo_preset(sensor=SensorSize(320, 240))
@@ -114,3 +116,29 @@ def test_a_scene_with_people_hides_the_ball_in_the_truth_too(tmp_path) -> None:
     alone = pixel_truth(camera, flights, times_us).visible
     among = pixel_truth(camera, flights, times_us, make_bodies("head", 0)).visible
     assert 0 < (alone & ~among).sum() < 0.5 * alone.sum() and not (among & ~alone).any()
+
+
+def test_pictures_change_nothing_in_the_events_and_lie_beside_them(tmp_path) -> None:
+    serves, frames = [ServeConfig(speed_mps=9.0)], FrameConfig(rate_hz=40.0)
+    made = simulate_recording(tmp_path / "a.h5", StereoConfig(), SMALL, serves, seed=3, frames=frames, threads=1)
+    flights = draw_serves(serves, np.random.default_rng(3))
+    found: dict[str, list[np.ndarray]] = {name: [] for name in SMALL}
+    for chunk in simulate_stereo(StereoConfig(), SMALL, flights, seed=3):  # the way of recordings before there were any
+        for name, events in chunk.events.items():
+            found[name].append(np.stack([events.t_us, events.x_px, events.y_px, events.on]))
+    with open_recording(tmp_path / "a.h5") as recording:
+        for name, parts in found.items():
+            events = recording.cameras[name].slice(0, recording.duration_us)
+            assert np.array_equal(np.stack([events.t_us, events.x_px, events.y_px, events.on]), np.hstack(parts))
+            pictures = recording.frames[name]
+            assert pictures.t_us.tolist() == list(range(12_500, made.duration_us - 2500 + 1, 25_000))
+            assert (pictures.exposure_us == 5000).all() and pictures.image(3).shape == (240, 320, 3)
+            rows = recording.read_rows(f"/readout/{name}")
+            assert rows is not None and rows["dropped"].tolist() == [made.dropped[name]]
+        assert made.frames == 2 * len(recording.frames["left"])
+
+
+def test_without_pictures_there_are_none(tmp_path) -> None:
+    made = simulate_recording(tmp_path / "a.h5", StereoConfig(), SMALL, [ServeConfig(speed_mps=9.0)], seed=3)
+    with open_recording(made.path) as recording:
+        assert made.frames == 0 and not recording.frames
