@@ -8,12 +8,12 @@ import sys
 import threading
 
 from app.cli.cameras import named_cameras, sensor_size
+from app.cli.scenes import add_scene_arguments, scene_of
 from core.errors import CommandError
 from core.rally.link.server import ServerConfig, SimulationServer
 from core.rally.link.world import WorldConfig
 from core.simulation import SensorConfig, StereoConfig
 from core.simulation.physics.task import task_profile
-from core.simulation.scene import SCENES, scene_named
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 
@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sensor", type=sensor_size, metavar="WxH", help="of a placement's cameras (default: 1280x720)"
     )
-    parser.add_argument("--scene", default="ball", metavar="|".join(SCENES), help="default: %(default)s")
+    add_scene_arguments(parser)
     parser.add_argument("--noise-hz", type=float, default=0.1, metavar="HZ", help="background events (default: 0.1)")
     parser.add_argument("--physics", default="paper", choices=("paper", "real"), help="default: %(default)s")
     parser.add_argument("--auto-serve", type=float, default=0.0, metavar="MPS", help="serve by itself at 3 to 9 m/s")
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise CommandError("no such serve", expected="3 to 9 m/s", got=arguments.auto_serve, where="--auto-serve")
     world = WorldConfig(
         task=task_profile(arguments.physics),
-        stereo=StereoConfig(scene=scene_named(arguments.scene), sensor=SensorConfig(noise_hz=arguments.noise_hz)),
+        stereo=StereoConfig(scene=scene_of(arguments), sensor=SensorConfig(noise_hz=arguments.noise_hz)),
     )
     config = ServerConfig(world=world, auto_serve_mps=arguments.auto_serve)
     cameras = named_cameras(arguments.cameras, arguments.sensor)

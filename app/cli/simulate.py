@@ -10,11 +10,11 @@ from pathlib import Path
 from app.cli.arguments import positive_int
 from app.cli.cameras import named_cameras, sensor_size
 from app.cli.progress import progress_bar
+from app.cli.scenes import add_scene_arguments, scene_of
 from core.cameras.presets import PLACEMENTS
 from core.errors import CommandError
-from core.simulation import SensorConfig, ServeConfig, StereoConfig, scene_named, simulate_recording
+from core.simulation import SensorConfig, ServeConfig, StereoConfig, simulate_recording
 from core.simulation.physics.config import physics_profile
-from core.simulation.scene import SCENES
 
 LARGEST_SEED = 2**63 - 1
 """The recording keeps the seed in 64 bits."""
@@ -22,12 +22,11 @@ LARGEST_SEED = 2**63 - 1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's arguments."""
-    scenes = "|".join(SCENES)
     presets = "|".join(PLACEMENTS)
     parser.add_argument("--out", type=Path, required=True, metavar="REC.h5", help="the recording to make")
     parser.add_argument("--serves", type=positive_int, default=3, metavar="N", help="default: %(default)s")
     parser.add_argument("--speed", type=float, default=5.0, metavar="MPS", help="launch speed, 3 to 9 (default: 5)")
-    parser.add_argument("--scene", default="ball", metavar=scenes, help="default: %(default)s")
+    add_scene_arguments(parser)
     parser.add_argument("--cameras", default="side", metavar=f"{presets}|FILE", help="placement, or a calibration file")
     parser.add_argument("--noise-hz", type=float, metavar="HZ", help="background events per pixel and second (0.1)")
     parser.add_argument(
@@ -47,7 +46,7 @@ def run(arguments: argparse.Namespace) -> None:
         expected = f"a whole number from 0 to {LARGEST_SEED}"
         raise CommandError("no such seed", expected=expected, got=arguments.seed, where="--seed")
     noise = {} if arguments.noise_hz is None else {"noise_hz": arguments.noise_hz}
-    config = StereoConfig(scene=scene_named(arguments.scene), sensor=SensorConfig(**noise))
+    config = StereoConfig(scene=scene_of(arguments), sensor=SensorConfig(**noise))
     cameras = named_cameras(arguments.cameras, arguments.sensor)
     serves = [ServeConfig(speed_mps=arguments.speed)] * arguments.serves
     with progress_bar(f"Simulating {arguments.out.name}") as progress:

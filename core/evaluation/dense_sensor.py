@@ -18,10 +18,11 @@ from core.events import Events
 from core.simulation.background import make_background
 from core.simulation.bodies.parts import MovingBodies
 from core.simulation.bodies.picture import BodyPicture
+from core.simulation.flicker import glow_at
 from core.simulation.flight import BallPath
 from core.simulation.racket_shape import RACKET_COLUMNS, RacketPath, racket_rows
 from core.simulation.scene import SceneConfig
-from core.simulation.sensor import SensorConfig
+from core.simulation.sensor import OFF_THRESHOLD, ON_THRESHOLD, SensorConfig, make_pixels
 from core.simulation.view import ball_rows
 
 DENSE_STEP_US: Final = 20
@@ -59,11 +60,15 @@ def dense_events(
     path: BallPath,
     end_us: int,
     *,
+    seed: int = 0,
     bodies: MovingBodies | None = None,
     racket: RacketPath | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> DenseEvents:
-    """The same sensor model without noise and without mismatch of thresholds, from 0 to `end_us`."""
+    """The same sensor model without noise, from 0 to `end_us`.
+
+    The thresholds of the pixels are those of an event camera that was made with `np.random.default_rng(seed)`.
+    """
     times_us = np.arange(0, end_us + 1, DENSE_STEP_US, dtype=np.float64)
     rows = ball_rows(camera, scene, path.at(times_us * 1e-6), path.portals(times_us * 1e-6))
     rackets = None
@@ -77,9 +82,11 @@ def dense_events(
         picture.draw(times_us[index] * 1e-6, ball[2] if ball[2] > 0 else np.inf)
         row = NO_RACKET if rackets is None else tuple(rackets[index].tolist())
         picture.render(ball, row, rackets is not None, out)
+        out += glow_at(scene, times_us[index])
 
     light = np.empty(pixels)
     light_at(0, light)
+    drawn = make_pixels(light, config, np.random.default_rng(seed)).rows
     receptor, reference, previous = light.copy(), light.copy(), light.copy()
     release_us = np.full(pixels, -1.0)
     keep = np.exp(-DENSE_STEP_US / config.photoreceptor_us) if config.photoreceptor_us > 0 else 0.0
@@ -94,9 +101,9 @@ def dense_events(
         share = (release_us[released] - start_us) / DENSE_STEP_US
         reference[released] = before[released] + share * (receptor[released] - before[released])
         free = release_us <= now_us
-        for sign, threshold in ((1.0, config.on_threshold), (-1.0, config.off_threshold)):
-            for pixel in np.flatnonzero(free & (sign * (receptor - reference) >= threshold)):
-                level = reference[pixel] + sign * threshold
+        for sign, thresholds in ((1.0, drawn[:, ON_THRESHOLD]), (-1.0, drawn[:, OFF_THRESHOLD])):
+            for pixel in np.flatnonzero(free & (sign * (receptor - reference) >= thresholds)):
+                level = reference[pixel] + sign * thresholds[pixel]
                 moved = receptor[pixel] - before[pixel]
                 part = np.clip((level - before[pixel]) / moved, 0, 1) if moved else 1.0
                 crossing = max(start_us + part * DENSE_STEP_US, release_us[pixel])

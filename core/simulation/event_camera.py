@@ -147,6 +147,8 @@ class EventCamera:
                 steps.outlines,
                 steps.boxes,
                 steps.strides,
+                steps.glow.log_light,
+                steps.glow.stride,
                 self._sensor(count),
                 self._described(bodies),
                 mine.looks,

@@ -48,6 +48,11 @@ class SceneConfig:
     """How much darker the table is in the middle of a sharp shadow of the ball."""
     edge_px: float = setting(1.6, 0.5, 6.0)
     """Width of an edge in the picture: the lens and the pixel's own area together."""
+    flicker: float = setting(0.0, 0.0, 0.5)
+    """How far all light swings round its mean; lamps on the mains 0.05 to 0.5, those with a good ballast none. Every
+    pixel works then: some thirty times slower."""
+    flicker_hz: float = setting(100.0, 1.0, 1000.0)
+    """Twice the mains frequency."""
     cast: Cast = "nobody"
     """Who moves besides ball and robot: a player at the far end; that player and somebody who walks by; two players; a
     round thing of a head's size."""

@@ -10,6 +10,7 @@ import numpy as np
 from core.simulation.background import LOG_LIGHT
 from core.simulation.bodies.looks import LOOK_PX, REST_PX, look_at_tiles, mark_moved, pose_at
 from core.simulation.bodies.shading import FAR_COVER, LOG_TOTAL, NEAR_COVER, light_among
+from core.simulation.flicker import glow_on_all
 from core.simulation.pixels import ramp_pixel, receptor_after_ramp, rest_awake, rest_pixel
 from core.simulation.racket_outline import outline_spans, rows_for_spans, unchanged_columns
 from core.simulation.sensor import OFF_THRESHOLD, ON_THRESHOLD, RECEPTOR, REFERENCE, RELEASE_US, TARGET, TIME_US
@@ -38,6 +39,8 @@ def sweep_block(
     outlines,
     boxes,
     strides,
+    glows,
+    glow_stride,
     sensor,
     bodies,
     looks,
@@ -46,9 +49,10 @@ def sweep_block(
 ):
     """Run substeps `done + 1` to the last; returns (event count, awake count, substeps done).
 
-    Part p of the boxes is looked at in every `strides[p]`-th substep and in the last; never if that is 0. `sensor` is
-    (photoreceptor time constant, refractory time, events already in the buffer). `bodies` is (poses and circles of all
-    bodies at the block's probes, their parts, (width of an edge per metre, ambient share)), `looks` what
+    Part p of the boxes is looked at in every `strides[p]`-th substep and in the last; never if that is 0. `glows` is
+    the swing of the light at every substep, empty if there is none; all pixels are told every `glow_stride` substeps.
+    `sensor` is (photoreceptor time constant, refractory time, events already in the buffer). `bodies` is (poses and
+    circles of all bodies at the block's probes, their parts, (width of an edge per metre, ambient share)), `looks` what
     `look_at_tiles` needs with the circles of the last look. Stops early when the buffer might overflow in the next
     substep; call again with a larger one.
     """
@@ -61,6 +65,7 @@ def sweep_block(
         if room_for(boxes, strides, step, last) + count > len(events):
             return count, awake_count, step - 1
         ball, racket = ball_numbers(rows, step), racket_numbers(rackets, step)
+        glow = glows[step] if len(glows) else 0.0
         if len(parts):
             pose_at(probes, step / last, ends)
             pose_at(probed_circles, step / last, circles)
@@ -68,14 +73,20 @@ def sweep_block(
             count, awake_count, finished = look_at_tiles(
                 pixels, awake, awake_list, awake_count, shape, maps, layers, view, ends, circles, parts, scene,
                 (marks, tiles, listed, tile_us), t_us[step], t_us[0], ball, racket,
-                boxes[step, BALL], boxes[step, SHADOW], boxes[step, RACKET], sensor, events, count,
+                boxes[step, BALL], boxes[step, SHADOW], boxes[step, RACKET], glow, sensor, events, count,
             )  # fmt: skip
             if not finished or room_for(boxes, strides, step, last) + count > len(events):
                 return count, awake_count, step - 1
         count, awake_count = sweep_step(
             pixels, awake, awake_list, awake_count, shape[0], maps, layers, len(parts) > 0, view, t_us, ball, racket,
-            outlines, boxes, strides, sensor, events, count, step, spans_before, spans_now,
+            outlines, boxes, strides, glow, sensor, events, count, step, spans_before, spans_now,
         )  # fmt: skip
+        if len(glows) and (step % glow_stride == 0 or step == last):
+            count, awake_count, finished = glow_on_all(
+                pixels, awake, awake_list, awake_count, shape[0], t_us, glows, step, sensor, events, count
+            )
+            if not finished:
+                return count, awake_count, step - 1
     return count, awake_count, last
 
 
@@ -93,7 +104,7 @@ def room_for(boxes, strides, step, last):
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def sweep_step(
     pixels, awake, awake_list, awake_count, width, maps, layers, among, view, t_us, ball, racket,
-    outlines, boxes, strides, sensor, events, count, step, spans_before, spans_now,
+    outlines, boxes, strides, glow, sensor, events, count, step, spans_before, spans_now,
 ):  # fmt: skip
     """One substep of ball, shadow and racket; returns (event count, awake count). `among`: there are bodies."""
     tau_us, refractory_us, now_us, last = sensor[0], sensor[1], t_us[step], len(t_us) - 1
@@ -134,7 +145,7 @@ def sweep_step(
                 else:
                     light = pixel_light(seen, view, ball, racket, see_ball, see_shadow, see_racket)
                     rest = seen[LOG_LIGHT]
-                goal = rest if light == UNTOUCHED else math.log(light)
+                goal = glow + (rest if light == UNTOUCHED else math.log(light))
                 was = pixels[pixel, TARGET]
                 if goal == was:
                     continue  # at rest, which is caught up with in closed form when it ends
@@ -196,7 +207,7 @@ def look_at_once(pixels, shape, maps, layers, view, rows, rackets, boxes, bodies
         look_at_tiles(
             pixels, nobody, nothing, 0, shape, maps, layers, view, probes[0], probed_circles[0], parts, scene,
             (marks, tiles, listed, tile_us), 0.0, 0.0, ball, racket,
-            boxes[0, BALL], boxes[0, SHADOW], boxes[0, RACKET], (0.0, 0.0, 0.0),
+            boxes[0, BALL], boxes[0, SHADOW], boxes[0, RACKET], 0.0, (0.0, 0.0, 0.0),
             np.empty((1 << 14, 3)), 0,
         )  # fmt: skip
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera, ball_outline
 from core.geometry import invert_transform
+from core.simulation.flicker import Glow, looks_at_all, make_glow
 from core.simulation.flight import BallPath, BallStates, Portals
 from core.simulation.racket_outline import racket_outline
 from core.simulation.racket_shape import RACKET_COLUMNS, RacketPath, RacketPoses, racket_rows
@@ -47,6 +48,7 @@ class Steps:
     boxes: NDArray[np.int64]
     """(S + 1, 3, 4): first column, first row, one past the last column and row of ball, shadow and racket; empty where
     0."""
+    glow: Glow
     strides: NDArray[np.int64]
     """(3,): substeps from one look at ball, shadow and racket to the next, 0 for no look: a soft shadow changes slowly,
     a racket at rest not at all."""
@@ -83,6 +85,7 @@ def moving_steps(
 
     `least` are the substeps that something besides ball and racket needs.
     """
+    least = max(least, looks_at_all(scene, end_us - start_us))
     probes_us = np.linspace(start_us, end_us, PROBES)
     states = path.at(probes_us * 1e-6)
     ball_there = bool(states.present.any())
@@ -110,7 +113,15 @@ def moving_steps(
         boxes[:, 2] = _boxes(camera, outlines, 0.5 * scene.edge_px)
     if not boxes[:, :2].any() and not (looks and boxes.any()) and not least:
         return None
-    return Steps(t_us, rows, rackets, outlines, boxes, np.array([1, shadow, steps // looks if looks else 0]))
+    return Steps(
+        t_us,
+        rows,
+        rackets,
+        outlines,
+        boxes,
+        make_glow(scene, t_us),
+        np.array([1, shadow, steps // looks if looks else 0]),
+    )
 
 
 def _racket_probes(camera: Camera, racket: RacketView, probes_us: Array) -> tuple[RacketPoses, Array] | None:

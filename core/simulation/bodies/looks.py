@@ -119,12 +119,13 @@ def draw_tile(tile, shape, maps, layers, posed, circles, here, found, scene, bal
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def look_at_tiles(
     pixels, awake, awake_list, awake_count, shape, maps, layers, view, ends, circles, parts, scene, looks,
-    now_us, first_us, ball, racket, box_ball, box_shadow, box_racket, sensor, events, count,
+    now_us, first_us, ball, racket, box_ball, box_shadow, box_racket, glow, sensor, events, count,
 ):  # fmt: skip
     """Draw the listed tiles again and tell their pixels; returns (event count, awake count, finished).
 
     `looks` is (marks, tiles, listed, time of each tile's last look); a tile at rest since before `first_us` began to
-    move then. Not finished if the buffer might overflow: call again with a larger one.
+    move then. `glow` is added to the logarithm of all light. Not finished if the buffer might overflow: call again with
+    a larger one.
     """
     marks, tiles, listed, tile_us = looks
     tau_us, refractory_us, width = sensor[0], sensor[1], shape[0]
@@ -150,13 +151,13 @@ def look_at_tiles(
         for y in range(y0, y1):
             for x in range(x0, x1):
                 pixel = y * width + x
-                goal = layers[pixel, LOG_TOTAL]
+                goal = glow + layers[pixel, LOG_TOTAL]
                 if see_ball or see_shadow or see_racket:
                     seen = pixel_seen(maps, pixel)
                     light = light_among(
                         seen, layers, pixel, view, ball, racket, see_ball, see_shadow, see_racket
                     )  # fmt: skip
-                    goal = goal if light == UNTOUCHED else math.log(light)
+                    goal = goal if light == UNTOUCHED else glow + math.log(light)
                 if goal == pixels[pixel, TARGET]:
                     continue
                 if now_us <= 0.0:  # how a recording begins: it has been there for long

@@ -139,6 +139,9 @@ MISTAKES = [
     (("--cameras", __file__), "--sensor goes with a placement"),
     (("--scene", "moon"), "ball, dark"),
     (("--physics", "moon"), "paper or real"),
+    (("--wall", "2"), "SceneConfig.wall"),
+    (("--flicker", "0.6"), "SceneConfig.flicker"),
+    (("--flicker-hz", "0"), "SceneConfig.flicker_hz"),
     (("--scene", "rally", "--physics", "real"), "physics paper"),
     (("--scene", "rally", "--speed", "3"), "no ball of a rally can be played at this speed"),
 ]
@@ -168,3 +171,15 @@ def test_a_file_that_is_no_calibration_is_named(tmp_path: Path, capsys) -> None:
     assert main(["simulate", "--out", str(tmp_path / "a.h5"), "--cameras", str(rig)]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "rig.yaml" in error and "image_height" in error
+
+
+def test_walls_and_flicker_of_a_scene_can_be_chosen(tmp_path: Path) -> None:
+    out = tmp_path / "a.h5"
+    options = ("--sensor", "48x32", "--serves", "1", "--wall", "0.7", "--flicker", "0.3", "--flicker-hz", "120")
+    assert simulate(out, *options) == 0
+    with h5py.File(out) as file:
+        scene = json.loads(str(file.attrs["config"]))["scene"]
+        assert (scene["wall"], scene["flicker"], scene["flicker_hz"]) == (0.7, 0.3, 120.0)
+        t_us = file["cameras/left/events/t"][:]
+    spectrum = np.abs(np.fft.rfft(np.bincount(t_us // 500, minlength=2000)[:2000]))  # one second in bins of 500 us
+    assert np.argmax(spectrum[20:]) + 20 in (120, 240), "events follow the lamp"

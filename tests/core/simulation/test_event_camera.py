@@ -23,8 +23,8 @@ def simulate(camera, scene, config, path, end_us, seed=1, chunk_us=BLOCK_US) -> 
 
 @pytest.mark.parametrize("scene_name", ["ball", "dark"])
 def test_culling_and_substeps_agree_with_a_dense_simulation(small_camera, crossing, scene_name) -> None:
-    scene, config, end_us = scene_named(scene_name), quiet(threshold_mismatch=0.0), 30_000
-    dense = dense_events(small_camera, scene, config, crossing, end_us)
+    scene, config, end_us = scene_named(scene_name), quiet(), 30_000
+    dense = dense_events(small_camera, scene, config, crossing, end_us, seed=1)
     events = simulate(small_camera, scene, config, crossing, end_us)
     assert len(dense.t_us) > 2_000
     for found in agreement(events, dense).values():
@@ -91,3 +91,19 @@ def test_time_is_asked_for_in_order_and_in_whole_blocks(small_camera, crossing) 
 def test_the_background_is_seen_where_no_ball_is(small_camera) -> None:
     light = make_background(small_camera, SceneConfig())[:, LOG_LIGHT]
     assert np.isfinite(light).all() and light.std() > 0.05
+
+
+def test_a_flickering_lamp_agrees_with_a_dense_simulation(small_camera, crossing) -> None:
+    scene, config, end_us = SceneConfig(flicker=0.25), quiet(), 30_000
+    dense = dense_events(small_camera, scene, config, crossing, end_us, seed=1)
+    events = simulate(small_camera, scene, config, crossing, end_us)
+    assert len(dense.t_us) > 3 * 96 * 72  # every pixel, in every swing
+    for found in agreement(events, dense).values():
+        assert found.ratio == pytest.approx(1.0, abs=0.1) and found.ks <= 0.05
+
+
+def test_flicker_below_the_threshold_makes_no_events_of_its_own(small_camera, crossing) -> None:
+    gone = type(crossing)(np.array([5.0]), crossing.p_world_m, crossing.v_world_mps, crossing.spin_radps, 6.0)
+    config = quiet(threshold_mismatch=0.0)
+    assert len(simulate(small_camera, SceneConfig(flicker=0.08), config, gone, 50_000)) == 0
+    assert len(simulate(small_camera, SceneConfig(flicker=0.3), config, gone, 50_000)) > 5 * 96 * 72
