@@ -21,7 +21,7 @@ from core.rally.config import ChainConfig
 from core.rally.perceived_balls import SEED, PerceivedBall, perceived_ball
 from core.rally.prediction_report import Perceived, write_report
 from core.simulation.physics.task import STAGE_SPEEDS_MPS
-from core.trajectory import FilterPredictor, PaperPredictor, predictor_for
+from core.trajectory import PaperPredictor, Predictor, predictor_for
 
 Progress = Callable[[float], None]
 
@@ -74,7 +74,7 @@ def evaluate(balls: dict[float, list[PerceivedBall]]) -> Perceived:
     return Perceived([*rows, *total], leads)
 
 
-def _predictors(config: ChainConfig) -> dict[str, FilterPredictor | PaperPredictor]:
+def _predictors(config: ChainConfig) -> dict[str, Predictor]:
     """By name; the paper's rule has the medians of recorded bounces, which its profile has too."""
     paper = PaperPredictor(predictor_for("real", hit_x_m=config.predictor.hit_x_m))
     fit = replace(config, prediction="fit").make_predictor()

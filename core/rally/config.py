@@ -14,6 +14,7 @@ from core.trajectory import (
     FilterPredictor,
     PaperPredictor,
     PaperPredictorConfig,
+    Predictor,
     filter_for,
 )
 
@@ -108,7 +109,7 @@ class ChainConfig:
     def __post_init__(self) -> None:
         check_settings(self)
 
-    def make_predictor(self) -> FilterPredictor | PaperPredictor:
+    def make_predictor(self) -> Predictor:
         """A predictor as these settings say."""
         if self.prediction == "filter":
             return FilterPredictor(self.filter, hit_x_m=self.predictor.hit_x_m)

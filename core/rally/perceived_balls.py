@@ -21,7 +21,7 @@ from core.rally.link.world import SimulatedWorld, WorldConfig
 from core.simulation.event_camera import BLOCK_US
 from core.simulation.physics import draw_serves, fly_serves
 from core.simulation.physics.simulate import sample_serves
-from core.trajectory import FilterPredictor, PaperPredictor
+from core.trajectory import Predictor
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class PerceivedBall:
     """(N,) distance from the ball."""
     truth: FlightTruth
 
-    def predict(self, predictor: FilterPredictor | PaperPredictor) -> Said:
+    def predict(self, predictor: Predictor) -> Said:
         """What a predictor says while it is told these points."""
         said = Said([], [])
         rows = zip(self.when_us, self.t_us, self.ps_m, self.covariances_m2, self.begins, strict=True)

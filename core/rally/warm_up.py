@@ -13,12 +13,12 @@ from core.rally.player import Player, PlayerState
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 
 STEPS: Final = 50
-START_M: Final = (0.4, 0.05, 0.30)
-VELOCITY_MPS: Final = (-4.0, 0.0, 0.5)
+START_M: Final = (0.4, 0.05, 0.12)
+VELOCITY_MPS: Final = (-4.0, 0.0, -1.5)
 
 
 def warm_up(player: Player, cameras: Mapping[str, Camera], window_us: int) -> PlayerState | None:
-    """Let the player see a painted ball fly for a tenth of a second, then forget it; the last state."""
+    """Let the player see a painted ball fly and bounce in a tenth of a second, then forget it; the last state."""
     state = None
     for number in range(max(STEPS, 100_000 // window_us)):
         end_us = (number + 1) * window_us
@@ -31,6 +31,7 @@ def _painted(camera: Camera, end_us: int, window_us: int) -> Window:
     """Events on the ball's disc in the picture, if it is in it."""
     t_s = end_us * 1e-6
     p = np.array(START_M) + np.array(VELOCITY_MPS) * t_s - [0.0, 0.0, 0.5 * GRAVITY_MPS2 * t_s**2]
+    p[2] = BALL_RADIUS_M + abs(p[2] - BALL_RADIUS_M)
     u, v = camera.project(p[None])[0]
     radius = camera.K[0, 0] * BALL_RADIUS_M / max(float(camera.to_camera(p[None])[0, 2]), 0.1)
     x, y = np.meshgrid(np.arange(int(u - radius), int(u + radius) + 1), np.arange(int(v - radius), int(v + radius) + 1))

@@ -4,7 +4,7 @@ from core.trajectory.config import PaperPredictorConfig, predictor_for
 from core.trajectory.continuation import predict_arrivals
 from core.trajectory.filter import FilterPredictor
 from core.trajectory.filter_config import FilterConfig, filter_for
-from core.trajectory.prediction import HitPlane, Prediction, TablePoint
+from core.trajectory.prediction import HitPlane, Prediction, Predictor, TablePoint
 from core.trajectory.predictor import PaperPredictor
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "PaperPredictor",
     "PaperPredictorConfig",
     "Prediction",
+    "Predictor",
     "TablePoint",
     "filter_for",
     "predict_arrivals",

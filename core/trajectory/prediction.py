@@ -95,6 +95,28 @@ class Prediction:
         return ps[0], np.sqrt((_one_sigma_moves(ps) ** 2).sum(axis=0))
 
 
+class Predictor(Protocol):
+    """Fed with the points of a ball one by one, it says how the flight goes on."""
+
+    @property
+    def latest(self) -> Prediction | None:
+        """The newest prediction of this flight."""
+        ...
+
+    @property
+    def bounces_us(self) -> tuple[int, ...]:
+        """Bounces seen in this flight."""
+        ...
+
+    def add(self, t_us: int, p_world_m: ArrayLike, covariance_m2: Array | None = None) -> Prediction | None:
+        """A new prediction if this point leads to one. Points come in order of time, maybe with their covariance."""
+        ...
+
+    def reset(self) -> None:
+        """Forget the flight."""
+        ...
+
+
 def predict_flight(
     t_s: Array, ps_m: Array, newest_us: int, stage: Stage, config: PaperPredictorConfig
 ) -> Prediction | None:

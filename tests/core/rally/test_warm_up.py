@@ -15,6 +15,7 @@ def test_every_stage_runs_and_nothing_stays(placement) -> None:
     state = warm_up(player, cameras, 2000)
     assert state is not None and state.chain.point is not None
     assert state.chain.prediction is not None and state.command is not None
+    assert state.chain.prediction.stage == "post", "what happens at a bounce was loaded too"
     assert player.chain.step(_quiet(cameras)).prediction is None
 
 

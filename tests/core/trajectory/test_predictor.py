@@ -91,7 +91,10 @@ def test_every_serve_s_bounce_is_seen_and_after_it_gravity_is_exact(speed_mps: f
     for number in range(len(serves)):
         t_us = np.arange(0, int(1e6 * arrivals.t_s[number]), 2000)
         ps = sample_serves(
-            serves[number : number + 1], fly_serves(serves[number : number + 1], task), t_us[None] * 1e-6, task
+            serves[number : number + 1],
+            fly_serves(serves[number : number + 1], task),
+            t_us[None].astype(np.float64) * 1e-6,
+            task,
         )
         predictor = PaperPredictor()
         post = [found for found in feed(predictor, t_us, ps[0]) if found.stage == "post"]
@@ -168,7 +171,7 @@ def test_many_flights_at_once_give_what_one_by_one_gives() -> None:
     serves = draw_serves(4.0, 30, task, np.random.default_rng(9))
     arrivals = fly_serves(serves, task)
     config = predictor_for("paper")
-    t_s = np.tile(np.arange(5) * 0.01, (30, 1))
+    t_s = np.tile(np.arange(5).astype(np.float64) * 0.01, (30, 1))
     ps = sample_serves(serves, arrivals, t_s, task)
     constants = (config.hit_x_m, config.restitution, config.tangential_factor)
     states, t_c = predict_arrivals(
@@ -206,6 +209,7 @@ def test_no_point_after_the_expected_bounce_is_taken_for_one_before_it(t_us) -> 
     if t_us[1] < 10_000:
         assert late, "without the wait there are such predictions"
     for prediction in late:
+        assert prediction.hit_plane is not None
         assert np.abs(prediction.hit_plane.v_world_mps[2] - after[2]) > 0.1
 
 
