@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from app.cli import calibrate_intrinsics
+from app.cli import calibrate_intrinsics, calibrate_stereo
 
-ACTS = {"intrinsics": calibrate_intrinsics}
+ACTS = {"intrinsics": calibrate_intrinsics, "stereo": calibrate_stereo}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

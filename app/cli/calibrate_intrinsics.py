@@ -76,13 +76,13 @@ def run(arguments: argparse.Namespace) -> None:
     print(json.dumps(report) if arguments.json else _describe(lens, empty, arguments.out))
 
 
-def check_destinations(out: Path, report: Path | None) -> None:
+def check_destinations(out: Path, report: Path | None, suffixes: tuple[str, ...] = (*YAML_SUFFIXES, ".toml")) -> None:
     """Raises CommandError before the long work rather than after it."""
     for option, path in (("--out", out), ("--report", report)):
         if path is not None and not path.parent.is_dir():
             raise CommandError("no such folder", got=path.parent, where=option)
-    if out.suffix.lower() not in (*YAML_SUFFIXES, ".toml"):
-        raise CommandError("not a calibration's name", expected=".toml, .yaml or .yml", got=out.name, where="--out")
+    if out.suffix.lower() not in suffixes:
+        raise CommandError("not a calibration's name", expected=" or ".join(suffixes), got=out.name, where="--out")
     if report is not None and report.suffix.lower() != ".svg":
         raise CommandError("not a picture's name", expected="FILE.svg", got=report.name, where="--report")
 

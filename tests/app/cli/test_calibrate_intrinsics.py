@@ -91,7 +91,7 @@ def test_a_blinking_board_before_an_event_camera_gives_the_lens(pictures, tmp_pa
         (["--spacing-mm", "0"], "spacing"),
         (["--pictures", "3"], "expected 6 or more, got 3"),
         (["--out", "no/such/lens.yaml"], "no such folder"),
-        (["--out", "lens.txt"], ".toml, .yaml or .yml"),
+        (["--out", "lens.txt"], ".yaml or .yml or .toml"),
         (["--report", "report.bmp"], "FILE.svg"),
         (["--board", "stripes"], "stripes"),
     ],

@@ -1,0 +1,247 @@
+"""`rallyscope calibrate stereo`: poses, clocks and scale of a rig from a ball or a wand that was swept before it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from app.cli.arguments import positive_int
+from app.cli.bench import format_table
+from app.cli.calibrate_intrinsics import check_destinations, write_report
+from app.cli.progress import progress_bar
+from core.cameras import Camera, load_calibration, save_calibration
+from core.cameras.calibration.free_fall import REAL_DRAG_PER_M
+from core.cameras.calibration.point_track import PointTrack, read_point_track
+from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
+from core.cameras.calibration.rig import CameraFit, RigCalibration, RigConfig, calibrate_rig
+from core.cameras.calibration.scale import KINDS, Scale
+from core.cameras.calibration.table_corners import CORNERS, read_clicks
+from core.config import load_config
+from core.detection import DetectorConfig, make_detector
+from core.detection.methods import METHODS, method_config
+from core.errors import CommandError
+from core.evaluation import run_detector
+from core.recordings import Recording, open_recording
+
+SUMMARY = "poses, clocks and scale of two or more cameras, from a ball or a wand swept before them"
+DETECTING = 0.7
+"""Share of the time that the detector takes."""
+SCALE_FORM = "baseline=METRES|wand=METRES|gravity|table"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The sub-verb's arguments."""
+    parser.add_argument(
+        "recording", type=Path, nargs="?", metavar="REC", help="a recording of the sweep; not needed with --detections"
+    )
+    parser.add_argument(
+        "--from", dest="swept", default="ball", choices=("ball", "wand"), metavar="ball|wand", help="(%(default)s)"
+    )
+    parser.add_argument(
+        "--detections",
+        type=_named_paths,
+        metavar="left=CSV,right=CSV",
+        help="as `detect` writes them; a wand's have a column marker (0, 1, ...)",
+    )
+    parser.add_argument(
+        "--lenses", type=_named_paths, metavar="left=CAL,right=CAL", help="calibrated lenses (default: the recording's)"
+    )
+    parser.add_argument(
+        "--scale",
+        metavar=SCALE_FORM,
+        help="distance of the first two cameras, of a wand's markers 0 and 1, free flight, or the table's corners "
+        "(the default with --table-corners)",
+    )
+    parser.add_argument(
+        "--table-corners", type=Path, metavar="CSV", help=f"camera,corner,u_px,v_px; corners: {', '.join(CORNERS)}"
+    )
+    parser.add_argument("--click-sigma-px", type=float, default=1.0, metavar="S", help="of a corner (default: 1)")
+    parser.add_argument("--max-offset-ms", type=float, default=50.0, metavar="N", help="of the clocks (default: 50)")
+    parser.add_argument("--same-clock", action="store_true", help="the cameras have one clock: fit no offset")
+    parser.add_argument(
+        "--physics", default="real", choices=("real", "paper"), metavar="real|paper", help="air for gravity (real)"
+    )
+    parser.add_argument("--method", default="auto", choices=METHODS, metavar="|".join(METHODS), help="(%(default)s)")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="detector settings saved in the app, a TOML file")
+    parser.add_argument("--window-us", type=positive_int, metavar="N", help="length of a window (the config's)")
+    parser.add_argument("--out", type=Path, required=True, metavar="CAL.toml", help="the calibration of all cameras")
+    parser.add_argument("--report", type=Path, metavar="FILE.svg", help="the reprojection errors as a picture")
+    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Find the point, calibrate, write, and say how good it is."""
+    check_destinations(arguments.out, arguments.report, (".toml",))
+    scale = _scale(arguments.scale, arguments.table_corners is not None, arguments.physics)
+    config = RigConfig(
+        max_offset_ms=0.0 if arguments.same_clock else arguments.max_offset_ms, click_sigma_px=arguments.click_sigma_px
+    )
+    clicks = read_clicks(arguments.table_corners) if arguments.table_corners is not None else None
+    with progress_bar("Calibrating") as progress:
+        tracks, lenses = _inputs(arguments, lambda share: progress(DETECTING * share))
+        found = calibrate_rig(
+            tracks,
+            lenses,
+            scale,
+            clicks=clicks,
+            ball=arguments.swept == "ball",
+            config=config,
+            progress=lambda share: progress(DETECTING + (1 - DETECTING) * share),
+        )
+    save_calibration(arguments.out, found.cameras)
+    if arguments.report is not None:
+        write_report(arguments.report, rig_svg(found, arguments.out.name))
+    rows = [_row(name, fit, found) for name, fit in found.fits.items()]
+    print(json.dumps(_report(found, rows, arguments.out)) if arguments.json else _describe(found, rows, arguments.out))
+
+
+def rig_svg(found: RigCalibration, title: str) -> str:
+    """The reprojection errors of all cameras as a picture."""
+    panels = []
+    for name, fit in found.fits.items():
+        seen = np.isfinite(fit.residuals_px[:, 0])
+        panels.append(
+            ResidualPanel(name, fit.camera.sensor, fit.uvs_px[seen], fit.residuals_px[seen], found.used[seen])
+        )
+    return residual_svg(f"{title}: seen minus projected, what two views can see of it", panels)
+
+
+def _named_paths(text: str) -> dict[str, Path]:
+    pairs = [part.partition("=") for part in text.split(",")]
+    if any(not (name.strip() and path.strip()) for name, _, path in pairs) or len({pair[0] for pair in pairs}) < len(
+        pairs
+    ):
+        raise argparse.ArgumentTypeError(f"expected NAME=FILE,NAME=FILE, got {text!r}")
+    return {name.strip(): Path(path.strip()) for name, _, path in pairs}
+
+
+def _scale(text: str | None, corners: bool, physics: str) -> Scale:
+    if text is None:
+        if not corners:
+            raise CommandError("how long is a metre?", expected=f"--scale {SCALE_FORM}, or --table-corners")
+        return Scale("table")
+    kind, _, length = text.partition("=")
+    if kind not in KINDS or (kind in ("baseline", "wand")) != bool(length):
+        raise CommandError("no such scale", expected=SCALE_FORM, got=repr(text), where="--scale")
+    try:
+        length_m = float(length) if length else 0.0
+    except ValueError as error:
+        raise CommandError("not a length", expected="metres", got=repr(length), where="--scale") from error
+    if kind == "table" and not corners:
+        raise CommandError(
+            "the table's corners are not given", remedy="give them with --table-corners", where="--scale"
+        )
+    return Scale(kind, length_m, REAL_DRAG_PER_M if physics == "real" else 0.0)
+
+
+def _inputs(
+    arguments: argparse.Namespace, progress: Callable[[float], None]
+) -> tuple[dict[str, PointTrack], dict[str, Camera]]:
+    """What each camera saw, and its lens."""
+    given = {name: _lens(name, path) for name, path in (arguments.lenses or {}).items()}
+    if arguments.detections is not None:
+        tracks = {name: read_point_track(path) for name, path in arguments.detections.items()}
+        if arguments.recording is not None:
+            given = {**_recorded_lenses(arguments.recording), **given}
+        return tracks, given
+    if arguments.swept == "wand":
+        raise CommandError("no detector finds a wand's markers", remedy="give their places with --detections")
+    if arguments.recording is None:
+        raise CommandError("nothing to calibrate from", expected="a recording, or --detections")
+    recording = open_recording(arguments.recording)
+    try:
+        tracks = _detect(recording, arguments, progress)
+        return tracks, {**_lenses_of(recording), **given}
+    finally:
+        recording.close()
+
+
+def _detect(
+    recording: Recording, arguments: argparse.Namespace, progress: Callable[[float], None]
+) -> dict[str, PointTrack]:
+    loaded = load_config(DetectorConfig, arguments.config) if arguments.config else None
+    config = method_config(arguments.method, loaded)
+    tracks = {}
+    for number, (name, stream) in enumerate(recording.cameras.items()):
+
+        def show(share: float, number: int = number) -> None:
+            progress((number + share) / len(recording.cameras))
+
+        detector = make_detector(arguments.method, stream.sensor, config)
+        answers = run_detector(stream, detector, arguments.window_us or config.window.window_us, progress=show)
+        seen = answers.detected
+        tracks[name] = PointTrack.of(answers.t_us[seen], np.column_stack([answers.u_px, answers.v_px])[seen])
+    return tracks
+
+
+def _lens(name: str, path: Path) -> Camera:
+    cameras = load_calibration(path)
+    if len(cameras) > 1 and name not in cameras:
+        raise CommandError(f"no camera {name!r}", expected=f"one of {', '.join(cameras)}", where=path)
+    return cameras.get(name) or next(iter(cameras.values()))
+
+
+def _recorded_lenses(path: Path) -> dict[str, Camera]:
+    recording = open_recording(path)
+    try:
+        return _lenses_of(recording)
+    finally:
+        recording.close()
+
+
+def _lenses_of(recording: Recording) -> dict[str, Camera]:
+    return {name: stream.calibration for name, stream in recording.cameras.items() if stream.calibration is not None}
+
+
+def _row(name: str, fit: CameraFit, found: RigCalibration) -> dict[str, object]:
+    seen = np.isfinite(fit.residuals_px[:, 0])
+    sizes = np.linalg.norm(fit.residuals_px[seen & found.used], axis=1)
+    return {
+        "camera": name,
+        "points": len(sizes),
+        "left_out": int((seen & ~found.used).sum()),
+        "rms_px": float(np.sqrt((sizes**2).mean())),
+        "median_px": float(np.median(sizes)),
+        "p95_px": float(np.percentile(sizes, 95)),
+        "clock_ahead_us": round(fit.offset_us, 1),
+        "sigma_clock_us": round(fit.sigma_offset_us, 1),
+        "sigma_position_mm": 1e3 * fit.sigma_position_m,
+        "sigma_rotation_deg": float(np.degrees(fit.sigma_rotation_rad)),
+    }
+
+
+def _report(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> dict[str, object]:
+    return {
+        "cameras": rows,
+        "offset_us": {name: -round(fit.offset_us) for name, fit in found.fits.items()},
+        "sigma_px": found.sigma_px,
+        "baseline_m": found.baseline_m,
+        "sigma_baseline_m": found.sigma_baseline_m,
+        "scale": found.scale.said,
+        "frame": found.frame,
+        "click_rms_px": found.click_rms_px,
+        "T_world_camera": {name: camera.T_world_camera.tolist() for name, camera in found.cameras.items()},
+        "notes": list(found.notes),
+        "out": str(out),
+    }
+
+
+def _describe(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> str:
+    lines = [
+        f"{out}: {int(found.used.sum())} of {len(found.used)} common sightings, {found.sigma_px:.3f} px each way",
+        format_table(rows),
+        f"baseline {found.baseline_m:.4f} +- {found.sigma_baseline_m:.4f} m, scale from {found.scale.said}",
+        f"world: {found.frame}",
+    ]
+    if found.click_rms_px is not None:
+        lines.append(f"clicked corners: rms {found.click_rms_px:.2f} px")
+    lines += [
+        f"{name}'s clock: add {-round(fit.offset_us)} us to its times (`import --offset-us {-round(fit.offset_us)}`)"
+        for name, fit in found.fits.items()
+        if fit.sigma_offset_us > 0
+    ]
+    return "\n".join([*lines, *found.notes])

@@ -1,0 +1,136 @@
+"""What one camera saw of the swept point: pixels over time, sampled at any time between them."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.errors import CalibrationError
+
+Array = NDArray[np.float64]
+
+MAX_GAP_US: Final = 6000
+"""Nothing is interpolated across a longer gap: two 2 ms windows may fail in a row."""
+STRAY_TIMES_MEDIAN: Final = 4.0
+"""Of the distances from where neighbours expect a sighting: 3.4 sigma of plain noise in two axes."""
+GOLDEN: Final = (math.sqrt(5) - 1) / 2
+LARGEST_FILE_BYTES: Final = 256 << 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointTrack:
+    """N sightings, ascending in time within each marker."""
+
+    t_us: NDArray[np.int64]
+    """On the camera's own clock."""
+    uvs_px: Array
+    """(N, 2), distorted pixels as they were seen."""
+    marker: NDArray[np.int64]
+    """Which point it is: 0 for a ball, 0, 1, ... along a wand."""
+
+    @staticmethod
+    def of(t_us: ArrayLike, uvs_px: ArrayLike, marker: ArrayLike | None = None) -> PointTrack:
+        """A track sorted by marker and time, rows that are not finite left out."""
+        t, uvs = np.asarray(t_us, np.int64), np.asarray(uvs_px, np.float64).reshape(-1, 2)
+        which = np.zeros(len(t), np.int64) if marker is None else np.asarray(marker, np.int64)
+        keep = np.flatnonzero(np.isfinite(uvs).all(axis=1))
+        order = keep[np.lexsort((t[keep], which[keep]))]
+        return PointTrack(t[order], uvs[order], which[order])
+
+    def of_marker(self, marker: int) -> PointTrack:
+        """The sightings of one marker."""
+        mine = self.marker == marker
+        return PointTrack(self.t_us[mine], self.uvs_px[mine], self.marker[mine])
+
+
+def sample_values(track: PointTrack, values: Array, marker: NDArray[np.int64], at_us: Array) -> Array:
+    """`values` (N, K), one row per sighting, at times (M,) of markers (M,): linear between sightings, nan elsewhere."""
+    found = np.full((len(at_us), values.shape[1]), np.nan)
+    for which in np.unique(marker):
+        rows, asked = np.flatnonzero(track.marker == which), np.flatnonzero(marker == which)
+        if len(rows) < 2:
+            continue
+        t, at = track.t_us[rows], at_us[asked]
+        after = np.clip(np.searchsorted(t, at, side="right"), 1, len(t) - 1)
+        span = (t[after] - t[after - 1]).astype(np.float64)
+        share = (at - t[after - 1]) / np.maximum(span, 1.0)
+        inside = (t[0] <= at) & (at <= t[-1]) & (span > 0) & (span <= MAX_GAP_US)
+        low, high = values[rows[after - 1]], values[rows[after]]
+        found[asked[inside]] = (low + share[:, None] * (high - low))[inside]
+    return found
+
+
+def clean_track(track: PointTrack) -> PointTrack:
+    """The sightings that lie where the parabola through their four neighbours expects them.
+
+    A stray detection makes a steep stretch in the interpolated track. By chance it crosses the right place, and then
+    it fixes the clocks' offset, wrongly, as firmly as many good ones. Bounces and the ends of a run go too.
+    """
+    near = (
+        np.arange(len(track.t_us) - 4)[:, None] + np.array([0, 1, 3, 4])
+        if len(track.t_us) > 4
+        else np.empty((0, 4), int)
+    )
+    t = track.t_us[near] - track.t_us[2:-2, None] if len(near) else np.empty((0, 4))
+    whole = (np.diff(t, axis=1) > 0).all(axis=1) & (t[:, 1] < 0) & (t[:, 2] > 0)
+    whole &= (np.abs(t[:, [0, 3]]) <= 2 * MAX_GAP_US).all(axis=1)
+    whole &= (track.marker[near] == track.marker[near[:, :1]]).all(axis=1)
+    ms = 1e-3 * t[whole]
+    design = np.stack([np.ones_like(ms), ms, ms * ms], axis=2)
+    expected = (np.linalg.pinv(design) @ track.uvs_px[near[whole]])[:, 0]
+    rows = np.flatnonzero(whole) + 2
+    off = np.linalg.norm(track.uvs_px[rows] - expected, axis=1)
+    keep = rows[off <= STRAY_TIMES_MEDIAN * np.median(off)] if len(rows) else rows
+    return PointTrack(track.t_us[keep], track.uvs_px[keep], track.marker[keep])
+
+
+def common_instants(track: PointTrack, at_most: int) -> tuple[Array, NDArray[np.int64]]:
+    """Times (M,) between the sightings of a track, and their markers: where all cameras are to be compared.
+
+    Each lies a different share of the way from one sighting to the next (the golden ratio's multiples). Interpolation
+    smooths most in the middle; were the times the sightings' own, an offset of half a window would smooth the other
+    cameras, make the residuals smaller, and be preferred for that.
+    """
+    step = np.diff(track.t_us)
+    usable = np.flatnonzero((step > 0) & (step <= MAX_GAP_US) & (np.diff(track.marker) == 0))
+    if len(usable) > at_most:
+        usable = usable[np.linspace(0, len(usable) - 1, at_most).astype(int)]
+    share = (GOLDEN * np.arange(1, len(usable) + 1)) % 1.0
+    return track.t_us[usable] + share * step[usable], track.marker[usable]
+
+
+def read_point_track(path: Path) -> PointTrack:
+    """A table as `detect` writes it: t_us, u_px, v_px and what else; a column `marker` numbers the points of a wand.
+
+    Raises:
+        CalibrationError: if it is no such table.
+    """
+    try:
+        if path.stat().st_size > LARGEST_FILE_BYTES:
+            raise CalibrationError("too large for a table of detections", expected="at most 256 MiB", where=path)
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [_row(row, f"{path}, line {number}") for number, row in enumerate(csv.DictReader(file), start=2)]
+    except OSError as error:
+        raise CalibrationError("cannot read the detections", got=error.strerror, where=path) from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise CalibrationError("not a table", expected="CSV with t_us,u_px,v_px", where=path) from error
+    columns = np.array(rows, np.float64).reshape(-1, 4)
+    return PointTrack.of(columns[:, 0].astype(np.int64), columns[:, 1:3], columns[:, 3].astype(np.int64))
+
+
+def _row(row: Mapping[str, str | None], where: str) -> tuple[float, float, float, float]:
+    try:
+        t_us, u_px, v_px = (float(row[name] or "") for name in ("t_us", "u_px", "v_px"))
+        marker = float(row.get("marker") or 0)
+    except (KeyError, ValueError) as error:
+        raise CalibrationError("not a detection", expected="numbers t_us,u_px,v_px", where=where) from error
+    if not (math.isfinite(t_us) and abs(t_us) < 2**53 and 0 <= marker < 100 and marker % 1 == 0):
+        raise CalibrationError("not a detection", expected="a time in us, a marker 0 to 99", where=where)
+    return t_us, u_px, v_px, marker

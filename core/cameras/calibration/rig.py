@@ -1,0 +1,302 @@
+"""A rig of cameras from a point that was swept before them: poses, clock offsets, scale and place in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras.calibration.bundle import Adjusted, Rig, Sightings, adjust, points_of
+from core.cameras.calibration.placement import Placed, place_by_clicks, place_upright
+from core.cameras.calibration.point_track import PointTrack, clean_track, common_instants, sample_values
+from core.cameras.calibration.relative_pose import RelativePose, guess_relative_pose
+from core.cameras.calibration.scale import Scale, ScaleFound, measure_scale
+from core.cameras.calibration.table_corners import Clicks
+from core.cameras.camera import Camera
+from core.cameras.outline import ball_circles
+from core.config import check_settings, setting
+from core.errors import CalibrationError
+from core.geometry import make_transform
+
+Array = NDArray[np.float64]
+
+SEARCH_INSTANTS: Final = 20_000
+ROUGH_PX: Final = 1.0
+"""Width of the robust loss that improves the guess."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigConfig:
+    """How a rig is calibrated."""
+
+    max_offset_ms: float = setting(50.0, 0.0, 2000.0)
+    """The clocks are searched for offsets up to so much; 0: they are the same clock and no offset is fitted."""
+    offset_step_ms: float = setting(1.0, 0.1, 20.0)
+    """Of that search. A ball moves some 3 px in 1 ms (5 m/s, 1.7 m away, f = 1000 px)."""
+    instants: int = setting(2000, 50, 20_000)
+    """Common sightings that the adjustment uses, at most; evenly spread."""
+    click_sigma_px: float = setting(1.0, 0.05, 20.0)
+    """Standard deviation of a clicked corner along each picture axis (choice)."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraFit:
+    """One camera of the rig."""
+
+    camera: Camera
+    offset_us: float
+    """Its clock minus the first camera's: its times minus this are on the first one's clock."""
+    sigma_offset_us: float
+    sigma_position_m: float
+    """Root of the summed variances; 0 for a camera that defines the frame."""
+    sigma_rotation_rad: float
+    uvs_px: Array
+    """(N, 2) what it saw at the common instants, nan where nothing."""
+    residuals_px: Array
+    """(N, 2) seen minus projected."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigCalibration:
+    """What came out."""
+
+    fits: dict[str, CameraFit]
+    t_us: Array
+    """(N,) the common instants, on the first camera's clock."""
+    ps_world_m: Array
+    """(N, 3)."""
+    used: NDArray[np.bool_]
+    """(N,) instants that were not left out."""
+    sigma_px: float
+    """Noise of one sighting along one picture axis."""
+    scale: ScaleFound
+    baseline_m: float
+    """Between the first two cameras."""
+    sigma_baseline_m: float
+    frame: str
+    """What the world is, in words."""
+    click_rms_px: float | None
+    notes: tuple[str, ...]
+
+    @property
+    def cameras(self) -> dict[str, Camera]:
+        """By name, placed in the world."""
+        return {name: fit.camera for name, fit in self.fits.items()}
+
+
+def calibrate_rig(
+    tracks: Mapping[str, PointTrack],
+    lenses: Mapping[str, Camera],
+    scale: Scale,
+    *,
+    clicks: Mapping[str, Clicks] | None = None,
+    ball: bool = True,
+    config: RigConfig | None = None,
+    progress: Callable[[float], None] = lambda share: None,
+) -> RigCalibration:
+    """Poses, clocks and scale of the cameras of `tracks`, whose `lenses` are known (their poses are not looked at).
+
+    With `ball` the pixels are centres of a ball's outline, which lie a little farther out than its centre's image.
+
+    Raises:
+        CalibrationError: if cameras, sightings, scale or corners do not allow it.
+    """
+    config = config or RigConfig()
+    names = tuple(tracks)
+    _check(names, lenses, scale, clicks or {})
+    cameras = [lenses[name] for name in names]
+    seen = [clean_track(tracks[name]) for name in names]
+    rig = _guess(seen, cameras, config, progress)
+    solved = _solve(seen, cameras, names, rig, scale, clicks or {}, config, rough_px=ROUGH_PX)
+    progress(0.8)
+    if ball:
+        seen = _centres_of_balls(seen, solved)
+        solved = _solve(seen, cameras, names, solved.relative, scale, clicks or {}, config)
+    progress(1.0)
+    return _report(seen, names, solved)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Solved:
+    relative: Rig
+    """In the first camera's frame, baseline 1."""
+    sightings: Sightings
+    adjusted: Adjusted
+    scale: ScaleFound
+    placed: Placed
+    cameras: list[Camera]
+    marker: NDArray[np.int64]
+
+
+def _check(names: tuple[str, ...], lenses: Mapping[str, Camera], scale: Scale, clicks: Mapping[str, Clicks]) -> None:
+    if len(names) < 2:
+        got = ", ".join(names) or "none"
+        raise CalibrationError("a rig has two cameras or more", expected="tracks of two cameras", got=got)
+    for name in names:
+        if name not in lenses:
+            remedy = "calibrate its lens first: `rallyscope calibrate intrinsics`"
+            raise CalibrationError("no lens", where=f"camera {name}", remedy=remedy)
+    unknown = [name for name in clicks if name not in names]
+    if unknown:
+        raise CalibrationError("corners of an unknown camera", expected=", ".join(names), got=", ".join(unknown))
+    if scale.kind == "table" and len(clicks) < 2:
+        raise CalibrationError("no scale", expected="the table's corners in two cameras", got=f"{len(clicks)} cameras")
+
+
+def _sightings(tracks: list[PointTrack], cameras: list[Camera], t_us: Array, marker: NDArray[np.int64]) -> Sightings:
+    xys = [camera.undistort(track.uvs_px) for camera, track in zip(cameras, tracks, strict=True)]
+
+    def sample(offsets_us: Array) -> Array:
+        columns = [
+            sample_values(track, xy, marker, t_us + offset)
+            for track, xy, offset in zip(tracks, xys, offsets_us.tolist(), strict=True)
+        ]
+        return np.stack(columns, axis=1)
+
+    focals = np.array([(camera.K[0, 0] + camera.K[1, 1]) / 2 for camera in cameras])
+    return Sightings(t_us, sample, focals)
+
+
+def _guess(
+    tracks: list[PointTrack], cameras: list[Camera], config: RigConfig, progress: Callable[[float], None]
+) -> Rig:
+    """Each camera against the first, brought to one scale."""
+    sightings = _sightings(tracks, cameras, *common_instants(tracks[0], SEARCH_INSTANTS))
+    steps = int(config.max_offset_ms / config.offset_step_ms)
+    offsets_us = np.arange(-steps, steps + 1, dtype=np.float64) * (1e3 * config.offset_step_ms)
+    others = len(tracks) - 1
+    poses: list[RelativePose] = []
+    for other in range(1, len(tracks)):
+
+        def second_at(offset_us: float, other: int = other) -> Array:
+            return sightings.sample(np.where(np.arange(others + 1) == other, offset_us, 0.0))[:, other]
+
+        first = sightings.sample(np.zeros(others + 1))[:, 0]
+        focal = float(sightings.focals_px[[0, other]].mean())
+
+        def show(share: float, other: int = other) -> None:
+            progress(0.6 * (other - 1 + share) / others)
+
+        poses.append(guess_relative_pose(first, second_at, offsets_us, focal, progress=show))
+    return _one_scale(poses, sightings)
+
+
+def _one_scale(poses: list[RelativePose], sightings: Sightings) -> Rig:
+    """All cameras in the first one's frame; the first two are 1 apart, the others where depths agree."""
+    Rs = np.stack([np.eye(3), *(pose.T_first_second[:3, :3] for pose in poses)])
+    ps = np.stack([np.zeros(3), *(pose.T_first_second[:3, 3] for pose in poses)])
+    offsets_us = np.array([0.0, *(pose.offset_us for pose in poses)])
+    xys = sightings.sample(offsets_us)
+    depths = []
+    for other in range(1, len(ps)):
+        pair = [0, other]
+        rig = Rig(Rs[pair], ps[pair], offsets_us[pair])
+        depths.append(points_of(rig, xys[:, pair], sightings.focals_px[pair])[:, 2])
+    for other in range(2, len(ps)):
+        ratio = np.nanmedian(depths[0] / depths[other - 1])
+        if not np.isfinite(ratio):
+            raise CalibrationError("a camera saw nothing together with the first two", got=f"camera number {other + 1}")
+        ps[other] *= ratio
+    return Rig(Rs, ps, offsets_us)
+
+
+def _solve(
+    tracks: list[PointTrack],
+    cameras: list[Camera],
+    names: tuple[str, ...],
+    start: Rig,
+    scale: Scale,
+    clicks: Mapping[str, Clicks],
+    config: RigConfig,
+    *,
+    rough_px: float | None = None,
+) -> _Solved:
+    t_us, marker = common_instants(tracks[0], SEARCH_INSTANTS)
+    sightings = _sightings(tracks, cameras, t_us, marker)
+    common = np.flatnonzero(np.isfinite(sightings.sample(start.offsets_us)[..., 0]).sum(axis=1) >= 2)
+    chosen = common[np.linspace(0, len(common) - 1, min(len(common), config.instants)).astype(int)]
+    marker = marker[chosen]
+    sightings = _sightings(tracks, cameras, t_us[chosen], marker)
+    free = np.ones((len(tracks), 7), np.bool_)
+    free[0] = False
+    free[:, 6] &= config.max_offset_ms > 0
+    adjusted = adjust(sightings, start, free, _unit_baseline, rough_px=rough_px)
+    relative = adjusted.rig
+    poses = {names.index(name): (cameras[names.index(name)], found) for name, found in clicks.items()}
+
+    def at_marker(t_us: Array, marker: NDArray[np.int64]) -> Sightings:
+        return _sightings(tracks, cameras, t_us, marker)
+
+    found = measure_scale(scale, sightings, marker, adjusted, poses, at_marker)
+    if poses:
+        free[0, :6] = True
+        placed = place_by_clicks(sightings, adjusted, free, found, poses, config.click_sigma_px)
+    else:
+        placed = place_upright(adjusted, found)
+    solved = [
+        replace(camera, T_world_camera=make_transform(R, p))
+        for camera, R, p in zip(cameras, placed.adjusted.rig.Rs, placed.adjusted.rig.ps, strict=True)
+    ]
+    return _Solved(relative, sightings, adjusted, found, placed, solved, marker)
+
+
+def _unit_baseline(rig: Rig) -> Array:
+    return np.array([1e4 * (float(np.linalg.norm(rig.ps[1] - rig.ps[0])) - 1.0)])
+
+
+def _centres_of_balls(tracks: list[PointTrack], solved: _Solved) -> list[PointTrack]:
+    """The tracks with each outline's centre moved to where the image of the ball's centre is."""
+    rig = solved.placed.adjusted.rig
+    ps = points_of(rig, solved.sightings.sample(rig.offsets_us), solved.sightings.focals_px)
+    corrected = []
+    for track, camera, offset_us in zip(tracks, solved.cameras, rig.offsets_us.tolist(), strict=True):
+        circles = ball_circles(camera, ps)
+        shift = np.column_stack([circles.u_px, circles.v_px]) - camera.project(ps)
+        good = np.isfinite(shift[:, 0]) & solved.placed.adjusted.used
+        t_us = solved.sightings.t_us[good] + offset_us
+        shifts = [np.interp(track.t_us, t_us, column) for column in shift[good].T] if good.any() else [0.0, 0.0]
+        corrected.append(replace(track, uvs_px=track.uvs_px - np.column_stack(shifts)))
+    return corrected
+
+
+def _report(seen: list[PointTrack], names: tuple[str, ...], solved: _Solved) -> RigCalibration:
+    adjusted = solved.placed.adjusted
+    rig, sightings = adjusted.rig, solved.sightings
+    ps = points_of(rig, sightings.sample(rig.offsets_us), sightings.focals_px)
+    variances = np.diag(adjusted.covariance).reshape(-1, 7)
+    fits = {}
+    for k, name in enumerate(names):
+        uvs = sample_values(seen[k], seen[k].uvs_px, solved.marker, sightings.t_us + rig.offsets_us[k])
+        fits[name] = CameraFit(
+            solved.cameras[k],
+            float(rig.offsets_us[k]),
+            1e3 * float(np.sqrt(variances[k, 6])),
+            float(np.sqrt(variances[k, 3:6].sum())),
+            float(np.sqrt(variances[k, :3].sum())),
+            uvs,
+            uvs - solved.cameras[k].project(ps),
+        )
+    baseline = float(np.linalg.norm(rig.ps[1] - rig.ps[0]))
+    return RigCalibration(
+        fits,
+        sightings.t_us,
+        ps,
+        adjusted.used,
+        adjusted.sigma_px,
+        solved.scale,
+        baseline,
+        solved.placed.sigma_baseline_m,
+        solved.placed.frame,
+        solved.placed.click_rms_px,
+        _notes(solved.placed, names),
+    )
+
+
+def _notes(placed: Placed, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"the corner {name} of {names[k]} is {off:.1f} px off" for k, name, off in placed.stray_clicks)

@@ -1,0 +1,108 @@
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.cli import main
+from core.cameras import load_calibration, save_calibration, stereo_preset
+from core.evaluation.swept_ball import BallSwing, click_corners, seen_by
+
+CAMERAS = stereo_preset("side")
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Detections of a swung ball, lenses without poses, and clicked corners; the right clock is 1.7 ms ahead."""
+    folder = tmp_path_factory.mktemp("sweep")
+    rng = np.random.default_rng(0)
+    for name, camera in CAMERAS.items():
+        track = seen_by(
+            camera, BallSwing(3.0), rng, noise_px=0.4, clock_ahead_us=1700 if name == "right" else 0, stray_share=0.01
+        )
+        with (folder / f"{name}.csv").open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(["t_us", "u_px", "v_px", "r_px"])
+            writer.writerows([t_us, *uv, 9.0] for t_us, uv in zip(track.t_us, track.uvs_px.tolist(), strict=True))
+        save_calibration(folder / f"{name}.toml", {name: replace(camera, T_world_camera=np.eye(4))})
+    with (folder / "corners.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["camera", "corner", "u_px", "v_px"])
+        for name, clicks in click_corners(CAMERAS, rng, 0.5).items():
+            writer.writerows([name, corner, *uv] for corner, uv in zip(clicks.names, clicks.uvs_px, strict=True))
+    return folder
+
+
+def from_files(folder: Path, *more: str) -> list[str]:
+    given = [f"--{option}=left={folder}/left.{kind},right={folder}/right.{kind}" for option, kind in FILES.items()]
+    return ["calibrate", "stereo", *given, "--max-offset-ms", "3", "--out", str(folder / "rig.toml"), *more]
+
+
+FILES = {"detections": "csv", "lenses": "toml"}
+
+
+def test_a_sweep_gives_a_calibration_that_other_verbs_read(sweep: Path, tmp_path: Path, capsys) -> None:
+    report = tmp_path / "rig.svg"
+    corners = ["--table-corners", str(sweep / "corners.csv")]
+    assert main(from_files(sweep, *corners, "--report", str(report), "--json")) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["offset_us"]["right"] == pytest.approx(-1700, abs=40) and figures["offset_us"]["left"] == 0
+    assert figures["baseline_m"] == pytest.approx(3.5, abs=0.01)
+    rows = {row["camera"]: row for row in figures["cameras"]}
+    assert rows["right"]["sigma_clock_us"] < 40 and rows["left"]["p95_px"] < 1.0 and rows["left"]["points"] > 500
+    for name, camera in load_calibration(sweep / "rig.toml").items():
+        assert np.linalg.norm(camera.position_world_m - CAMERAS[name].position_world_m) < 0.01
+        np.testing.assert_array_equal(camera.K, CAMERAS[name].K)
+    assert "left: " in report.read_text() and report.read_text().endswith("</svg>")
+    made = ["simulate", "--out", str(tmp_path / "again.h5"), "--serves", "1", "--cameras", str(sweep / "rig.toml")]
+    assert main(made) == 0
+
+
+def test_without_json_a_person_reads_what_to_do(sweep: Path, capsys) -> None:
+    assert main(from_files(sweep, "--scale", "baseline=3.5")) == 0
+    text = capsys.readouterr().out
+    assert "common sightings" in text and "baseline 3.5000" in text and "the first camera's own axes" in text
+    assert "right's clock: add -1" in text and "import --offset-us -1" in text and "clicked" not in text
+
+
+def test_a_recording_is_enough_where_it_has_lenses(serve_recording: Path, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "rig.toml"
+    arguments = ["calibrate", "stereo", str(serve_recording), "--scale", "baseline=3.5", "--same-clock"]
+    status = main([*arguments, "--out", str(out), "--json"])
+    captured = capsys.readouterr()
+    # A single serve flies in one plane, which fits two poses: that is found out and said.
+    assert status == 2 and "one plane only" in captured.err and captured.err.count("\n") == 1 and not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ([], "how long is a metre"),
+        (["--scale", "foot=3"], "baseline=METRES"),
+        (["--scale", "baseline"], "no such scale"),
+        (["--scale", "baseline=x"], "not a length"),
+        (["--scale", "baseline=-1"], "0.001 to 100 m"),
+        (["--scale", "table"], "--table-corners"),
+        (["--scale", "wand=0.4"], "too little of the wand"),
+        (["--table-corners", "none.csv"], "cannot read the corners"),
+        (["--scale", "baseline=3.5", "--detections", "left"], "NAME=FILE"),
+        (["--scale", "baseline=3.5", "--detections", "left=none.csv,right=none.csv"], "none.csv"),
+        (["--scale", "baseline=3.5", "--lenses", "left=none.toml,right=none.toml"], "none.toml"),
+        (["--scale", "baseline=3.5", "--out", "rig.yaml"], "expected .toml"),
+        (["--scale", "baseline=3.5", "--max-offset-ms", "-1"], "max_offset_ms"),
+        (["--scale", "baseline=3.5", "--report", "rig.png"], "FILE.svg"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_2(sweep: Path, capsys, change: list[str], says: str) -> None:
+    assert main(from_files(sweep, *change)) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and says in error
+
+
+def test_a_wand_needs_its_detections_and_a_ball_something_to_look_at(serve_recording: Path, capsys) -> None:
+    wand = ["calibrate", "stereo", str(serve_recording), "--from", "wand", "--scale", "wand=0.4", "--out", "rig.toml"]
+    assert main(wand) == 2 and "--detections" in capsys.readouterr().err
+    assert main(["calibrate", "stereo", "--scale", "gravity", "--out", "rig.toml"]) == 2
+    assert "a recording, or --detections" in capsys.readouterr().err

@@ -1,0 +1,81 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.cameras.calibration.point_track import (
+    PointTrack,
+    clean_track,
+    common_instants,
+    read_point_track,
+    sample_values,
+)
+from core.errors import CalibrationError
+
+
+def line(count: int = 50, step_us: int = 2000) -> PointTrack:
+    t_us = np.arange(count) * step_us
+    return PointTrack.of(t_us, np.column_stack([3e-3 * t_us, 100 + 1e-8 * t_us**2]))
+
+
+def test_values_are_linear_between_sightings_and_nan_across_gaps_markers_and_ends() -> None:
+    t_us = np.array([0, 2000, 4000, 20_000, 22_000, 0, 2000])
+    track = PointTrack.of(t_us, np.column_stack([t_us, -t_us]), [0, 0, 0, 0, 0, 1, 1])
+    at = np.array([-1.0, 0.0, 500.0, 3999.0, 9000.0, 21_000.5, 22_001.0])
+    found = sample_values(track, track.uvs_px, np.zeros(len(at), np.int64), at)
+    np.testing.assert_allclose(found[:, 0], [np.nan, 0, 500, 3999, np.nan, 21_000.5, np.nan])
+    np.testing.assert_allclose(found[:, 1], -found[:, 0])
+    other = sample_values(track, track.uvs_px, np.ones(1, np.int64), np.array([3000.0]))
+    assert np.isnan(other).all(), "marker 1 ends at 2000"
+
+
+def test_sightings_come_in_any_order_and_those_that_are_none_are_left_out() -> None:
+    track = PointTrack.of([30, 10, 20], [[3, 3], [1, 1], [np.nan, 2]], [0, 0, 0])
+    assert track.t_us.tolist() == [10, 30] and track.uvs_px[:, 0].tolist() == [1, 3]
+
+
+def test_common_instants_lie_anywhere_between_sightings() -> None:
+    t_us, marker = common_instants(line(200), 1000)
+    share = t_us % 2000 / 2000
+    assert len(t_us) == 199 and not marker.any() and (np.diff(t_us) > 0).all()
+    assert np.histogram(share, 10, (0, 1))[0].min() >= 15, "evenly over the share of the way"
+    assert len(common_instants(line(200), 50)[0]) == 50
+
+
+def test_stray_sightings_go_and_good_ones_stay() -> None:
+    track = line(200)
+    rng = np.random.default_rng(0)
+    uvs = track.uvs_px + rng.normal(0, 0.3, track.uvs_px.shape)
+    uvs[[40, 100]] += (30.0, -20.0)
+    cleaned = clean_track(PointTrack.of(track.t_us, uvs))
+    assert not {40 * 2000, 100 * 2000} & set(cleaned.t_us.tolist())
+    assert 180 < len(cleaned.t_us) < 194, "with each its neighbours and the two at each end"
+    assert len(clean_track(line(3)).t_us) == 0 and len(clean_track(PointTrack.of([], [])).t_us) == 0
+
+
+def test_a_table_of_detections_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "det.csv"
+    path.write_text("t_us,u_px,v_px,r_px\n4000,2.5,3.5,9\n2000,1.5,2.5,9\n")
+    track = read_point_track(path)
+    assert track.t_us.tolist() == [2000, 4000] and track.uvs_px.tolist() == [[1.5, 2.5], [2.5, 3.5]]
+    path.write_text("t_us,u_px,v_px,marker\n1,2,3,1\n1,5,6,0\n")
+    assert read_point_track(path).marker.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("a,b\n1,2\n", "line 2"),
+        ("t_us,u_px,v_px\n1,2,x\n", "line 2"),
+        ("t_us,u_px,v_px,marker\n1,2,3,-1\n", "marker 0 to 99"),
+        ("t_us,u_px,v_px\ninf,2,3\n", "a time in us"),
+        ("t_us,u_px,v_px\n1\n", "line 2"),
+    ],
+)
+def test_what_is_no_table_of_detections_is_refused_with_its_line(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "det.csv"
+    path.write_text(text)
+    with pytest.raises(CalibrationError, match=says):
+        read_point_track(path)
+    with pytest.raises(CalibrationError, match="cannot read"):
+        read_point_track(tmp_path / "none.csv")

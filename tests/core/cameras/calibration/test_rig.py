@@ -1,0 +1,208 @@
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.cameras import Camera, stereo_preset
+from core.cameras.calibration.point_track import PointTrack
+from core.cameras.calibration.rig import RigCalibration, RigConfig, calibrate_rig
+from core.cameras.calibration.scale import Scale
+from core.cameras.calibration.table_corners import Clicks
+from core.errors import CalibrationError
+from core.evaluation.swept_ball import BallSwing, click_corners, seen_by
+from core.geometry import invert_transform, look_at
+from core.simulation.serve import ServeConfig
+from core.simulation.serves import draw_serves
+
+CAMERAS = stereo_preset("side")
+LENSES = {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in CAMERAS.items()}
+QUICK = RigConfig(max_offset_ms=3.0, instants=400)
+
+
+def sweep(
+    cameras: Mapping[str, Camera],
+    path,
+    *,
+    ahead_us: int = 1700,
+    noise_px: float = 0.4,
+    stray: float = 0.02,
+    seed: int = 0,
+) -> dict[str, PointTrack]:
+    """What the cameras say; the clocks of all but the first are ahead."""
+    rng = np.random.default_rng(seed)
+    return {
+        name: seen_by(camera, path, rng, noise_px=noise_px, clock_ahead_us=ahead_us if number else 0, stray_share=stray)
+        for number, (name, camera) in enumerate(cameras.items())
+    }
+
+
+def relative(cameras: Mapping[str, Camera], name: str) -> np.ndarray:
+    first = next(iter(cameras.values()))
+    return invert_transform(first.T_world_camera) @ cameras[name].T_world_camera
+
+
+def turned_deg(a: np.ndarray, b: np.ndarray) -> float:
+    cosine = (np.trace(a[:3, :3].T @ b[:3, :3]) - 1) / 2
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+
+
+def off_mm(found: RigCalibration, path) -> np.ndarray:
+    """Distances of the points from where the ball was."""
+    true = path.at(found.t_us * 1e-6).p_world_m
+    return 1e3 * np.linalg.norm(found.ps_world_m - true, axis=1)[found.used]
+
+
+@pytest.fixture(scope="module")
+def swung() -> RigCalibration:
+    tracks = sweep(CAMERAS, BallSwing(5.0))
+    clicks = click_corners(CAMERAS, np.random.default_rng(1), 0.5)
+    return calibrate_rig(tracks, LENSES, Scale("table"), clicks=clicks, config=QUICK)
+
+
+def test_a_swung_ball_and_the_tables_corners_give_the_rig_its_place_and_its_clocks(swung: RigCalibration) -> None:
+    assert swung.fits["right"].offset_us == pytest.approx(1700, abs=40) and swung.fits["left"].offset_us == 0
+    for name, camera in swung.cameras.items():
+        assert np.linalg.norm(camera.position_world_m - CAMERAS[name].position_world_m) < 0.006
+        assert turned_deg(camera.T_world_camera, CAMERAS[name].T_world_camera) < 0.1
+    assert np.median(off_mm(swung, BallSwing(5.0))) < 2.0
+    assert swung.click_rms_px is not None and swung.click_rms_px < 1.0 and swung.notes == ()
+
+
+def test_what_is_reported_of_the_residuals_is_what_the_cameras_give(swung: RigCalibration) -> None:
+    for fit in swung.fits.values():
+        again = fit.uvs_px - fit.camera.project(swung.ps_world_m)
+        np.testing.assert_allclose(fit.residuals_px, again, equal_nan=True)
+        assert 0.1 < np.sqrt(np.nanmean(fit.residuals_px[swung.used] ** 2)) < 0.3, "half of the noise leaves a residual"
+    assert 0.28 < swung.sigma_px < 0.38, "0.4 px, smoothed by interpolation"
+
+
+def test_standard_deviations_are_honest() -> None:
+    # The relative pose and the clock over several sweeps; the baseline's length is given.
+    scores = []
+    true = relative(CAMERAS, "right")
+    for seed in range(5):
+        tracks = sweep(CAMERAS, BallSwing(2.5), seed=seed, stray=0.0)
+        found = calibrate_rig(tracks, LENSES, Scale("baseline", 3.5), config=QUICK)
+        fit, got = found.fits["right"], relative(found.cameras, "right")
+        scores.append((fit.offset_us - 1700) / fit.sigma_offset_us)
+        scores.append(np.linalg.norm(got[:3, 3] - true[:3, 3]) / fit.sigma_position_m)
+        scores.append(np.radians(turned_deg(got, true)) / fit.sigma_rotation_rad)
+    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.8
+
+
+@pytest.fixture(scope="module")
+def served():
+    configs = [ServeConfig(speed_mps=speed, yaw_spread_deg=6.0) for speed in (4, 5, 6, 5, 7, 4)]
+    return draw_serves(configs, np.random.default_rng(3))
+
+
+def test_free_flight_tells_the_scale_and_which_way_is_up(served) -> None:
+    found = calibrate_rig(sweep(CAMERAS, served), LENSES, Scale("gravity", drag_per_m=0.0), config=QUICK)
+    assert found.baseline_m == pytest.approx(3.5, rel=0.005)
+    assert found.sigma_baseline_m < 0.02 and "arcs" in found.scale.said
+    left, right = found.cameras.values()
+    np.testing.assert_allclose(left.position_world_m, 0.0, atol=1e-12)
+    assert right.position_world_m[2] == pytest.approx(0.0, abs=0.02), "both stand 1.15 m high"
+    down = left.T_world_camera[:3, :3].T @ [0, 0, -1.0]
+    expected = CAMERAS["left"].T_world_camera[:3, :3].T @ [0, 0, -1.0]
+    assert np.degrees(np.arccos(down @ expected)) < 0.3
+    assert abs(left.T_world_camera[1, 2]) < 1e-9 and left.T_world_camera[0, 2] > 0, "x is where it looks"
+
+
+def test_a_given_baseline_is_kept_beside_the_corners(served) -> None:
+    clicks = click_corners(CAMERAS, np.random.default_rng(1), 0.5)
+    found = calibrate_rig(sweep(CAMERAS, served), LENSES, Scale("baseline", 3.5), clicks=clicks, config=QUICK)
+    assert found.baseline_m == pytest.approx(3.5, abs=0.001) and "corners" in found.frame
+    assert np.median(off_mm(found, served)) < 2.5
+
+
+def test_the_length_of_a_wand_is_the_scale() -> None:
+    swing = BallSwing(5.0)
+    rng = np.random.default_rng(0)
+    t_us = np.arange(2000, 5_000_000, 2000)
+    tracks = {}
+    for number, (name, camera) in enumerate(CAMERAS.items()):
+        middle = swing.at((t_us - 1700 * number) * 1e-6).p_world_m
+        turn = (t_us - 1700 * number) * 3e-6
+        half = 0.2 * np.column_stack([np.cos(turn), np.sin(turn) * 0.8, np.sin(turn) * 0.6])
+        uvs = np.concatenate([camera.project(middle + half), camera.project(middle - half)])
+        tracks[name] = PointTrack.of(
+            np.tile(t_us, 2), uvs + rng.normal(0, 0.3, uvs.shape), np.repeat([0, 1], len(t_us))
+        )
+    found = calibrate_rig(tracks, LENSES, Scale("wand", 0.4), ball=False, config=QUICK)
+    assert found.baseline_m == pytest.approx(3.5, rel=0.003)
+    assert found.fits["right"].offset_us == pytest.approx(1700, abs=40)
+
+
+def test_a_third_camera_is_brought_to_the_same_scale_and_has_its_own_clock() -> None:
+    three = {**CAMERAS, "top": replace(CAMERAS["left"], T_world_camera=look_at((-1.3, 0.2, 2.3), (-0.5, 0.0, 0.1)))}
+    lenses = {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in three.items()}
+    found = calibrate_rig(sweep(three, BallSwing(4.0)), lenses, Scale("baseline", 3.5), config=QUICK)
+    got, true = relative(found.cameras, "top"), relative(three, "top")
+    assert np.linalg.norm(got[:3, 3] - true[:3, 3]) < 0.01 and turned_deg(got, true) < 0.1
+    assert found.fits["top"].offset_us == pytest.approx(1700, abs=40)
+
+
+def test_one_clock_means_no_offset() -> None:
+    tracks = sweep(CAMERAS, BallSwing(3.0), ahead_us=0)
+    found = calibrate_rig(tracks, LENSES, Scale("baseline", 3.5), config=replace(QUICK, max_offset_ms=0.0))
+    fit = found.fits["right"]
+    assert fit.offset_us == 0 and fit.sigma_offset_us == 0
+    assert np.linalg.norm(relative(found.cameras, "right")[:3, 3] - relative(CAMERAS, "right")[:3, 3]) < 0.004
+
+
+def test_the_same_sightings_give_the_same_rig() -> None:
+    tracks = sweep(CAMERAS, BallSwing(2.0))
+    first, second = (calibrate_rig(tracks, LENSES, Scale("baseline", 3.5), config=QUICK) for _ in range(2))
+    for name, camera in first.cameras.items():
+        np.testing.assert_array_equal(camera.T_world_camera, second.cameras[name].T_world_camera)
+
+
+def test_a_misplaced_click_is_named() -> None:
+    clicks = click_corners(CAMERAS, np.random.default_rng(1), 0.5)
+    left = clicks["left"]
+    uvs = left.uvs_px.copy()
+    uvs[left.names.index("net-left")] += 25.0
+    wrong = {**clicks, "left": Clicks(left.names, uvs)}
+    tracks = sweep(CAMERAS, BallSwing(2.0))
+    found = calibrate_rig(tracks, LENSES, Scale("baseline", 3.5), clicks=wrong, config=QUICK)
+    assert any("the corner net-left of left is" in note for note in found.notes)
+
+
+def test_a_sweep_in_one_plane_is_refused_because_two_poses_fit_it() -> None:
+    tracks = sweep(CAMERAS, BallSwing(2.0, reach_m=(0.6, 0.001, 0.28)))
+    with pytest.raises(CalibrationError, match="one plane only"):
+        calibrate_rig(tracks, LENSES, Scale("baseline", 3.5), config=QUICK)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "scale", "says"),
+    [
+        (lambda tracks: {"left": tracks["left"]}, Scale("baseline", 3.5), "tracks of two cameras"),
+        (lambda tracks: {**tracks, "top": tracks["left"]}, Scale("baseline", 3.5), "camera top: no lens"),
+        (lambda tracks: tracks, Scale("table"), "corners in two cameras"),
+        (lambda tracks: tracks, Scale("wand", 0.4), "too little of the wand"),
+        (lambda tracks: tracks, Scale("gravity"), "gravity|free flight"),
+        (
+            lambda tracks: {**tracks, "right": replace(tracks["right"], t_us=tracks["right"].t_us + 10**8)},
+            Scale("baseline", 3.5),
+            "too little at the same time",
+        ),
+        (lambda tracks: {**tracks, "right": PointTrack.of([], [])}, Scale("baseline", 3.5), "too little at the same"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_one_clear_error(spoil, scale: Scale, says: str) -> None:
+    with pytest.raises(CalibrationError, match=says):
+        calibrate_rig(spoil(sweep(CAMERAS, BallSwing(2.0))), LENSES, scale, config=QUICK)
+
+
+def test_detections_of_two_different_things_do_not_pass_for_one() -> None:
+    rng = np.random.default_rng(0)
+    other = BallSwing(3.0, turns_hz=(1.31, 0.71, 0.53), phases_rad=(2.0, 1.0, 0.0))
+    tracks = {
+        "left": seen_by(CAMERAS["left"], BallSwing(3.0), rng, noise_px=0.4),
+        "right": seen_by(CAMERAS["right"], other, rng, noise_px=0.4),
+    }
+    with pytest.raises(CalibrationError, match=r"fit together|no pose|in front"):
+        calibrate_rig(tracks, LENSES, Scale("baseline", 3.5), config=QUICK)
