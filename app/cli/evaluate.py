@@ -1,4 +1,4 @@
-"""`rallyscope evaluate`: a trained run on fixed balls, with the trivial policies beside it."""
+"""`rallyscope evaluate`: a trained run on fixed balls, with the trivial policies beside it; or recorded ball states."""
 
 from __future__ import annotations
 
@@ -6,26 +6,34 @@ import argparse
 import json
 from pathlib import Path
 
+from app.cli import ball_states
 from app.cli.arguments import positive_int
 from app.cli.bench import format_table
 from app.cli.courts import open_court
 from app.cli.progress import progress_bar
+from core.errors import CommandError
 from core.learning.run_files import read_run
 from core.learning.summary import evaluate_run
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's arguments."""
-    parser.add_argument("run_folder", type=Path, metavar="RUN", help="folder of a training run")
+    parser.add_argument("run_folder", nargs="?", type=Path, metavar="RUN", help="folder of a training run")
     parser.add_argument("--best", action="store_true", help="the best policy of each seed instead of the last")
     parser.add_argument(
         "--balls", type=positive_int, metavar="N", help="fixed balls per speed (default: the run's, 500)"
     )
     parser.add_argument("--json", action="store_true", help="print a row per speed as JSON")
+    ball_states.add_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Evaluate and print."""
+    if (arguments.run_folder is None) == (arguments.ball_states is None):
+        raise CommandError("what is to be evaluated?", expected="a RUN, or --ball-states FILE, one of them")
+    if arguments.ball_states is not None:
+        ball_states.run_ball_states(arguments)
+        return
     which = "best" if arguments.best else "last"
     with open_court(read_run(arguments.run_folder), None) as court:
         if court is None:

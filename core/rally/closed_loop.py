@@ -17,6 +17,7 @@ from core.cameras import Camera
 from core.errors import ConfigError
 from core.rally.block_windows import block_windows
 from core.rally.chain import RallyChain
+from core.rally.chain_physics import chain_for_physics
 from core.rally.config import ChainConfig
 from core.rally.controller import BuiltInController, Controller, RacketCommand
 from core.rally.link.world import Block, JudgedBall, SimulatedWorld, WorldConfig
@@ -67,13 +68,14 @@ class ClosedLoop:
         controller: Controller | None = None,
         window_us: int = 2000,
     ) -> None:
-        """The built-in controller plays if there is no other.
+        """The built-in controller plays if there is no other. The chain is told the physics of the world.
 
         Raises:
             CalibrationError: if the cameras cannot see depth.
         """
         self.world = SimulatedWorld(world, cameras, seed)
-        self.player = Player(RallyChain(cameras, chain), controller or BuiltInController(world.task))
+        told = chain_for_physics(chain or ChainConfig(), world.task.physics)
+        self.player = Player(RallyChain(cameras, told), controller or BuiltInController(world.task))
         self._window_us = window_us
 
     def play(self, speed_mps: float, heard: Callable[[Block, list[PlayerState]], None] | None = None) -> PlayedBall:
