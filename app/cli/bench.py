@@ -19,6 +19,8 @@ BENCHES = (
     "import",
     "detection",
     "simulation",
+    "sensor",
+    "calibration",
     "physics",
     "prediction",
     "perceived-prediction",
