@@ -79,8 +79,19 @@ class RacketCommand:
 class Controller(Protocol):
     """Answers a predicted ball with a racket command: the built-in one, or a learned policy."""
 
-    def command(self, t_c_s: float, p_c_m: ArrayLike, v_c_mps: ArrayLike, *, stage: Stage) -> RacketCommand | None:
-        """Where the racket goes for a ball that comes to the hitting plane at p_c with v_c at t_c; None: nowhere."""
+    def command(
+        self,
+        t_c_s: float,
+        p_c_m: ArrayLike,
+        v_c_mps: ArrayLike,
+        *,
+        stage: Stage,
+        spin_radps: ArrayLike | None = None,
+    ) -> RacketCommand | None:
+        """Where the racket goes for a ball that comes to the hitting plane at p_c with v_c at t_c; None: nowhere.
+
+        With the ball's spin there, if it is known.
+        """
         ...
 
 

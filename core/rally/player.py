@@ -70,4 +70,5 @@ class Player:
         impact_s = hit.t_s if self._command is None else min(hit.t_s, self._command.target.t_s)
         if impact_s - state.t_us * 1e-6 < FREEZE_S:
             return None
-        return self.controller.command(hit.t_s, hit.p_world_m, hit.v_world_mps, stage=hit.stage)
+        p, v = hit.p_world_m, hit.v_world_mps
+        return self.controller.command(hit.t_s, p, v, stage=hit.stage, spin_radps=hit.spin_radps)

@@ -50,8 +50,19 @@ class PolicyController:
         """The same: it knows what it was trained with."""
         return self
 
-    def command(self, t_c_s: float, p_c_m: ArrayLike, v_c_mps: ArrayLike, *, stage: Stage) -> RacketCommand | None:
-        """The command for a ball predicted at the hitting plane; None for one that does not come."""
+    def command(
+        self,
+        t_c_s: float,
+        p_c_m: ArrayLike,
+        v_c_mps: ArrayLike,
+        *,
+        stage: Stage,
+        spin_radps: ArrayLike | None = None,
+    ) -> RacketCommand | None:
+        """The command for a ball predicted at the hitting plane; None for one that does not come.
+
+        A policy does not know the spin: as in the paper, that is no part of its state.
+        """
         p, v = np.asarray(p_c_m, np.float64), np.asarray(v_c_mps, np.float64)
         if not (math.isfinite(t_c_s) and np.isfinite(p).all() and np.isfinite(v).all() and v[0] < 0):
             return None

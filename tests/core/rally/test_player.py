@@ -39,6 +39,19 @@ def test_every_new_prediction_of_the_hitting_plane_is_answered_at_once(followed)
         np.testing.assert_array_equal(state.command.ball_m, hit.p_world_m)
 
 
+def test_the_controller_is_told_the_spin_that_was_estimated(followed) -> None:
+    _, states = followed
+    last = [state for state in states if state.is_new][-1]
+    hit = last.chain.prediction.hit_plane
+    p, v = hit.p_world_m, hit.v_world_mps
+    told, untold = (
+        BuiltInController().command(hit.t_s, p, v, stage="post", spin_radps=spin) for spin in (hit.spin_radps, None)
+    )
+    assert told is not None and untold is not None
+    np.testing.assert_array_equal(last.command.action, told.action)
+    assert not np.array_equal(told.action, untold.action)
+
+
 def test_between_predictions_the_command_stands_and_before_the_first_there_is_none(followed) -> None:
     _, states = followed
     first = next(number for number, state in enumerate(states) if state.is_new)
