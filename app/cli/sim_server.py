@@ -6,6 +6,7 @@ import argparse
 import signal
 import sys
 import threading
+from pathlib import Path
 
 from app.cli.cameras import named_cameras, sensor_size
 from app.cli.scenes import add_scene_arguments, scene_of
@@ -13,6 +14,8 @@ from core.errors import CommandError
 from core.rally.link.server import ServerConfig, SimulationServer
 from core.rally.link.world import WorldConfig
 from core.simulation import SensorConfig, StereoConfig
+from core.simulation.physics.ball_states import join_serves, read_ball_states
+from core.simulation.physics.recorded_serves import RecordedServes
 from core.simulation.physics.task import task_profile
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
@@ -32,7 +35,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_scene_arguments(parser)
     parser.add_argument("--noise-hz", type=float, default=0.1, metavar="HZ", help="background events (default: 0.1)")
-    parser.add_argument("--physics", default="paper", choices=("paper", "real"), help="default: %(default)s")
+    parser.add_argument(
+        "--physics", choices=("paper", "real"), help="flight of the ball (default: paper; real with --ball-states)"
+    )
+    parser.add_argument(
+        "--ball-states", nargs="+", type=Path, metavar="FILE", help="serve recorded balls (JSON), not drawn ones"
+    )
     parser.add_argument("--auto-serve", type=float, default=0.0, metavar="MPS", help="serve by itself at 3 to 9 m/s")
     parser.add_argument(
         "--until-eof", action="store_true", help="end when standard input ends, as a child process should"
@@ -46,13 +54,17 @@ def run(arguments: argparse.Namespace) -> None:
         raise CommandError("no such seed", expected="a whole number from 0", got=arguments.seed, where="--seed")
     if arguments.auto_serve and not 3 <= arguments.auto_serve <= 9:
         raise CommandError("no such serve", expected="3 to 9 m/s", got=arguments.auto_serve, where="--auto-serve")
+    task = task_profile(arguments.physics or ("real" if arguments.ball_states else "paper"))
+    recorded = None
+    if arguments.ball_states:
+        recorded = RecordedServes(join_serves([read_ball_states(path) for path in arguments.ball_states]), task)
     world = WorldConfig(
-        task=task_profile(arguments.physics),
+        task=task,
         stereo=StereoConfig(scene=scene_of(arguments), sensor=SensorConfig(noise_hz=arguments.noise_hz)),
     )
     config = ServerConfig(world=world, auto_serve_mps=arguments.auto_serve)
     cameras = named_cameras(arguments.cameras, arguments.sensor)
-    server = SimulationServer(config, cameras, arguments.bind, seed=arguments.seed)
+    server = SimulationServer(config, cameras, arguments.bind, seed=arguments.seed, recorded=recorded)
     host = server.address.removeprefix("tcp://").rpartition(":")[0]
     if host not in LOOPBACK:
         print(f"Anyone who can reach {host} can command this simulation: it has no passwords.", flush=True)

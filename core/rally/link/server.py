@@ -21,6 +21,7 @@ from core.rally.link.published import ball_rows, contact_notice, event_batch, ou
 from core.rally.link.world import Block, SimulatedWorld, WorldConfig
 from core.simulation.event_camera import BLOCK_US
 from core.simulation.physics.racket import RacketTarget
+from core.simulation.physics.recorded_serves import RecordedServes
 from core.simulation.scene import name_of_scene, scene_named
 
 logger = logging.getLogger(__name__)
@@ -61,13 +62,21 @@ def split_address(address: str) -> tuple[str, int]:
 class SimulationServer:
     """Publishes on a port and takes commands on the next one. `run` it in the thread that made it."""
 
-    def __init__(self, config: ServerConfig, cameras: Mapping[str, Camera], address: str, *, seed: int = 0) -> None:
-        """Port 0 takes any two free ports.
+    def __init__(
+        self,
+        config: ServerConfig,
+        cameras: Mapping[str, Camera],
+        address: str,
+        *,
+        seed: int = 0,
+        recorded: RecordedServes | None = None,
+    ) -> None:
+        """Port 0 takes any two free ports. With `recorded`, the balls that are drawn are of those.
 
         Raises:
             LinkError: if the ports cannot be had.
         """
-        self._config, self._cameras = config, dict(cameras)
+        self._config, self._cameras, self._recorded = config, dict(cameras), recorded
         self._context = zmq.Context()
         self.rejected = 0
         """Messages that were no command."""
@@ -120,7 +129,8 @@ class SimulationServer:
         self._session = uuid.uuid4().hex
         self._seq = self._served = self._returned = 0
         stereo = dataclasses.replace(self._config.world.stereo, scene=self._scene)
-        self._world = SimulatedWorld(dataclasses.replace(self._config.world, stereo=stereo), self._cameras, seed)
+        world = dataclasses.replace(self._config.world, stereo=stereo)
+        self._world = SimulatedWorld(world, self._cameras, seed, recorded=self._recorded)
         self._world.set_noise(self._noise_hz)
         self._anchor()
         self._quiet_since_us = -AUTO_SERVE_PAUSE_US

@@ -24,6 +24,7 @@ from core.simulation.physics.judge import BallOutcome, RallyJudge
 from core.simulation.physics.mujoco_rally import MujocoRally
 from core.simulation.physics.racket import RacketConfig, RacketTarget
 from core.simulation.physics.rally_events import RallyEvent
+from core.simulation.physics.recorded_serves import RecordedServes
 from core.simulation.physics.rotation import normals_from_orientations
 from core.simulation.readout import ReadoutCounts
 from core.simulation.scene import SceneConfig
@@ -91,10 +92,17 @@ class SimulatedWorld:
     """Advances in whole blocks. One thread at a time."""
 
     def __init__(
-        self, config: WorldConfig, cameras: Mapping[str, Camera], seed: int, *, threads: int | None = None
+        self,
+        config: WorldConfig,
+        cameras: Mapping[str, Camera],
+        seed: int,
+        *,
+        threads: int | None = None,
+        recorded: RecordedServes | None = None,
     ) -> None:
-        """The cameras work in so many threads; one each unless told otherwise."""
+        """The cameras work in so many threads; one each unless told otherwise. With `recorded`, serves are of those."""
         self.config = config
+        self._recorded = recorded
         self.seed = seed
         self.rally = MujocoRally(config.task, config.racket, dt_s=config.step_ms * 1e-3)
         self._judge = RallyJudge(config.task)
@@ -129,12 +137,15 @@ class SimulatedWorld:
         return event
 
     def draw_serve(self, speed_mps: float) -> RallyEvent:
-        """Serve a ball drawn for a speed.
+        """Serve a ball drawn for a speed; with recorded ones, of about that speed where it was recorded.
 
         Raises:
             ConfigError: if there is no legal serve of that speed.
         """
-        drawn = draw_serves(speed_mps, 1, self.config.task, self._rng)
+        if self._recorded is not None:
+            drawn = self._recorded.draw(speed_mps, self._rng)
+        else:
+            drawn = draw_serves(speed_mps, 1, self.config.task, self._rng)
         return self.serve(drawn.ps_m[0], drawn.vs_mps[0], drawn.spins_radps[0])
 
     def aim(self, target: RacketTarget | None) -> None:

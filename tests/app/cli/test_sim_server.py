@@ -19,6 +19,8 @@ from app.cli import main
         (["--seed", "-1"], "no such seed"),
         (["--physics", "moon"], "invalid choice"),
         (["--cameras", "nowhere"], "no such cameras"),
+        (["--ball-states", "no-such.json"], "no-such.json"),
+        (["--ball-states", __file__], "not JSON"),
     ],
 )
 def test_a_bad_argument_is_one_line_and_exit_code_2(arguments, words, capsys):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import zmq
 from core.errors import LinkError
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
+from core.simulation.physics.config import physics_profile
 
 
 def start(bind: str = "tcp://127.0.0.1:0", *more: str) -> tuple[subprocess.Popen, str]:
@@ -248,3 +250,23 @@ def test_a_killed_server_is_noticed_and_its_successor_found():
         client.close()
         process.send_signal(signal.SIGTERM)
         process.wait(5)
+
+
+def test_recorded_balls_are_served_as_they_were_and_by_the_fitted_physics(tmp_path):
+    state = dict.fromkeys(("pos_x", "vel_x", "w_vel_y", "w_vel_z"), 0.0)
+    state |= {"pos_y": 1.2, "pos_z": 0.35, "vel_y": -5.0, "vel_z": 1.0, "w_vel_x": 40.0}
+    file = tmp_path / "states.json"
+    file.write_text(json.dumps([state]))
+    process, where = start("tcp://127.0.0.1:0", "--ball-states", str(file))
+    client = SimulationClient(where)
+    ear = Ear()
+    client.add_listener(ear)
+    client.serve(5.0)
+    wait_for(lambda: ear.notices)
+    served = ear.notices[0]
+    np.testing.assert_allclose((*served.p_m, *served.v_mps), (1.2, 0, 0.35, -5, 0, 1), atol=1e-9)
+    np.testing.assert_allclose(served.spin_radps, (0, -40, 0), atol=1e-9)
+    assert client.physics == physics_profile("real")
+    client.close()
+    process.kill()
+    process.wait()

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.errors import RecordingError
+from core.errors import ConfigError, RecordingError
 from core.simulation.physics import Serves, draw_serves, fly_serves
 from core.simulation.physics.ball_states import KEYS, join_serves, read_ball_states
 from core.simulation.physics.incoming import Incoming, fly_incoming
+from core.simulation.physics.recorded_serves import RecordedServes
 from core.simulation.physics.task import task_profile
 
 REAL = task_profile("real")
@@ -72,6 +73,20 @@ def test_drawn_serves_are_playable_and_arrive_as_the_task_says() -> None:
     assert (found.incoming == Incoming.PLAYABLE).all() and not found.is_service.any()
     np.testing.assert_array_equal(found.arrivals.states, arrivals.states)
     np.testing.assert_array_equal(found.arrivals.bounce_states, arrivals.bounce_states)
+
+
+def test_recorded_serves_are_playable_have_about_the_speed_asked_for_and_follow_the_seed() -> None:
+    rng = np.random.default_rng(0)
+    legal = [draw_serves(speed, 20, REAL, rng) for speed in (4.0, 5.0, 6.0)]
+    recorded = RecordedServes(join_serves([ball((1.0, 0.0, 0.1), (-5.0, 0.0, 0.8)), *legal]), REAL)
+    assert len(recorded.balls) == 60, "the one into the net is not served"
+    drawn = [recorded.draw(5.1, np.random.default_rng(seed)) for seed in range(30)]
+    assert {round(float(np.linalg.norm(one.vs_mps)), 6) for one in drawn} == {5.0}
+    assert len({tuple(one.ps_m[0]) for one in drawn}) > 10
+    np.testing.assert_array_equal(drawn[3].states(), recorded.draw(5.1, np.random.default_rng(3)).states())
+    assert np.linalg.norm(recorded.draw(9.0, rng).vs_mps) == pytest.approx(6.0), "the nearest there is"
+    with pytest.raises(ConfigError, match="playable"):
+        RecordedServes(ball((1.0, 0.0, 0.1), (-5.0, 0.0, 0.8)), REAL)
 
 
 @pytest.mark.parametrize(
