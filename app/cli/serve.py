@@ -29,6 +29,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="live|tcp://HOST:PORT",
         help="watch a live simulation: one of its own, or one that runs there (default without a recording: live)",
     )
+    parser.add_argument("--physics", choices=("paper", "real"), help="of a live simulation of its own (paper)")
+    parser.add_argument(
+        "--ball-states",
+        nargs="+",
+        type=Path,
+        metavar="FILE",
+        help="it serves recorded balls (JSON), by default in `real`",
+    )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s, this machine)")
     parser.add_argument("--port", type=int, default=8080, help="port to listen on (default: %(default)s)")
     parser.add_argument("--data", type=Path, default=Path("rallyscope-data"), help="workspace (default: %(default)s)")
@@ -39,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Serve until interrupted."""
     source = _check_source(arguments.source, arguments.recording)
+    own = own_simulation(arguments, source)
     config = load_config(DetectorConfig, arguments.config) if arguments.config else DetectorConfig()
     workspace = Workspace(arguments.data)
     library = Library(workspace)
@@ -47,7 +56,7 @@ def run(arguments: argparse.Namespace) -> None:
         _ensure_demo(workspace)
         from app.watch.simulation_process import SimulationProcess  # it comes up while the app is loaded
 
-        process = SimulationProcess("--auto-serve", "5")
+        process = SimulationProcess("--auto-serve", "5", *own)
     first = LIVE if source is not None else _open_recording(arguments.recording, library)
     from app.server import Lab  # after the recording: a mistake in the arguments is answered at once
     from app.watch.live import LiveRally
@@ -90,6 +99,25 @@ def _check_source(source: str | None, recording: Path | None) -> str | None:
     if source != LIVE and not source.startswith("tcp://"):
         raise CommandError("not a source", expected="live or tcp://HOST:PORT", got=repr(source), where="--source")
     return source
+
+
+def own_simulation(arguments: argparse.Namespace, source: str | None) -> list[str]:
+    """What the simulation that is started for the app is told; files are read here, where a mistake can be answered.
+
+    Raises:
+        CommandError: if something is asked of it, but there is none.
+        RecordingError: if a file holds no ball states.
+    """
+    told: list[str] = [] if arguments.physics is None else ["--physics", arguments.physics]
+    if arguments.ball_states is not None:
+        from core.simulation.physics.ball_states import read_ball_states
+
+        for path in arguments.ball_states:
+            read_ball_states(path)
+        told += ["--ball-states", *map(str, arguments.ball_states)]
+    if told and source != LIVE:
+        raise CommandError("not a simulation of its own", expected="--source live", got=source or arguments.recording)
+    return told
 
 
 def _ensure_demo(workspace: Workspace) -> None:

@@ -1,5 +1,7 @@
 """`rallyscope serve` as a process, without a browser."""
 
+import argparse
+import json
 import re
 import shutil
 import signal
@@ -12,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import main
+from app.cli import main, serve
 
 SERVE = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main(sys.argv[1:]))", "serve"]
 
@@ -64,6 +66,17 @@ def test_without_a_recording_it_shows_a_live_rally_whose_simulation_ends_with_it
         time.sleep(0.1)
 
 
+def test_its_own_simulation_is_told_the_physics_and_the_balls(tmp_path) -> None:
+    states = tmp_path / "states.json"
+    keys = ("pos_x", "pos_y", "pos_z", "vel_x", "vel_y", "vel_z", "w_vel_x", "w_vel_y", "w_vel_z")
+    states.write_text(json.dumps([dict(zip(keys, (0, 1.2, 0.35, 0, -5.0, 1.0, 0, 0, 0), strict=True))]))
+    parser = argparse.ArgumentParser()
+    serve.add_arguments(parser)
+    told = ["--physics", "paper", "--ball-states", str(states)]
+    assert serve.own_simulation(parser.parse_args(told), "live") == told
+    assert serve.own_simulation(parser.parse_args([]), None) == []
+
+
 def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -83,6 +96,9 @@ def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> N
         (["demo.h5", "--source", "live"], "a recording and a source"),
         (["--config", "no-such.toml"], "no-such.toml"),
         (["--port", "99999999"], "cannot listen"),
+        (["--ball-states", "no-such.json"], "no-such.json"),
+        (["--source", "tcp://127.0.0.1:1", "--physics", "real"], "not a simulation of its own"),
+        (["demo.h5", "--physics", "real"], "not a simulation of its own"),
         (["--port", "http"], "invalid int value"),
     ],
 )
