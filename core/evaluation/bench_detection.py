@@ -27,10 +27,10 @@ from core.evaluation.bench_exactness import (
     compare_labels,
     compare_random,
 )
-from core.evaluation.bench_scenes import MemoryStream, simulate_flights
 from core.evaluation.machine import describe_machine
 from core.evaluation.run import run_detector
 from core.evaluation.score import score_answers
+from core.evaluation.simulated_streams import MemoryStream, simulate_flights
 from core.events import Window
 
 SPEEDS_MPS: Final = (4.0, 5.0, 6.0, 7.0)

@@ -20,11 +20,13 @@ from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720, SENSOR_1280
 from core.evaluation.machine import describe_machine
 from core.events import SensorSize
+from core.simulation.bodies import MovingBodies, make_bodies
 from core.simulation.event_camera import BLOCK_US, EventCamera
+from core.simulation.rally_flight import draw_flights
 from core.simulation.scene import scene_named
 from core.simulation.sensor import SensorConfig
 from core.simulation.serve import ServeConfig
-from core.simulation.serves import FlightSeries, draw_serves
+from core.simulation.serves import FlightSeries
 from core.simulation.stereo import StereoConfig, simulate_stereo
 
 SERVES: Final = 3
@@ -50,6 +52,10 @@ CASES: Final = (
     Case("ball", SENSOR_1280, 5.0, 0.1),
     Case("ball", SENSOR_1280, 5.0, 1.0),
     Case("ball", SENSOR_1280, 9.0, 0.1),
+    Case("person", SENSOR_720, 5.0, 0.1),
+    Case("two-persons", SENSOR_720, 5.0, 0.1),
+    Case("rally", SENSOR_720, 5.0, 0.1),
+    Case("head", SENSOR_720, 5.0, 0.1),
 )
 
 
@@ -66,10 +72,12 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
 
 def measure(case: Case, *, serves: int = SERVES) -> dict[str, object]:
     """One row."""
-    path = draw_serves([ServeConfig(speed_mps=case.speed_mps)] * serves, np.random.default_rng(SEED))
+    balls = [ServeConfig(speed_mps=case.speed_mps)] * serves
+    path, strokes = draw_flights(scene_named(case.scene), balls, np.random.default_rng(SEED))
+    bodies = make_bodies(scene_named(case.scene).cast, SEED, strokes)
     end_us = int(np.ceil(path.end_s * 1e6 / BLOCK_US)) * BLOCK_US
-    on_core = [_take_turns(case, path, end_us) for _ in range(RUNS)]
-    walls_s = [_wall_s(case, path, end_us) for _ in range(RUNS)]
+    on_core = [_take_turns(case, path, bodies, end_us) for _ in range(RUNS)]
+    walls_s = [_wall_s(case, path, bodies, end_us) for _ in range(RUNS)]
     cpus_s = [run.cpu_s for run in on_core]
     return {
         "scene": case.scene,
@@ -93,12 +101,12 @@ class _Turns:
     setup_s: float
 
 
-def _take_turns(case: Case, path: FlightSeries, end_us: int) -> _Turns:
+def _take_turns(case: Case, path: FlightSeries, bodies: MovingBodies | None, end_us: int) -> _Turns:
     """Both cameras in this thread."""
     config = _config(case)
     started_s = time.thread_time()
     rigs = [
-        EventCamera(camera, config.scene, config.sensor, np.random.default_rng(SEED + index))
+        EventCamera(camera, config.scene, config.sensor, np.random.default_rng(SEED + index), bodies)
         for index, camera in enumerate(stereo_preset(sensor=case.sensor).values())
     ]
     ready_s = time.thread_time()
@@ -109,10 +117,10 @@ def _take_turns(case: Case, path: FlightSeries, end_us: int) -> _Turns:
     return _Turns(events, time.thread_time() - ready_s, ready_s - started_s)
 
 
-def _wall_s(case: Case, path: FlightSeries, end_us: int) -> float:
+def _wall_s(case: Case, path: FlightSeries, bodies: MovingBodies | None, end_us: int) -> float:
     """Seconds that `simulate_stereo` takes from its first chunk, with which the cameras are set up, to its last."""
     cameras = stereo_preset(sensor=case.sensor)
-    chunks = simulate_stereo(_config(case), cameras, path, seed=SEED, duration_us=end_us)
+    chunks = simulate_stereo(_config(case), cameras, path, seed=SEED, duration_us=end_us, bodies=bodies)
     next(chunks)
     started_s = time.perf_counter()
     for _ in chunks:

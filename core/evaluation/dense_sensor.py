@@ -60,16 +60,17 @@ def dense_events(
     path: BallPath,
     end_us: int,
     *,
+    start_us: int = 0,
     seed: int = 0,
     bodies: MovingBodies | None = None,
     racket: RacketPath | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> DenseEvents:
-    """The same sensor model without noise, from 0 to `end_us`.
+    """The same sensor model without noise, from `start_us` to `end_us`.
 
     The thresholds of the pixels are those of an event camera that was made with `np.random.default_rng(seed)`.
     """
-    times_us = np.arange(0, end_us + 1, DENSE_STEP_US, dtype=np.float64)
+    times_us = np.arange(start_us, end_us + 1, DENSE_STEP_US, dtype=np.float64)
     rows = ball_rows(camera, scene, path.at(times_us * 1e-6), path.portals(times_us * 1e-6))
     rackets = None
     if racket is not None:
@@ -93,12 +94,12 @@ def dense_events(
     found: list[tuple[float, int, bool]] = []
     for index in range(1, len(times_us)):
         now_us = times_us[index]
-        start_us = now_us - DENSE_STEP_US
+        before_us = now_us - DENSE_STEP_US
         light_at(index, light)
         lag = (light - previous) / DENSE_STEP_US * config.photoreceptor_us
         before, receptor = receptor, light - lag + (receptor - previous + lag) * keep
-        released = (release_us > start_us) & (release_us <= now_us)
-        share = (release_us[released] - start_us) / DENSE_STEP_US
+        released = (release_us > before_us) & (release_us <= now_us)
+        share = (release_us[released] - before_us) / DENSE_STEP_US
         reference[released] = before[released] + share * (receptor[released] - before[released])
         free = release_us <= now_us
         for sign, thresholds in ((1.0, drawn[:, ON_THRESHOLD]), (-1.0, drawn[:, OFF_THRESHOLD])):
@@ -106,7 +107,7 @@ def dense_events(
                 level = reference[pixel] + sign * thresholds[pixel]
                 moved = receptor[pixel] - before[pixel]
                 part = np.clip((level - before[pixel]) / moved, 0, 1) if moved else 1.0
-                crossing = max(start_us + part * DENSE_STEP_US, release_us[pixel])
+                crossing = max(before_us + part * DENSE_STEP_US, release_us[pixel])
                 found.append((float(crossing), int(pixel), sign > 0))
                 reference[pixel], release_us[pixel] = level, crossing + config.refractory_us
         previous[:] = light

@@ -114,9 +114,12 @@ def draw_layers(maps, layers, pixel, posed, here, count, found, scene, ball_m, v
     near_cover = near_light = far_cover = far_light = 0.0
     near_m = far_m = before_net = 0.0
     net, net_light = float(maps[pixel, NET_COVER]), float(maps[pixel, NET_LIGHT])
-    slope = view[0] * x + view[1] * y + view[2]
+    slope, behind_m = view[0] * x + view[1] * y + view[2], math.inf
     for place in range(seen - 1, -1, -1):
         cover, light, z = found[place, 0], found[place, 1], found[place, 2]
+        # Where two parts run into each other their seam is an edge too, as wide as all edges where they meet at 45 deg.
+        cover *= smooth_step(0.5 + 0.5 * (behind_m - z) / (scene[0] * z))
+        behind_m = z
         before = (z * slope + view[9]) * view[9] > 0.0
         if z > ball_m and not (before and net > 0.0):
             far_light += cover * (light - far_light)

@@ -8,7 +8,7 @@ import pytest
 from app.cli import main
 from core.config import replace_setting, save_config
 from core.detection import auto_config
-from core.evaluation.bench_scenes import simulate_flights
+from core.evaluation.simulated_streams import simulate_flights
 from core.recordings import RecordingWriter
 
 

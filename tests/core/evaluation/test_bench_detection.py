@@ -4,7 +4,7 @@ import pytest
 from core.config import replace_setting
 from core.detection import auto_config, paper_config
 from core.evaluation.bench_detection import accuracy, time_both
-from core.evaluation.bench_scenes import MemoryStream, simulate_flights
+from core.evaluation.simulated_streams import MemoryStream, simulate_flights
 
 NO_EVICTION = np.zeros(1, np.int64)
 

@@ -11,10 +11,11 @@ from core.cameras import Camera
 from core.cameras.presets import stereo_preset
 from core.events import Events, SensorSize, concatenate_events
 from core.recordings import PixelTruth, Triggers
+from core.simulation.bodies import make_bodies
+from core.simulation.rally_flight import draw_flights
 from core.simulation.scene import scene_named
 from core.simulation.sensor import SensorConfig
 from core.simulation.serve import ServeConfig
-from core.simulation.serves import draw_serves
 from core.simulation.stereo import StereoConfig, simulate_stereo
 from core.simulation.truth import pixel_truth
 
@@ -57,23 +58,31 @@ class MemoryStream:
 
 
 def simulate_flights(
-    scene: str, noise_hz: float, speeds_mps: tuple[float, ...], *, seed: int, duration_us: int | None = None
+    scene: str,
+    noise_hz: float,
+    speeds_mps: tuple[float, ...],
+    *,
+    seed: int,
+    duration_us: int | None = None,
+    placement: str = "side",
 ) -> list[MemoryStream]:
-    """Both 1280x720 cameras of the standard placement while one serve of each speed flies by.
+    """Both 1280x720 cameras of a placement while one serve, or rally, of each speed flies by.
 
     Raises:
         RallyscopeError: for an unknown scene.
     """
-    cameras = stereo_preset()
-    path = draw_serves([ServeConfig(speed_mps=speed) for speed in speeds_mps], np.random.default_rng(seed))
+    cameras = stereo_preset(placement)
     config = StereoConfig(scene=scene_named(scene), sensor=SensorConfig(noise_hz=noise_hz))
-    chunks = list(simulate_stereo(config, cameras, path, seed=seed, duration_us=duration_us))
+    serves = [ServeConfig(speed_mps=speed) for speed in speeds_mps]
+    path, strokes = draw_flights(config.scene, serves, np.random.default_rng(seed))
+    bodies = make_bodies(config.scene.cast, seed, strokes)
+    chunks = list(simulate_stereo(config, cameras, path, seed=seed, duration_us=duration_us, bodies=bodies))
     end_us = chunks[-1].end_us
     return [
         MemoryStream(
             name,
             concatenate_events([chunk.events[name] for chunk in chunks], camera.sensor),
-            pixel_truth(camera, path, np.arange(0, end_us, TRUTH_EVERY_US)),
+            pixel_truth(camera, path, np.arange(0, end_us, TRUTH_EVERY_US), bodies),
             end_us,
         )
         for name, camera in cameras.items()
