@@ -25,6 +25,7 @@ BENCHES = (
     "prediction",
     "perceived-prediction",
     "rally",
+    "scenes",
     "learning",
     "labels",
     "label-mode",
