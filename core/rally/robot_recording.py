@@ -57,10 +57,14 @@ def record_robot(
     frames: FrameConfig | None = None,
     threads: int | None = None,
     uuid: str | None = None,
+    remarks: Mapping[str, object] | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] = lambda share: None,
 ) -> SimulatedRecording:
     """Write a recording of one serve per speed, played by the robot. The same seed gives the same recording.
+
+    The cameras work in `threads` threads, one each unless told otherwise. `remarks` are added to the config in the
+    recording.
 
     Raises:
         RecordingError: if the file exists and `overwrite` is not set, or it cannot be written.
@@ -74,6 +78,7 @@ def record_robot(
         "robot": {"controller": "built-in", "racket": config_to_mapping(config.racket)},
         "speeds_mps": list(speeds_mps),
         **frames_mapping(frames),
+        **(remarks or {}),
     }
     world = SimulatedWorld(config, cameras, seed, threads=threads)
     try:
@@ -130,6 +135,7 @@ class _Session:
         while world.ball_is_visible:
             self._advance()
         self.wait(QUIET_US)
+        progress(1.0)
 
     def wait(self, duration_us: int) -> None:
         """Let so much time go by."""

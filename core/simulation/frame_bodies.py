@@ -22,8 +22,8 @@ from core.simulation.view import view_numbers
 Array = NDArray[np.float64]
 
 LOOK_PX: Final = 0.1
-"""A part that has moved less since it was drawn last is left as it is. A blade that only turns is seen 10 levels wrong
-at worst then, in single pixels (measured)."""
+"""A part that has moved less since it was drawn last is left as it is. A blade that only turns is up to 20 levels wrong
+then, in single pixels (measured)."""
 PROBES: Final = 9
 NOWHERE: Final = -1e6
 

@@ -22,6 +22,7 @@ from core.simulation.background import LOG_LIGHT, make_background
 from core.simulation.bodies import MovingBodies
 from core.simulation.bodies.shading import FAR_COVER, LOG_TOTAL, NEAR_COVER, light_among
 from core.simulation.colours import BallColour, coloured_scenes
+from core.simulation.flicker import glow_at
 from core.simulation.flight import BallPath
 from core.simulation.frame_bodies import FrameBodies
 from core.simulation.racket_shape import RacketPath
@@ -86,7 +87,7 @@ class FrameCamera:
 
     def take(self, path: BallPath, racket: RacketPath | None, t_us: int) -> NDArray[np.uint8]:
         """The picture (height, width, 3 = RGB) whose exposure has its middle at `t_us`."""
-        light, least, scene = self._still.copy(), LEAST_INSTANTS, self._scenes[0]
+        least, scene = LEAST_INSTANTS, self._scenes[0]
         start_us = t_us - self._config.exposure_us // 2
         end_us = start_us + self._config.exposure_us
         seen = None if racket is None else RacketView(racket, scene.racket, None)
@@ -94,19 +95,24 @@ class FrameCamera:
             least = max(least, self._bodies.instants(start_us, end_us, STEP_PX))
         steps = moving_steps(self.camera, scene, path, seen, start_us, end_us, least)
         assert steps is not None, "with so many steps at least there are always some"
-        pixels, mean = self._mean_light(steps, chosen_instants(len(steps.t_us)))
+        instants = chosen_instants(len(steps.t_us))
+        span = np.diff(steps.t_us[instants]) / (steps.t_us[-1] - steps.t_us[0])
+        shares = 0.5 * (np.append(span, 0.0) + np.append(0.0, span))  # the trapezoidal rule
+        shares *= np.exp(glow_at(scene, steps.t_us[instants]))
+        pixels, mean = self._mean_light(steps, instants, shares)
+        light = self._still * np.float32(shares.sum())
         light[pixels] = mean
         return self._develop(light)
 
-    def _mean_light(self, steps: Steps, instants: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Pixels that something moves over, and their light (N, 3) over the exposure, by the trapezoidal rule."""
+    def _mean_light(
+        self, steps: Steps, instants: NDArray[np.intp], shares: NDArray[np.float64]
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Pixels that something moves over, and their light (N, 3): so much of that at each instant."""
         swept, bodies = _swept(steps.boxes[instants], self.camera), self._bodies
         probes = None if bodies is None else bodies.probe(steps.t_us[instants])
         if bodies is not None and probes is not None:
             swept |= bodies.cover(probes)
         pixels = np.flatnonzero(swept)
-        span = np.diff(steps.t_us[instants]) / (steps.t_us[-1] - steps.t_us[0])
-        shares = 0.5 * (np.append(span, 0.0) + np.append(0.0, span))
         mean, see_racket = np.zeros((len(pixels), 3)), steps.outlines.shape[1] > 0
         for number, instant in enumerate(instants):
             ball, racket = steps.rows[instant].copy(), steps.rackets[instant].copy()

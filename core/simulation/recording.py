@@ -64,6 +64,7 @@ def simulate_recording(
     frames: FrameConfig | None = None,
     threads: int | None = None,
     uuid: str | None = None,
+    remarks: Mapping[str, object] | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] = lambda share: None,
     cancelled: Callable[[], bool] = lambda: False,
@@ -71,7 +72,8 @@ def simulate_recording(
     """Write the events and the truth of some serves, one after the other. The same seed gives the same events.
 
     The physics is that of the paper unless told otherwise. With `frames` every camera takes pictures too, which changes
-    nothing in the events. The cameras work in `threads` threads, one each unless told otherwise.
+    nothing in the events. The cameras work in `threads` threads, one each unless told otherwise. `remarks` join the
+    config in the recording.
 
     Raises:
         RecordingError: if the file exists and `overwrite` is not set, or it cannot be written.
@@ -85,6 +87,7 @@ def simulate_recording(
         "serves": [config_to_mapping(serve) for serve in serves],
         "physics": config_to_mapping(physics),
         **frames_mapping(frames),
+        **(remarks or {}),
     }
     track = None if frames is None else FrameTrack(cameras, config.scene, frames, seed, bodies)
     sensors = {name: camera.sensor for name, camera in cameras.items()}

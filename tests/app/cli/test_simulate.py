@@ -108,6 +108,27 @@ def test_an_existing_file_is_replaced_only_with_force(tmp_path: Path, capsys) ->
         assert recording.duration_us > 0
 
 
+def test_pictures_and_a_robot_are_there_when_they_are_asked_for_and_only_then(
+    made: Path, tmp_path: Path, capsys
+) -> None:
+    with open_recording(made) as recording:
+        assert not recording.frames and recording.read_rows("/racket") is None and "/episodes" not in recording.groups
+    pictured, played = tmp_path / "pictured.h5", tmp_path / "played.h5"
+    arguments = ("--speed", "9", "--seed", "3", "--frames-hz", "30", "--exposure-us", "2000")
+    assert simulate(pictured, *arguments) == 0
+    assert "frames" in capsys.readouterr().out
+    assert digest_of_events(pictured) == digest_of_events(made), "a camera beside them changes no event"
+    with open_recording(pictured) as recording:
+        frames = recording.frames["right"]
+        assert frames.t_us[:2].tolist() == [16_667, 50_000] and (frames.exposure_us == 2000).all()
+        assert frames.image(0).shape == (48, 64, 3)
+    assert simulate(played, "--speed", "9", "--seed", "3", "--robot") == 0
+    with open_recording(played) as recording:
+        rows = recording.read_rows("/episodes")
+        assert rows is not None and rows["speed_mps"] == pytest.approx(9.0) and rows["case"].tolist() == [4]
+        assert recording.read_rows("/racket") is not None and not recording.frames
+
+
 def test_a_real_ball_is_slowed_by_the_air_and_bounces_as_recorded_ones_do(tmp_path: Path) -> None:
     out = tmp_path / "real.h5"
     assert simulate(out, "--physics", "real", "--speed", "6", "--seed", "1") == 0

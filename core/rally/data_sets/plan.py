@@ -1,0 +1,163 @@
+"""What a data set is to hold: one frozen entry per recording, each with a name and a seed of its own."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import json
+import uuid
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from core.cameras.presets import PLACEMENTS, SENSOR_720
+from core.config import config_to_mapping
+from core.errors import ConfigError
+from core.events import SensorSize
+from core.simulation import SceneConfig, SensorConfig, ServeConfig, scene_named
+from core.simulation.frames import FrameConfig
+from core.simulation.physics.config import Profile, physics_profile
+
+_NAMESPACE: Final = uuid.UUID("5f6f1d3e-53f4-4f0e-8f5b-0d6a2d1c9a70")
+PAPER_SPEEDS_MPS: Final = (5.0, 6.0, 7.0, 8.0, 9.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Making:
+    """What all recordings of a data set have in common."""
+
+    sensor: SensorSize = SENSOR_720
+    noise_hz: float | None = None
+    """Background events per pixel and second; None for the sensor model's own."""
+    physics: Profile = "paper"
+    frames: FrameConfig | None = None
+    """Pictures beside the events."""
+    wall: float | None = None
+    """Brightness of the walls; None for that of the scene, as in the next two, see `SceneConfig`."""
+    flicker: float | None = None
+    flicker_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        physics_profile(self.physics)
+        self.sensor_config()
+
+    @property
+    def scene_changes(self) -> dict[str, float]:
+        """What is otherwise than in the named scenes."""
+        changes = {"wall": self.wall, "flicker": self.flicker, "flicker_hz": self.flicker_hz}
+        return {name: value for name, value in changes.items() if value is not None}
+
+    def scene_config(self, name: str) -> SceneConfig:
+        """The scene of that name with these changes."""
+        return dataclasses.replace(scene_named(name), **self.scene_changes)
+
+    def sensor_config(self) -> SensorConfig:
+        """The sensor model with this noise."""
+        return SensorConfig() if self.noise_hz is None else SensorConfig(noise_hz=self.noise_hz)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedRecording:
+    """One recording: `<name>.h5`."""
+
+    name: str
+    scene: str
+    placement: str
+    speeds_mps: tuple[float, ...]
+    """A serve each, or in the scene `rally` a rally each."""
+    robot: bool
+    """Whether the built-in controller plays the serves."""
+    seed: int
+    making: Making = field(default_factory=Making)
+
+    def __post_init__(self) -> None:
+        if self.placement not in PLACEMENTS:
+            raise ConfigError(f"no placement {self.placement!r}", expected=f"one of {', '.join(PLACEMENTS)}")
+        for speed_mps in self.speeds_mps:
+            ServeConfig(speed_mps=speed_mps)
+        if self.making.scene_config(self.scene).cast == "rally" and self.making.physics != "paper":
+            raise ConfigError("a rally of two players flies without air", expected="physics paper", where="scene rally")
+
+    @property
+    def settings(self) -> dict[str, object]:
+        """All that decides what is in the recording, as plain values."""
+        making = self.making
+        return {
+            "name": self.name,
+            "scene": self.scene,
+            "placement": self.placement,
+            "speeds_mps": list(self.speeds_mps),
+            "robot": self.robot,
+            "seed": self.seed,
+            "sensor": str(making.sensor),
+            "noise_hz": making.sensor_config().noise_hz,
+            "physics": making.physics,
+            "scene_changes": making.scene_changes,
+            "frames": None if making.frames is None else config_to_mapping(making.frames),
+        }
+
+    @property
+    def uuid(self) -> str:
+        """Labels refer to it; a recording that is made again with the same settings keeps them."""
+        return str(uuid.uuid5(_NAMESPACE, json.dumps(self.settings, sort_keys=True)))
+
+
+@dataclass(frozen=True, slots=True)
+class DataSetPlan:
+    """The recordings of a data set, in order."""
+
+    title: str
+    seed: int
+    recordings: tuple[PlannedRecording, ...]
+
+    def __post_init__(self) -> None:
+        names = [planned.name for planned in self.recordings]
+        if not names:
+            raise ConfigError("a data set without recordings")
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ConfigError("a recording is planned twice", got=twice, remedy="name every speed and scene once")
+
+
+def plan_data_set(
+    *,
+    speeds_mps: Sequence[float] = PAPER_SPEEDS_MPS,
+    scenes: Sequence[str] = ("ball",),
+    placements: Sequence[str] = ("side",),
+    recordings_per: int = 1,
+    serves: int = 3,
+    robot: bool = True,
+    seed: int = 0,
+    making: Making | None = None,
+) -> DataSetPlan:
+    """Every scene at every speed from every placement, `recordings_per` times. Two players of a rally need no robot.
+
+    Raises:
+        ConfigError: if there is no such scene, placement or speed, or one is named twice.
+    """
+    making = making or Making()
+    recordings = []
+    for scene, speed_mps, placement in itertools.product(scenes, speeds_mps, placements):
+        for number in range(1, recordings_per + 1):
+            name = f"{scene}-{speed_mps:g}mps-{placement}-{number}"
+            recordings.append(
+                PlannedRecording(
+                    name=name,
+                    scene=scene,
+                    placement=placement,
+                    speeds_mps=(float(speed_mps),) * serves,
+                    robot=robot and scene_named(scene).cast != "rally",
+                    seed=recording_seed(seed, name),
+                    making=making,
+                )
+            )
+    return DataSetPlan("simulated recordings", seed, tuple(recordings))
+
+
+def recording_seed(seed: int, name: str) -> int:
+    """From the data set's seed and the recording's name alone: more recordings, or other jobs, change no other one."""
+    named = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+    return int(np.random.SeedSequence([seed, named]).generate_state(1, np.uint64)[0] >> np.uint64(1))
