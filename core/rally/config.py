@@ -33,7 +33,8 @@ def chain_predictor() -> PaperPredictorConfig:
 
 
 def chain_filter() -> FilterConfig:
-    """The filter for stereo points of windows of 2 ms, by their errors on simulated serves of 3 to 9 m/s.
+    """The filter for stereo points of windows of 2 ms, by their errors on simulated serves of 3 to 9 m/s. It finds out
+    whether a ball flies as in the physics `paper` or `real`.
 
     Along the flight they are systematic, 10 mm ahead to 5 mm behind, and change slowly; across it they hardly change
     from one window to the next, which an estimate of the noise from point to point would take for certainty. A window
@@ -47,6 +48,7 @@ def chain_filter() -> FilterConfig:
         ahead_s=0.3,
         air_noise=0.03,
         restless_odds=0.0,
+        perhaps_real=True,
         bounce_guard_ms=3.0,
         table_sigma_m=0.001,
     )

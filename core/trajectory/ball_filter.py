@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -29,8 +30,10 @@ SCALES: Final = (0.01, 100.0)
 class BallFilter:
     """One flight; what the model leaves out is one of the two amounts of the configuration."""
 
-    def __init__(self, config: FilterConfig, t_us: int, p: Array, noise_m2: Array, *, restless: bool) -> None:
-        """Begin with a point and its covariance."""
+    def __init__(
+        self, config: FilterConfig, t_us: int, p: Array, noise_m2: Array, *, restless: bool, odds: float
+    ) -> None:
+        """Begin with a point and its covariance; `odds`: of this kind of flight before anything is seen."""
         c = self._config = config
         air, bounce = (c.restless_air, c.restless_bounce_mps) if restless else (c.air_noise, c.bounce_noise_mps)
         self.unrest = Unrest(LIFT * c.magnus, air, bounce, c.ahead_m, c.ahead_s)
@@ -43,8 +46,8 @@ class BallFilter:
         self.bounces_us: tuple[int, ...] = ()
         self.strays = 0
         """Points in a row that did not fit."""
-        self.log_likelihood = 0.0
-        """Of the points, but for a constant."""
+        self.log_odds = math.log(odds)
+        """Of this kind of flight by its points, but for a constant."""
         self._points = 1
         self._question: BounceQuestion | None = None
         self._tally = np.zeros((2, 3))
@@ -74,7 +77,7 @@ class BallFilter:
             self._points += 1
             self.strays = self.strays + 1 if distance > GATE else 0
             if self._points > TYPICAL:
-                self.log_likelihood += likelihood
+                self.log_odds += likelihood
             return
         bounced = self._question.add(t_us, p, noise_m2, self.noise_scales, GATE)
         self.state, self.covariance = self._question.likelier

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from core.errors import ConfigError
 from core.trajectory.ball_filter import BallFilter
 from core.trajectory.ball_kernel import STATE, TOUCHES, places
-from core.trajectory.filter_config import FilterConfig
+from core.trajectory.filter_config import FilterConfig, with_physics
 from core.trajectory.filter_kernel import ROWS, foresee
 from core.trajectory.prediction import HitPlane, Prediction, Stage, TablePoint
 
@@ -46,8 +46,8 @@ class Paths:
 class FilterPredictor:
     """Fed point by point like `PaperPredictor`; every point moves the estimate.
 
-    Two filters run side by side: one for a flight that the model describes, one for a flight that it leaves a good deal
-    of out. The one that explains the points better is believed.
+    Filters for several kinds of flights run side by side: one that the model describes, one of which it leaves a good
+    deal out, perhaps one with air and spin. The one that explains the points best is believed.
     """
 
     def __init__(self, config: FilterConfig | None = None, *, hit_x_m: float = -1.42) -> None:
@@ -65,12 +65,8 @@ class FilterPredictor:
 
     @property
     def believed(self) -> BallFilter | None:
-        """The filter that explains the flight better; None before there is a point."""
-        if len(self._filters) < 2:
-            return self._filters[0] if self._filters else None
-        calm, restless = self._filters
-        odds = restless.log_likelihood - calm.log_likelihood + math.log(self.config.restless_odds)
-        return restless if odds > 0 else calm
+        """The filter that explains the flight best; None before there is a point."""
+        return max(self._filters, key=_log_odds, default=None)
 
     @property
     def state(self) -> Array:
@@ -133,9 +129,19 @@ class FilterPredictor:
         return self.latest
 
     def _begin(self, t_us: int, p: Array, noise: Array) -> None:
-        kinds = (False, True) if self.config.restless_odds > 0 else (False,)
-        self._filters = tuple(BallFilter(self.config, t_us, p, noise, restless=kind) for kind in kinds)
+        c = self.config
+        models = (c, with_physics(c, "real")) if c.perhaps_real else (c,)
+        odds = {False: 1.0, True: c.restless_odds} if c.restless_odds > 0 else {False: 1.0}
+        self._filters = tuple(
+            BallFilter(model, t_us, p, noise, restless=restless, odds=odds[restless])
+            for model in models
+            for restless in odds
+        )
         self._said_us = t_us
+
+
+def _log_odds(one: BallFilter) -> float:
+    return one.log_odds
 
 
 def _describe(found: Array, spread: Array, newest_us: int, stage: Stage, paths: Paths) -> Prediction:

@@ -67,6 +67,8 @@ class FilterConfig:
     """The scatter of its bounces."""
     restless_odds: float = setting(20.0, 0.0, 1e6)
     """How many flights are like that for each that is not (choice); which one this is, its points decide. 0: none."""
+    perhaps_real: bool = False
+    """Whether balls may also fly and bounce as in the physics `real`: each flight's points decide between the two."""
     bounce_guard_ms: float = setting(0.0, 0.0, 30.0)
     """So long after a bounce nothing is observed: a window of events may hold both sides of it."""
     least_seen_ms: float = setting(20.0, 1.0, 200.0)

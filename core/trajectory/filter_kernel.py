@@ -183,7 +183,8 @@ def observe(
     W /= determinant
     pulled = W @ miss
     distance = miss[0] * pulled[0] + miss[1] * pulled[1] + miss[2] * pulled[2]
-    likelihood = -0.5 * (distance + math.log(determinant))
+    # A stray speaks no louder than a point that is just believed.
+    likelihood = -0.5 * (min(distance, gate) + math.log(determinant))
     if distance > gate:
         return distance, likelihood
     for k in range(3):

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -163,6 +165,25 @@ def test_a_flight_that_the_model_does_not_describe_is_noticed_and_its_spread_is_
         missed.append(abs(prediction.landing.p_world_m[0] - bounce[0]))
     assert sigmas[1] > 2 * sigmas[0]
     assert missed[1] < 4 * sigmas[1]
+
+
+def test_air_and_spin_are_noticed_where_they_may_be() -> None:
+    rng = np.random.default_rng(8)
+    config = replace(filter_for("paper", sigma_point_m=0.001), perhaps_real=True)
+    still = np.array([0.0, 0.90, 0.15, 0.0, 0.0])
+    t_s = np.arange(0, 0.30, 0.002)
+    for state, magnus in (
+        (np.concatenate([START, REAL]), 0.10),
+        (np.concatenate([START[:6], np.zeros(3), still]), 0.0),
+    ):
+        truth = path(state, t_s, magnus)[:, :3]
+        predictor = feed(FilterPredictor(config), t_s, truth + rng.normal(0, 0.001, truth.shape))
+        assert (predictor.state[9] > 0.4) == (magnus > 0)
+        prediction = predictor.predict()
+        assert prediction is not None and prediction.landing is not None
+        found = np.empty((1, TOUCHES))
+        touches(state[None], 0.0, -1.42, LIFT * magnus, found)
+        np.testing.assert_allclose(prediction.landing.p_world_m, found[0, 9:12], atol=0.006)
 
 
 def test_an_observation_may_bring_its_own_covariance_and_a_lead_that_lasts_is_not_believed() -> None:
