@@ -23,6 +23,7 @@ from core.rally.controller import BuiltInController, Controller, RacketCommand
 from core.rally.link.world import Block, JudgedBall, SimulatedWorld, WorldConfig
 from core.rally.player import Player, PlayerState
 from core.simulation.physics.episode import Case
+from core.simulation.physics.recorded_serves import RecordedServes
 
 logger = logging.getLogger(__name__)
 Array = NDArray[np.float64]
@@ -67,13 +68,16 @@ class ClosedLoop:
         chain: ChainConfig | None = None,
         controller: Controller | None = None,
         window_us: int = 2000,
+        recorded: RecordedServes | None = None,
     ) -> None:
         """The built-in controller plays if there is no other. The chain is told the physics of the world.
+
+        With `recorded`, the balls that are served are of those.
 
         Raises:
             CalibrationError: if the cameras cannot see depth.
         """
-        self.world = SimulatedWorld(world, cameras, seed)
+        self.world = SimulatedWorld(world, cameras, seed, recorded=recorded)
         told = chain_for_physics(chain or ChainConfig(), world.task.physics)
         self.player = Player(RallyChain(cameras, told), controller or BuiltInController(world.task))
         self._window_us = window_us

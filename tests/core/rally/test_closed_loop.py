@@ -4,7 +4,9 @@ import pytest
 from core.cameras import stereo_preset
 from core.rally.closed_loop import ClosedLoop, PlayedBall
 from core.rally.link.world import WorldConfig
-from core.simulation.physics.episode import Case
+from core.simulation.physics.episode import Case, Serves
+from core.simulation.physics.recorded_serves import RecordedServes
+from core.simulation.physics.task import task_profile
 
 BALLS = 2
 
@@ -55,3 +57,17 @@ def test_a_world_without_enough_light_misses_every_ball_and_says_so() -> None:
         loop.close()
     assert ball.judged.outcome.case is Case.MISSED
     assert ball.commands == () and ball.stage == "none" and np.isnan(ball.aim_error_m)
+
+
+def test_a_recorded_ball_with_spin_comes_back_in_the_fitted_physics() -> None:
+    task = task_profile("real")
+    topspin = Serves(np.array([[1.2, 0.0, 0.35]]), np.array([[-6.0, 0.1, 0.8]]), np.array([[0.0, -60.0, 0.0]]))
+    world = WorldConfig(task=task)
+    loop = ClosedLoop(world, stereo_preset(), seed=5, recorded=RecordedServes(topspin, task))
+    try:
+        ball = loop.play(6.0)
+    finally:
+        loop.close()
+    np.testing.assert_allclose(ball.judged.serve.state, topspin.states()[0])
+    assert ball.returned and ball.stage == "post"
+    assert ball.aim_error_m < 0.03
