@@ -19,7 +19,7 @@ WIDTH: Final = 420
 TOP, LEFT, GAP, BELOW, CHART = 52, 20, 40, 34, 130
 ARROW: Final = 12.0
 """Drawn length of a median residual."""
-MOST_ARROWS: Final = 1500
+MOST_ARROWS: Final = 600
 """More only hide each other."""
 BINS: Final = 30
 DOT, REJECTED, TEXT, GRID, BACK, PAPER = "#ff8c28", "#e03131", "#d7d9de", "#3a3d46", "#1a1b1e", "#101114"
