@@ -54,7 +54,7 @@ def test_recorded_flights_are_in_it_when_they_were_measured(perceived, exact, tm
     ahead = {"0.1": 12.0}
     row = {"bounce_median_mm": 80.0, "bounce_p95_mm": 150.0, "ahead_median_mm": ahead, "ahead_p95_mm": {"0.1": 70.0}}
     report = {
-        "predictors": [{"method": "filter", "flights": {"0.1": 21}, "normalised_median": {"0.1": 0.58}} | row],
+        "predictors": [{"method": "filter", "flights": {"0.1": 21}, "normalised_but_worst": {"0.1": 0.58}} | row],
         "test": [{"model": "gravity"} | row],
         "flights": {"fit": 49, "test": 21},
     }
