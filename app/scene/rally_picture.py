@@ -20,6 +20,16 @@ class Pose:
     wxyz: Array
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Spread:
+    """How sure a point in a plane is: an ellipse."""
+
+    centre: Array
+    """(3,)"""
+    axes: Array
+    """(2, 3) half axes, one standard deviation long."""
+
+
 @dataclass(frozen=True, slots=True)
 class LandingSpot:
     """Where a past ball came down."""
@@ -47,6 +57,8 @@ class RallyPicture:
     """(N, 3) the newest prediction's path."""
     tube_sigmas: Array = field(default_factory=lambda: np.empty((0, 3)))
     """(N, 3) its standard deviations."""
+    spreads: tuple[Spread, ...] = ()
+    """Of the expected bounce and of the hit."""
     bounce: Array | None = None
     """Where it bounces or did bounce."""
     hit: Array | None = None

@@ -1,4 +1,4 @@
-"""How sure a prediction is: a tube of two standard deviations round the path."""
+"""How sure a prediction is: a tube round the path, and ellipses of the bounce and the hit; two standard deviations."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.scene.rally_picture import Spread
+
 Array = NDArray[np.float64]
 TUBE_RGB: Final = (90, 200, 255)
 SIGMAS: Final = 2.0
 RINGS: Final = 20
 """A tube always has this many, so that its handle is reused."""
 CORNERS: Final = 12
+ELLIPSES: Final = 2
+"""Of the bounce and of the hit."""
+ELLIPSE_CORNERS: Final = 32
 
 
 class UncertaintyActor:
@@ -31,12 +36,28 @@ class UncertaintyActor:
             cast_shadow=False,
             receive_shadow=False,
         )
+        flat = np.zeros((ELLIPSE_CORNERS, 2, 3), np.float32)
+        self._ellipses = [
+            scene.add_line_segments(f"{name}/ellipse-{number}", flat, TUBE_RGB, thickness=0.005, visible=False)
+            for number in range(ELLIPSES)
+        ]
 
-    def show(self, ps_world_m: Array, sigmas_m: Array) -> None:
-        """Along a path (N, 3) with its standard deviations (N, 3); fewer than two points hide it."""
+    def show(self, ps_world_m: Array, sigmas_m: Array, spreads: tuple[Spread, ...]) -> None:
+        """Along a path (N, 3) with its standard deviations (N, 3); fewer than two points hide the tube."""
+        for handle, spread in zip(self._ellipses, (*spreads, None, None), strict=False):
+            handle.visible = spread is not None
+            if spread is not None:
+                handle.points = ellipse(spread)
         self._tube.visible = len(ps_world_m) > 1
         if len(ps_world_m) > 1:
             self._tube.vertices = tube_vertices(ps_world_m, sigmas_m)
+
+
+def ellipse(spread: Spread) -> NDArray[np.float32]:
+    """(ELLIPSE_CORNERS, 2, 3) segments, SIGMAS standard deviations from the middle."""
+    angles = np.linspace(0, 2 * np.pi, ELLIPSE_CORNERS + 1)
+    points = spread.centre + SIGMAS * np.column_stack([np.cos(angles), np.sin(angles)]) @ spread.axes
+    return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
 
 
 def tube_faces() -> NDArray[np.uint32]:

@@ -111,8 +111,10 @@ class World:
                 picture.hit if expected else None,
                 plane="Hitting plane" in on,
             )
-            sure = "Uncertainty" not in on
-            self._uncertainty.show(_NO_PATH if sure else picture.tube, _NO_PATH if sure else picture.tube_sigmas)
+            if "Uncertainty" in on:
+                self._uncertainty.show(picture.tube, picture.tube_sigmas, picture.spreads)
+            else:
+                self._uncertainty.show(_NO_PATH, _NO_PATH, ())
             self._racket.show(picture.racket if "Racket" in on else None)
             self._racket_target.show(picture.racket_target if "Racket target" in on else None)
             self._landing.show(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.scene.rally_picture import LandingSpot, Pose, RallyPicture
+from app.watch.spread import spreads_of
 from core.rally.chain import BallPoint
 from core.rally.controller import Stage
 from core.rally.player import PlayerState
@@ -246,6 +247,7 @@ class RallyHistory:
             after_bounce=after.path if after else np.empty((0, 3)),
             tube=tube[0],
             tube_sigmas=tube[1],
+            spreads=spreads_of(newest_expected.prediction) if newest_expected else (),
             bounce=bounce,
             hit=None if hit is None else hit.p_world_m,
             racket=racket,
