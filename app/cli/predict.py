@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -40,9 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--physics",
-        default="paper",
         choices=("paper", "real"),
-        help="what the table does to the ball: the simulated one, or as measured on real flights (default: paper)",
+        help="how balls fly and bounce: as simulated after the paper, or as measured on real flights "
+        "(default: the filter finds out, the paper's method takes the paper's)",
     )
     parser.add_argument(
         "--hit-x",
@@ -61,11 +62,12 @@ def run(arguments: argparse.Namespace) -> None:
         raise CommandError("nothing would be seen", expected="above 0", got=arguments.observe_ms, where="--observe-ms")
     if not arguments.out.parent.is_dir():
         raise CommandError("no such folder", got=arguments.out.parent, where="--out")
-    paper = predictor_for(arguments.physics, hit_x_m=arguments.hit_x)
+    paper = predictor_for(arguments.physics or "paper", hit_x_m=arguments.hit_x)
     t_s, ps_m = read_points(arguments.points)
     seen = t_s < t_s[0] + 1e-3 * arguments.observe_ms
     if arguments.method == "filter":
-        config = filter_for(arguments.physics)
+        config = filter_for(arguments.physics or "paper")
+        config = dataclasses.replace(config, perhaps_real=arguments.physics is None)
         predictor = FilterPredictor(config, hit_x_m=paper.hit_x_m)
         needed = f"points over {config.least_seen_ms:g} ms"
     else:

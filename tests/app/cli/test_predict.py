@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from app.cli import main
+from core.simulation.physics.config import physics_profile
+from core.simulation.physics.fit_flights import simulate_flight
 
 GRAVITY = 9.81
 
@@ -134,10 +136,28 @@ def test_a_malformed_file_is_one_line_with_file_and_row(tmp_path, capsys, text: 
     assert not (tmp_path / "pred.json").exists()
 
 
+@pytest.mark.parametrize("physics", ["paper", "real"])
+def test_the_filter_finds_out_by_what_physics_a_ball_flies(physics, tmp_path) -> None:
+    start = np.array([1.2, 0.1, 0.3, -5.0, 0.2, 1.0, *((30.0, -80.0, 20.0) if physics == "real" else (0.0, 0.0, 0.0))])
+    t_s = np.arange(0, 0.5, 0.004)
+    ps = simulate_flight(start, t_s, physics_profile(physics))
+    csv_path = write_points(tmp_path / "flown.csv", t_s, ps + np.random.default_rng(1).normal(0, 0.0005, ps.shape))
+    off = {}
+    for said in ("paper", "real", None):
+        arguments = ["--physics", said] if said else []
+        out = tmp_path / "pred.json"
+        assert main(["predict", str(csv_path), "--method", "filter", "--out", str(out), *arguments]) == 0
+        found = np.array([one["p_world_m"] for one in json.loads(out.read_text())["positions"]])
+        off[said] = np.linalg.norm(found[25] - ps[t_s >= 0.15][25])  # 100 ms ahead
+    wrong = "paper" if physics == "real" else "real"
+    assert off[None] == off[physics] < 0.02
+    assert off[physics] < off[wrong]
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--method", "filter", "--observe-ms", "10"], "too little"),
+        (["--method", "filter", "--observe-ms", "10"], "expected points over 20 ms, got 2 points over 5 ms"),
         (["--method", "filter", "--hit-x", "7"], "hit_x_m"),
         (["--method", "magic"], "magic"),
         (["--observe-ms", "0"], "--observe-ms"),
