@@ -110,9 +110,8 @@ class FrameCamera:
         """Pixels that something moves over, and their light (N, 3): so much of that at each instant."""
         swept, bodies = _swept(steps.boxes[instants], self.camera), self._bodies
         probes = None if bodies is None else bodies.probe(steps.t_us[instants])
-        if bodies is not None and probes is not None:
-            swept |= bodies.cover(probes)
-        pixels = np.flatnonzero(swept)
+        pixels = np.flatnonzero(swept if bodies is None or probes is None else swept | bodies.cover(probes))
+        in_boxes = swept.ravel()[pixels]
         mean, see_racket = np.zeros((len(pixels), 3)), steps.outlines.shape[1] > 0
         for number, instant in enumerate(instants):
             ball, racket = steps.rows[instant].copy(), steps.rackets[instant].copy()
@@ -124,7 +123,7 @@ class FrameCamera:
                 layers = NO_LAYERS if bodies is None else bodies.layers[channel]
                 _add_light(
                     maps, layers, self._view, tuple(ball.tolist()), tuple(racket.tolist()), see_racket,
-                    shares[number], pixels, mean[:, channel],
+                    shares[number], pixels, in_boxes, mean[:, channel],
                 )  # fmt: skip
         return pixels, mean
 
@@ -186,12 +185,19 @@ def _swept(boxes: NDArray[np.int64], camera: Camera) -> NDArray[np.bool_]:
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
-def _add_light(maps, layers, view, ball, racket, see_racket, share, pixels, mean):
-    """Add this share of the light of the pixels at one instant to their mean."""
+def _add_light(maps, layers, view, ball, racket, see_racket, share, pixels, in_boxes, mean):
+    """Add this share of the light of the pixels at one instant to their mean.
+
+    Ball, shadow and robot's racket are looked for only where `in_boxes`.
+    """
     for number in range(len(pixels)):
         pixel = pixels[number]
+        among = len(layers) > 0 and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0)
+        if not in_boxes[number]:
+            mean[number] += share * math.exp(layers[pixel, LOG_TOTAL] if among else maps[pixel, LOG_LIGHT])
+            continue
         seen = pixel_seen(maps, pixel)
-        if len(layers) and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0):
+        if among:
             light = light_among(seen, layers, pixel, view, ball, racket, True, True, see_racket)
             rest = float(layers[pixel, LOG_TOTAL])
         else:
