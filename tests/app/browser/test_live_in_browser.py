@@ -120,6 +120,23 @@ def test_tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for
     wait_for(lambda: live_window.session.world.visible, "the 3D scene once more")
 
 
+def test_the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(live_window, live_lab, wait_for) -> None:
+    rally = rally_of(live_lab)
+
+    def median_events(since_us: int) -> float:
+        counts = rally.recording.cameras["right"].counts_per_ms()[since_us // 1000 :]
+        return float(np.median(counts)) if len(counts) > 200 else 0.0
+
+    live_window.page.get_by_label("Scene").first.click()
+    live_window.page.get_by_role("option", name="two-persons").click()
+    wait_for(lambda: rally.state.scene == "two-persons", "the simulation to change the scene", 60)
+    since_us = rally.state.t_us
+    wait_for(lambda: median_events(since_us) > 400, "people's events: without them it is noise most of the time", 60)
+    live_window.screenshot("live-two-persons")
+    rally.client.set_scene("ball")
+    wait_for(lambda: live_window.page.get_by_label("Scene").first.input_value() == "ball", "the choice of another")
+
+
 def test_a_simulation_that_ends_is_said_and_the_rest_goes_on(live_window, live_lab, wait_for) -> None:
     rally = rally_of(live_lab)
     rally.stop_simulation()
