@@ -22,6 +22,7 @@ from core.cameras.presets import SENSOR_720, SENSOR_1280
 from core.evaluation.machine import describe_machine
 from core.events import SensorSize
 from core.rally.closed_loop import ClosedLoop, PlayedBall
+from core.rally.config import ChainConfig
 from core.rally.controller import BuiltInController
 from core.rally.follow import true_positions
 from core.rally.link.world import Block, WorldConfig
@@ -82,10 +83,14 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
     return {"rows": rows, "machine": describe_machine("numba", "numpy", "mujoco", clock=clock)}
 
 
-def measure(sensor: SensorSize, speed_mps: float, balls: int, *, seed: int = SEED) -> dict[str, object]:
-    """One row."""
+def measure(
+    sensor: SensorSize, speed_mps: float, balls: int, *, seed: int = SEED, chain: ChainConfig | None = None
+) -> dict[str, object]:
+    """One row; `chain` may have settings of its own, such as another prediction."""
     world, controller = WorldConfig(), BuiltInController()
-    loop = ClosedLoop(world, stereo_preset(sensor=sensor), seed=seed, controller=controller, window_us=WINDOW_US)
+    loop = ClosedLoop(
+        world, stereo_preset(sensor=sensor), seed=seed, chain=chain, controller=controller, window_us=WINDOW_US
+    )
     watched, played = [], []
     began_s = time.perf_counter()
     try:

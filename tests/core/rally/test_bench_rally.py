@@ -3,6 +3,7 @@ import pytest
 
 from core.cameras.presets import SENSOR_720
 from core.rally.bench_rally import Watched, measure
+from core.rally.config import ChainConfig
 from core.recordings import BallTruth
 
 
@@ -13,6 +14,12 @@ def test_two_balls_give_a_row_whose_parts_agree() -> None:
     assert others == 2 - 2 * row["returned"]  # type: ignore[operator]
     assert 0.1 < row["point_mm_median"] < 5.0 <= 5.0 + row["point_mm_p95"]  # type: ignore[operator]
     assert row["points"] > 200 and 0 < row["step_ms_p50"] <= row["step_ms_p99"]  # type: ignore[operator]
+
+
+def test_another_prediction_plays_another_rally() -> None:
+    fit, filtered = (measure(SENSOR_720, 9.0, 1, chain=ChainConfig(prediction=kind)) for kind in ("fit", "filter"))
+    assert fit["point_mm_median"] == pytest.approx(filtered["point_mm_median"], rel=0.2)
+    assert fit["aim_mm_median"] != filtered["aim_mm_median"]
 
 
 def test_errors_are_distances_to_the_truth_at_the_points_own_times() -> None:
