@@ -219,6 +219,8 @@ def _report(found: RigCalibration, rows: list[dict[str, object]], out: Path) -> 
         "cameras": rows,
         "offset_us": {name: -round(fit.offset_us) for name, fit in found.fits.items()},
         "sigma_px": found.sigma_px,
+        "lead_px": found.lead_px,
+        "sigma_lead_px": found.sigma_lead_px,
         "baseline_m": found.baseline_m,
         "sigma_baseline_m": found.sigma_baseline_m,
         "scale": found.scale.said,
@@ -237,6 +239,8 @@ def _describe(found: RigCalibration, rows: list[dict[str, object]], out: Path) -
         f"baseline {found.baseline_m:.4f} +- {found.sigma_baseline_m:.4f} m, scale from {found.scale.said}",
         f"world: {found.frame}",
     ]
+    if found.sigma_lead_px > 0:
+        lines.append(f"detections run {found.lead_px:.2f} +- {found.sigma_lead_px:.2f} px ahead of the ball: taken off")
     if found.click_rms_px is not None:
         lines.append(f"clicked corners: rms {found.click_rms_px:.2f} px")
     lines += [

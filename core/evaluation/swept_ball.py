@@ -61,12 +61,19 @@ def seen_by(
     noise_px: float,
     clock_ahead_us: int = 0,
     stray_share: float = 0.0,
+    lead_px: float = 0.0,
     every_us: int = 2000,
 ) -> PointTrack:
-    """What a detector with independent errors would say: outline centres with noise, some of them astray."""
+    """What a detector with independent errors would say: outline centres with noise, some of them astray.
+
+    `lead_px` puts all of them ahead of the ball along its motion.
+    """
     t_us = np.arange(every_us, int(path.end_s * 1e6), every_us, dtype=np.int64)
     truth = pixel_truth(camera, path, t_us - clock_ahead_us)
-    uvs = np.column_stack([truth.u_px, truth.v_px]) + rng.normal(0, noise_px, (len(t_us), 2))
+    later = pixel_truth(camera, path, t_us - clock_ahead_us + 100)
+    motion = np.column_stack([later.u_px - truth.u_px, later.v_px - truth.v_px])
+    ahead = lead_px * motion / np.linalg.norm(motion, axis=1, keepdims=True) if lead_px else 0.0
+    uvs = np.column_stack([truth.u_px, truth.v_px]) + ahead + rng.normal(0, noise_px, (len(t_us), 2))
     stray = rng.uniform(size=len(t_us)) < stray_share
     uvs[stray] += rng.normal(0, STRAY_PX, (int(stray.sum()), 2))
     return PointTrack.of(t_us, uvs)

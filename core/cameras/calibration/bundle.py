@@ -33,6 +33,8 @@ SINGULAR: Final = 1e-12
 NEAREST: Final = 1e-6
 """Depth in front of a camera."""
 OUTLIER_SIGMAS: Final = 4.0
+LEAD_SIGMA_PX: Final = 5.0
+"""What is believed of the lead beforehand: little, but where all move alike nothing else fixes it."""
 WORST_PX: Final = 5.0
 """Noise above which the cameras cannot have seen one thing: detectors have 0.3 to 2 px."""
 REFITS: Final = 2
@@ -51,6 +53,9 @@ class Rig:
     """(C, 3): optical centres."""
     offsets_us: Array
     """(C,): a camera's clock minus the first one's; 0 for the first."""
+    lead_px: float = 0.0
+    """How far all detections run ahead of the ball along its motion in the picture. A part of it that grows with the
+    speed is the same as a later time of everything and is not in it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,14 +64,18 @@ class Sightings:
 
     t_us: Array
     """(N,) on the first camera's clock."""
-    sample: Callable[[Array], Array]
-    """From offsets (C,) to the pinhole coordinates (N, C, 2), nan where not seen."""
+    sample: Callable[[Array, float], Array]
+    """From offsets (C,) and a lead to the pinhole coordinates (N, C, 2), nan where not seen."""
     focals_px: Array
     """(C,): turns pinhole coordinates into pixels."""
 
     def rows(self, keep: NDArray[np.bool_]) -> Sightings:
         """Some of the instants."""
-        return replace(self, t_us=self.t_us[keep], sample=lambda offsets_us: self.sample(offsets_us)[keep])
+        return replace(self, t_us=self.t_us[keep], sample=lambda *of_rig: self.sample(*of_rig)[keep])
+
+    def of(self, rig: Rig) -> Array:
+        """The pinhole coordinates (N, C, 2) that a rig's clocks and lead make of them."""
+        return self.sample(rig.offsets_us, rig.lead_px)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +84,7 @@ class Adjusted:
 
     rig: Rig
     covariance: Array
-    """(7 C, 7 C): per camera rotation (rad), position, offset (ms); 0 for what was held."""
+    """(7 C + 1, 7 C + 1): per camera rotation (rad), position, offset (ms), then the lead; 0 for what was held."""
     sigma_px: float
     """Standard deviation of a sighting along one picture axis."""
     used: NDArray[np.bool_]
@@ -89,7 +98,7 @@ Extra = Callable[[Rig], Array]
 def adjust(
     sightings: Sightings, rig: Rig, free: NDArray[np.bool_], extra: Extra, *, rough_px: float | None = None
 ) -> Adjusted:
-    """The rig with the smallest residuals, outliers left out; `free` (C, 7) says what may change.
+    """The rig with the smallest residuals, outliers left out; `free` (7 C + 1,) says what may change.
 
     `rough_px` is how well the sightings fit a rig that is only a guess: it is first improved with a robust loss of that
     width. Without it the rig is near enough to tell outliers at once.
@@ -196,20 +205,22 @@ def _solve(sightings: Sightings, rig: Rig, free: NDArray[np.bool_], extra: Extra
 
 
 def _residuals(sightings: Sightings, rig: Rig, extra: Extra, sigma_px: float) -> Array:
-    errors = residuals_px(rig, sightings.sample(rig.offsets_us), sightings.focals_px) / sigma_px
-    return np.concatenate([np.nan_to_num(errors).ravel(), extra(rig)])
+    errors = residuals_px(rig, sightings.of(rig), sightings.focals_px) / sigma_px
+    return np.concatenate([np.nan_to_num(errors).ravel(), extra(rig), [rig.lead_px / LEAD_SIGMA_PX]])
 
 
 def _moved(rig: Rig, free: NDArray[np.bool_], step: Array) -> Rig:
-    full = np.zeros(free.shape)
+    full = np.zeros(len(free))
     full[free] = step
-    turns = Rotation.from_rotvec(full[:, :3]).as_matrix()
-    return Rig(rig.Rs @ turns, rig.ps + full[:, 3:POSE], rig.offsets_us + 1e3 * full[:, POSE])
+    of_cameras = full[:-1].reshape(-1, POSE + 1)
+    turns = Rotation.from_rotvec(of_cameras[:, :3]).as_matrix()
+    offsets_us = rig.offsets_us + 1e3 * of_cameras[:, POSE]
+    return Rig(rig.Rs @ turns, rig.ps + of_cameras[:, 3:POSE], offsets_us, rig.lead_px + float(full[-1]))
 
 
 def _inliers(sightings: Sightings, rig: Rig) -> tuple[NDArray[np.bool_], float]:
     """Instants whose residuals are no larger than noise makes them, and the noise of one sighting."""
-    errors = residuals_px(rig, sightings.sample(rig.offsets_us), sightings.focals_px)
+    errors = residuals_px(rig, sightings.of(rig), sightings.focals_px)
     seen = np.isfinite(errors[..., 0]).sum(axis=1)
     freedom = np.maximum(2 * seen - 3, 1)
     size = np.sqrt(np.nansum(errors**2, axis=(1, 2)) / freedom)
@@ -227,7 +238,7 @@ def _inliers(sightings: Sightings, rig: Rig) -> tuple[NDArray[np.bool_], float]:
 
 
 def _covariance(sightings: Sightings, rig: Rig, free: NDArray[np.bool_], extra: Extra, sigma_px: float) -> Array:
-    """Covariance (7 C, 7 C) of what is free, the errors within a block of time taken as one (a sandwich estimate)."""
+    """Covariance of what is free, the errors within a block of time taken as one (a sandwich estimate)."""
 
     def residuals(step: Array) -> Array:
         return _residuals(sightings, _moved(rig, free, step), extra, sigma_px)
@@ -248,6 +259,6 @@ def _covariance(sightings: Sightings, rig: Rig, free: NDArray[np.bool_], extra: 
     # With few blocks the sandwich is too small by chance; independent errors are the least there can be.
     stretch = np.sqrt(np.maximum(np.diag(inverse) / np.maximum(np.diag(blocked), 1e-300), 1.0))
     full = np.zeros((free.size, free.size))
-    places = np.flatnonzero(free.ravel())
+    places = np.flatnonzero(free)
     full[np.ix_(places, places)] = blocked * stretch[:, None] * stretch
     return full

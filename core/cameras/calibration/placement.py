@@ -47,8 +47,9 @@ def place_upright(adjusted: Adjusted, scale: ScaleFound) -> Placed:
         frame = "the first camera's place, z up by gravity, x where it looks"
     s = scale.metres_per_unit
     rig = adjusted.rig
-    placed = Rig(R_world_first @ rig.Rs, s * rig.ps @ R_world_first.T, rig.offsets_us)
-    stretch = np.kron(np.eye(len(rig.ps)), _metres(R_world_first, s))
+    placed = Rig(R_world_first @ rig.Rs, s * rig.ps @ R_world_first.T, rig.offsets_us, rig.lead_px)
+    stretch = np.eye(len(adjusted.covariance))
+    stretch[:-1, :-1] = np.kron(np.eye(len(rig.ps)), _metres(R_world_first, s))
     covariance = stretch @ adjusted.covariance @ stretch.T
     return Placed(replace(adjusted, rig=placed, covariance=covariance), s * scale.sigma_relative, frame)
 
@@ -75,7 +76,7 @@ def place_by_clicks(
     rig, s = adjusted.rig, scale.metres_per_unit
     R_world_frame = T_world_anchor[:3, :3] @ rig.Rs[anchor].T
     ps = T_world_anchor[:3, 3] + s * (rig.ps - rig.ps[anchor]) @ R_world_frame.T
-    start = Rig(R_world_frame @ rig.Rs, ps, rig.offsets_us)
+    start = Rig(R_world_frame @ rig.Rs, ps, rig.offsets_us, rig.lead_px)
     length_m = s
 
     def extra(moved: Rig) -> Array:

@@ -91,6 +91,16 @@ def clean_track(track: PointTrack) -> PointTrack:
     return PointTrack(track.t_us[keep], track.uvs_px[keep], track.marker[keep])
 
 
+def motion_directions(track: PointTrack) -> Array:
+    """(N, 2) unit vectors along the motion in the picture, over two sightings to each side; 0 where there is none."""
+    rows = np.arange(len(track.t_us))
+    before, after = np.maximum(rows - 2, 0), np.minimum(rows + 2, len(rows) - 1)
+    move = track.uvs_px[after] - track.uvs_px[before]
+    size = np.linalg.norm(move, axis=1, keepdims=True)
+    near = (track.marker[after] == track.marker[before]) & (track.t_us[after] - track.t_us[before] <= 4 * MAX_GAP_US)
+    return np.where(near[:, None] & (size > 0), move / np.maximum(size, 1e-12), 0.0)
+
+
 def common_instants(track: PointTrack, at_most: int) -> tuple[Array, NDArray[np.int64]]:
     """Times (M,) between the sightings of a track, and their markers: where all cameras are to be compared.
 

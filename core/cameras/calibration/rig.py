@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from core.cameras.calibration.bundle import Adjusted, Rig, Sightings, adjust, points_of
 from core.cameras.calibration.placement import Placed, place_by_clicks, place_upright
-from core.cameras.calibration.point_track import PointTrack, clean_track, common_instants, sample_values
+from core.cameras.calibration.point_track import (
+    PointTrack,
+    clean_track,
+    common_instants,
+    motion_directions,
+    sample_values,
+)
 from core.cameras.calibration.relative_pose import RelativePose, guess_relative_pose
 from core.cameras.calibration.scale import Scale, ScaleFound, measure_scale
 from core.cameras.calibration.table_corners import Clicks
@@ -57,7 +63,7 @@ class CameraFit:
     """Root of the summed variances; 0 for a camera that defines the frame."""
     sigma_rotation_rad: float
     uvs_px: Array
-    """(N, 2) what it saw at the common instants, nan where nothing."""
+    """(N, 2) what it saw at the common instants, the lead taken off; nan where nothing."""
     residuals_px: Array
     """(N, 2) seen minus projected."""
 
@@ -75,6 +81,9 @@ class RigCalibration:
     """(N,) instants that were not left out."""
     sigma_px: float
     """Noise of one sighting along one picture axis."""
+    lead_px: float
+    """How far the detections run ahead of the ball; 0 for a wand, where none is fitted."""
+    sigma_lead_px: float
     scale: ScaleFound
     baseline_m: float
     """Between the first two cameras."""
@@ -102,7 +111,8 @@ def calibrate_rig(
 ) -> RigCalibration:
     """Poses, clocks and scale of the cameras of `tracks`, whose `lenses` are known (their poses are not looked at).
 
-    With `ball` the pixels are centres of a ball's outline, which lie a little farther out than its centre's image.
+    With `ball` the pixels are centres of a ball's outline, which lie a little farther out than its centre's image, and
+    a detector may have put them ahead of the ball, all alike: that lead is fitted too.
 
     Raises:
         CalibrationError: if cameras, sightings, scale or corners do not allow it.
@@ -113,11 +123,11 @@ def calibrate_rig(
     cameras = [lenses[name] for name in names]
     seen = [clean_track(tracks[name]) for name in names]
     rig = _guess(seen, cameras, config, progress)
-    solved = _solve(seen, cameras, names, rig, scale, clicks or {}, config, rough_px=ROUGH_PX)
+    solved = _solve(seen, cameras, names, rig, scale, clicks or {}, config, ball=ball, rough_px=ROUGH_PX)
     progress(0.8)
     if ball:
         seen = _centres_of_balls(seen, solved)
-        solved = _solve(seen, cameras, names, solved.relative, scale, clicks or {}, config)
+        solved = _solve(seen, cameras, names, solved.relative, scale, clicks or {}, config, ball=True)
     progress(1.0)
     return _report(seen, names, solved)
 
@@ -151,11 +161,15 @@ def _check(names: tuple[str, ...], lenses: Mapping[str, Camera], scale: Scale, c
 
 def _sightings(tracks: list[PointTrack], cameras: list[Camera], t_us: Array, marker: NDArray[np.int64]) -> Sightings:
     xys = [camera.undistort(track.uvs_px) for camera, track in zip(cameras, tracks, strict=True)]
+    steps = [
+        camera.undistort(track.uvs_px + motion_directions(track)) - xy
+        for camera, track, xy in zip(cameras, tracks, xys, strict=True)
+    ]
 
-    def sample(offsets_us: Array) -> Array:
+    def sample(offsets_us: Array, lead_px: float) -> Array:
         columns = [
-            sample_values(track, xy, marker, t_us + offset)
-            for track, xy, offset in zip(tracks, xys, offsets_us.tolist(), strict=True)
+            sample_values(track, xy - lead_px * step, marker, t_us + offset)
+            for track, xy, step, offset in zip(tracks, xys, steps, offsets_us.tolist(), strict=True)
         ]
         return np.stack(columns, axis=1)
 
@@ -175,9 +189,9 @@ def _guess(
     for other in range(1, len(tracks)):
 
         def second_at(offset_us: float, other: int = other) -> Array:
-            return sightings.sample(np.where(np.arange(others + 1) == other, offset_us, 0.0))[:, other]
+            return sightings.sample(np.where(np.arange(others + 1) == other, offset_us, 0.0), 0.0)[:, other]
 
-        first = sightings.sample(np.zeros(others + 1))[:, 0]
+        first = sightings.sample(np.zeros(others + 1), 0.0)[:, 0]
         focal = float(sightings.focals_px[[0, other]].mean())
 
         def show(share: float, other: int = other) -> None:
@@ -192,7 +206,7 @@ def _one_scale(poses: list[RelativePose], sightings: Sightings) -> Rig:
     Rs = np.stack([np.eye(3), *(pose.T_first_second[:3, :3] for pose in poses)])
     ps = np.stack([np.zeros(3), *(pose.T_first_second[:3, 3] for pose in poses)])
     offsets_us = np.array([0.0, *(pose.offset_us for pose in poses)])
-    xys = sightings.sample(offsets_us)
+    xys = sightings.sample(offsets_us, 0.0)
     depths = []
     for other in range(1, len(ps)):
         pair = [0, other]
@@ -215,17 +229,19 @@ def _solve(
     clicks: Mapping[str, Clicks],
     config: RigConfig,
     *,
+    ball: bool,
     rough_px: float | None = None,
 ) -> _Solved:
     t_us, marker = common_instants(tracks[0], SEARCH_INSTANTS)
     sightings = _sightings(tracks, cameras, t_us, marker)
-    common = np.flatnonzero(np.isfinite(sightings.sample(start.offsets_us)[..., 0]).sum(axis=1) >= 2)
+    common = np.flatnonzero(np.isfinite(sightings.of(start)[..., 0]).sum(axis=1) >= 2)
     chosen = common[np.linspace(0, len(common) - 1, min(len(common), config.instants)).astype(int)]
     marker = marker[chosen]
     sightings = _sightings(tracks, cameras, t_us[chosen], marker)
-    free = np.ones((len(tracks), 7), np.bool_)
-    free[0] = False
-    free[:, 6] &= config.max_offset_ms > 0
+    free = np.ones(7 * len(tracks) + 1, np.bool_)
+    free[:7] = False
+    free[6:-1:7] &= config.max_offset_ms > 0
+    free[-1] = ball
     adjusted = adjust(sightings, start, free, _unit_baseline, rough_px=rough_px)
     relative = adjusted.rig
     poses = {names.index(name): (cameras[names.index(name)], found) for name, found in clicks.items()}
@@ -235,7 +251,7 @@ def _solve(
 
     found = measure_scale(scale, sightings, marker, adjusted, poses, at_marker)
     if poses:
-        free[0, :6] = True
+        free[:6] = True
         placed = place_by_clicks(sightings, adjusted, free, found, poses, config.click_sigma_px)
     else:
         placed = place_upright(adjusted, found)
@@ -253,7 +269,7 @@ def _unit_baseline(rig: Rig) -> Array:
 def _centres_of_balls(tracks: list[PointTrack], solved: _Solved) -> list[PointTrack]:
     """The tracks with each outline's centre moved to where the image of the ball's centre is."""
     rig = solved.placed.adjusted.rig
-    ps = points_of(rig, solved.sightings.sample(rig.offsets_us), solved.sightings.focals_px)
+    ps = points_of(rig, solved.sightings.of(rig), solved.sightings.focals_px)
     corrected = []
     for track, camera, offset_us in zip(tracks, solved.cameras, rig.offsets_us.tolist(), strict=True):
         circles = ball_circles(camera, ps)
@@ -268,11 +284,12 @@ def _centres_of_balls(tracks: list[PointTrack], solved: _Solved) -> list[PointTr
 def _report(seen: list[PointTrack], names: tuple[str, ...], solved: _Solved) -> RigCalibration:
     adjusted = solved.placed.adjusted
     rig, sightings = adjusted.rig, solved.sightings
-    ps = points_of(rig, sightings.sample(rig.offsets_us), sightings.focals_px)
-    variances = np.diag(adjusted.covariance).reshape(-1, 7)
+    ps = points_of(rig, sightings.of(rig), sightings.focals_px)
+    variances = np.diag(adjusted.covariance)[:-1].reshape(-1, 7)
     fits = {}
     for k, name in enumerate(names):
-        uvs = sample_values(seen[k], seen[k].uvs_px, solved.marker, sightings.t_us + rig.offsets_us[k])
+        centres = seen[k].uvs_px - rig.lead_px * motion_directions(seen[k])
+        uvs = sample_values(seen[k], centres, solved.marker, sightings.t_us + rig.offsets_us[k])
         fits[name] = CameraFit(
             solved.cameras[k],
             float(rig.offsets_us[k]),
@@ -289,6 +306,8 @@ def _report(seen: list[PointTrack], names: tuple[str, ...], solved: _Solved) -> 
         ps,
         adjusted.used,
         adjusted.sigma_px,
+        rig.lead_px,
+        float(np.sqrt(adjusted.covariance[-1, -1])),
         solved.scale,
         baseline,
         solved.placed.sigma_baseline_m,

@@ -75,9 +75,9 @@ def measure_scale(
     if scale.kind == "wand":
         t_us = sightings.t_us[(marker == 0) & adjusted.used]
         ends = [at_marker(t_us, np.full(len(t_us), which)) for which in (0, 1)]
-        zero, one = (points_of(rig, end.sample(rig.offsets_us), end.focals_px) for end in ends)
+        zero, one = (points_of(rig, end.of(rig), end.focals_px) for end in ends)
         return _from_wand(scale.length_m, np.linalg.norm(one - zero, axis=1))
-    xys = sightings.sample(rig.offsets_us)
+    xys = sightings.of(rig)
     ps = points_of(rig, xys, sightings.focals_px)
     ps[~adjusted.used] = np.nan
     information = point_information(rig, ps, xys, sightings.focals_px, adjusted.sigma_px)

@@ -7,6 +7,7 @@ from core.cameras.calibration.point_track import (
     PointTrack,
     clean_track,
     common_instants,
+    motion_directions,
     read_point_track,
     sample_values,
 )
@@ -40,6 +41,14 @@ def test_common_instants_lie_anywhere_between_sightings() -> None:
     assert len(t_us) == 199 and not marker.any() and (np.diff(t_us) > 0).all()
     assert np.histogram(share, 10, (0, 1))[0].min() >= 15, "evenly over the share of the way"
     assert len(common_instants(line(200), 50)[0]) == 50
+
+
+def test_directions_are_along_the_motion_and_none_where_it_is_not_known() -> None:
+    t_us = np.array([0, 2000, 4000, 6000, 8000, 900_000])
+    track = PointTrack.of(t_us, np.column_stack([3e-3 * t_us, 4e-3 * t_us]))
+    found = motion_directions(track)
+    np.testing.assert_allclose(found[:3], [[0.6, 0.8]] * 3)
+    assert not found[5].any() and not motion_directions(PointTrack.of([0, 1000], [[1, 1], [1, 1]])).any()
 
 
 def test_stray_sightings_go_and_good_ones_stay() -> None:
