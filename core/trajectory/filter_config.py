@@ -14,11 +14,11 @@ PAPER: Final = {
     "drag": 0.0,
     "drag_sigma": 1e-6,
     "magnus": 0.0,
-    "spin_sigma_radps": 10.0,
+    "spin_sigma_radps": 5.0,
     "restitution": 0.90,
     "restitution_sigma": 0.01,
     "friction": 0.15,
-    "friction_sigma": 0.02,
+    "friction_sigma": 0.01,
 }
 """What the physics called `paper` changes: no air, no spin, and the table of the simulation."""
 
