@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,23 +90,13 @@ def report_rows(files: Sequence[PlayedFile]) -> dict[str, list[Row]]:
 
 def write_report(path: Path, files: Sequence[PlayedFile], config: KnownBallsConfig, command: str) -> None:
     """The page, and its picture in `images/` beside it."""
-    rows, whole = report_rows(files), _joined(files)
-    everything = summary_row("all", whole.played, np.ones(len(whole.balls), np.bool_))
-    parts = [
-        _header(everything, config, command),
-        table(_TITLES, [_cells(row) for row in [*rows["files"], *([everything] if len(files) > 1 else [])]]),
-        "## By speed where the state begins\n",
-        table(_TITLES, [_cells(row) for row in rows["speeds"]]),
-        "## By spin there\n",
-        table(_TITLES, [_cells(row) for row in rows["spins"]]),
-        f"![returned by speed and spin](images/{path.stem}.svg)\n",
-        "## What the others were lost to\n",
-        _loss_table(files),
-    ]
+    whole, rows = _joined(files), report_rows(files)
+    rows["all"] = [summary_row("all", whole.played, np.ones(len(whole.balls), np.bool_))]
     images = path.parent / "images"
     images.mkdir(parents=True, exist_ok=True)
     (images / f"{path.stem}.svg").write_text(_picture(whole), encoding="utf-8")
-    path.write_text("\n".join(parts), encoding="utf-8")
+    lost = {file.name: losses(file.played) for file in files}
+    path.write_text(_page(rows, lost, config, command, f"images/{path.stem}.svg"), encoding="utf-8")
 
 
 _TITLES: Final = (
@@ -113,35 +104,54 @@ _TITLES: Final = (
     "count",
     "playable",
     "returned",
-    "share of the playable [95 %]",
-    "landing off, median / 95 %",
+    "of the playable, % [95 %]",
+    "off the target, mm, median / 95 %",
 )
 
 
-def _header(row: Row, config: KnownBallsConfig, command: str) -> str:
-    air, table_, racket, bounds = (
-        config.task.physics.air,
-        config.task.physics.table,
-        config.racket,
-        config.controller,
-    )
+def _page(
+    rows: dict[str, list[Row]], lost: dict[str, dict[str, int]], config: KnownBallsConfig, command: str, picture: str
+) -> str:
+    files = rows["files"] + (rows["all"] if len(rows["files"]) > 1 else [])
+    parts = [
+        "# Balls of human play against the simulated robot\n",
+        f"Made by `{command}`.\n",
+        *(f"{textwrap.fill(text, 118)}\n" for text in (_about_balls(rows["all"][0], config), _about_robot(config))),
+        table(_TITLES, [_cells(row) for row in files]),
+        "## By speed where the state begins\n",
+        table(_TITLES, [_cells(row) for row in rows["speeds"]]),
+        "## By spin there\n",
+        table(_TITLES, [_cells(row) for row in rows["spins"]]),
+        f"![returned by speed and spin]({picture})\n",
+        "## What the others were lost to\n",
+        _loss_table(lost),
+    ]
+    return "\n".join(parts)
+
+
+def _about_balls(row: Row, config: KnownBallsConfig) -> str:
     told = f"{config.told_after_ms:g} ms after the launch" if config.told_after_ms else "at the launch"
-    return f"""# Balls of human play against the simulated robot
+    return (
+        "The files hold states of balls in human play: position, velocity and spin. Each is launched as it is. "
+        f"Of {row['count']:,} balls {row['playable']:,} are playable: they bounce once on the robot's half (a service "
+        f"on the other half first) and come to the hitting plane, x = {config.task.stroke.hit_plane_x_m:g} m. "
+        f"**{row['returned']:,} come back.** The built-in controller plays with perfect knowledge: {told} it is told "
+        "exactly when, where, how fast and with which spin the ball will cross the plane. So this is what arm and "
+        "strokes can do, without any error of perception."
+    )
 
-Made by `{command}`.
 
-The files hold states of balls in human play: position, velocity and spin. Each is launched as it is.
-Of {row["count"]:,} balls {row["playable"]:,} are playable: they bounce once on the robot's half (a service on the other
-half first) and come to the hitting plane, x = {config.task.stroke.hit_plane_x_m:g} m. **{row["returned"]:,} come
-back.** The built-in controller plays with perfect knowledge: {told} it is told exactly when, where, how fast and with
-which spin the ball will cross the plane. So this is what arm and strokes can do, without any error of perception.
-
-Physics: drag {air.drag_coefficient:g}, Magnus {air.magnus_coefficient:g}, table {table_.restitution:g} and
-{table_.friction:g}. Racket: {racket.max_speed_mps:g} m/s, {racket.max_acceleration_mps2:g} m/s², {racket.reach_m:g} m
-around its place; strokes along x with {bounds.slowest_mps:g} to {bounds.fastest_mps:g} m/s, angles within
-{config.task.stroke.action_limit_deg:g} degrees, target ({bounds.target_x_m:g}, {bounds.target_y_m:g}) m. The distance
-from the target is that of returned balls; where no safe stroke reaches it, one that lands elsewhere is played.
-"""
+def _about_robot(config: KnownBallsConfig) -> str:
+    air, top = config.task.physics.air, config.task.physics.table
+    racket, bounds = config.racket, config.controller
+    return (
+        f"Physics: drag {air.drag_coefficient:g}, Magnus {air.magnus_coefficient:g}, table {top.restitution:g} and "
+        f"{top.friction:g}. Racket: {racket.max_speed_mps:g} m/s, {racket.max_acceleration_mps2:g} m/s², within "
+        f"{racket.reach_m:g} m of its place; strokes along x with {bounds.slowest_mps:g} to {bounds.fastest_mps:g} "
+        f"m/s, angles within {config.task.stroke.action_limit_deg:g} degrees, target ({bounds.target_x_m:g}, "
+        f"{bounds.target_y_m:g}) m. The distance from the target is that of returned balls; where no safe stroke "
+        "reaches it, one that lands elsewhere is played."
+    )
 
 
 def _cells(row: Row) -> list[str]:
@@ -154,11 +164,12 @@ def _cells(row: Row) -> list[str]:
     return [str(row["balls"]), *(number(key, ",") for key in ("count", "playable", "returned")), share, off]
 
 
-def _loss_table(files: Sequence[PlayedFile]) -> str:
-    lost = [losses(file.played) for file in files]
-    words = [one for one in (*INCOMING_WORDS.values(), *FATE_WORDS.values()) if any(one in each for each in lost)]
-    rows = [[one, *(f"{each.get(one, 0):,}" for each in lost)] for one in words]
-    return table(("", *(file.name for file in files)), rows)
+def _loss_table(lost: dict[str, dict[str, int]]) -> str:
+    words = [
+        one for one in (*INCOMING_WORDS.values(), *FATE_WORDS.values()) if any(one in each for each in lost.values())
+    ]
+    rows = [[one, *(f"{each.get(one, 0):,}" for each in lost.values())] for one in words]
+    return table(("", *lost), rows)
 
 
 def _picture(whole: PlayedFile) -> str:
