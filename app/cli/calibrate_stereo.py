@@ -17,7 +17,8 @@ from core.cameras import Camera, load_calibration, save_calibration
 from core.cameras.calibration.free_fall import REAL_DRAG_PER_M
 from core.cameras.calibration.point_track import PointTrack, read_point_track
 from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
-from core.cameras.calibration.rig import CameraFit, RigCalibration, RigConfig, calibrate_rig
+from core.cameras.calibration.rig import RigConfig, calibrate_rig
+from core.cameras.calibration.rig_result import CameraFit, RigCalibration
 from core.cameras.calibration.scale import KINDS, Scale
 from core.cameras.calibration.table_corners import CORNERS, read_clicks
 from core.config import load_config

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera, stereo_preset
 from core.cameras.calibration.point_track import PointTrack
-from core.cameras.calibration.rig import RigCalibration, calibrate_rig
+from core.cameras.calibration.rig import calibrate_rig
+from core.cameras.calibration.rig_result import RigCalibration
 from core.cameras.calibration.scale import Scale
 from core.cameras.presets import PLACEMENTS
 from core.detection import make_detector

@@ -18,7 +18,8 @@ from core.cameras.calibration.point_track import (
     motion_directions,
     sample_values,
 )
-from core.cameras.calibration.relative_pose import RelativePose, guess_relative_pose
+from core.cameras.calibration.rig_result import CameraFit, RigCalibration
+from core.cameras.calibration.rig_start import SEARCH_INSTANTS, guess_rig, sightings_of
 from core.cameras.calibration.scale import Scale, ScaleFound, measure_scale
 from core.cameras.calibration.table_corners import Clicks
 from core.cameras.camera import Camera
@@ -29,7 +30,6 @@ from core.geometry import make_transform
 
 Array = NDArray[np.float64]
 
-SEARCH_INSTANTS: Final = 20_000
 ROUGH_PX: Final = 1.0
 """Width of the robust loss that improves the guess."""
 
@@ -49,54 +49,6 @@ class RigConfig:
 
     def __post_init__(self) -> None:
         check_settings(self)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CameraFit:
-    """One camera of the rig."""
-
-    camera: Camera
-    offset_us: float
-    """Its clock minus the first camera's: its times minus this are on the first one's clock."""
-    sigma_offset_us: float
-    sigma_position_m: float
-    """Root of the summed variances; 0 for a camera that defines the frame."""
-    sigma_rotation_rad: float
-    uvs_px: Array
-    """(N, 2) what it saw at the common instants, the lead taken off; nan where nothing."""
-    residuals_px: Array
-    """(N, 2) seen minus projected."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RigCalibration:
-    """What came out."""
-
-    fits: dict[str, CameraFit]
-    t_us: Array
-    """(N,) the common instants, on the first camera's clock."""
-    ps_world_m: Array
-    """(N, 3)."""
-    used: NDArray[np.bool_]
-    """(N,) instants that were not left out."""
-    sigma_px: float
-    """Noise of one sighting along one picture axis."""
-    lead_px: float
-    """How far the detections run ahead of the ball; 0 for a wand, where none is fitted."""
-    sigma_lead_px: float
-    scale: ScaleFound
-    baseline_m: float
-    """Between the first two cameras."""
-    sigma_baseline_m: float
-    frame: str
-    """What the world is, in words."""
-    click_rms_px: float | None
-    notes: tuple[str, ...]
-
-    @property
-    def cameras(self) -> dict[str, Camera]:
-        """By name, placed in the world."""
-        return {name: fit.camera for name, fit in self.fits.items()}
 
 
 def calibrate_rig(
@@ -122,7 +74,9 @@ def calibrate_rig(
     _check(names, lenses, scale, clicks or {})
     cameras = [lenses[name] for name in names]
     seen = [clean_track(tracks[name]) for name in names]
-    rig = _guess(seen, cameras, config, progress)
+    steps = int(config.max_offset_ms / config.offset_step_ms)
+    offsets_us = np.arange(-steps, steps + 1, dtype=np.float64) * (1e3 * config.offset_step_ms)
+    rig = guess_rig(seen, cameras, offsets_us, lambda share: progress(0.6 * share))
     solved = _solve(seen, cameras, names, rig, scale, clicks or {}, config, ball=ball, rough_px=ROUGH_PX)
     progress(0.8)
     if ball:
@@ -159,67 +113,6 @@ def _check(names: tuple[str, ...], lenses: Mapping[str, Camera], scale: Scale, c
         raise CalibrationError("no scale", expected="the table's corners in two cameras", got=f"{len(clicks)} cameras")
 
 
-def _sightings(tracks: list[PointTrack], cameras: list[Camera], t_us: Array, marker: NDArray[np.int64]) -> Sightings:
-    xys = [camera.undistort(track.uvs_px) for camera, track in zip(cameras, tracks, strict=True)]
-    steps = [
-        camera.undistort(track.uvs_px + motion_directions(track)) - xy
-        for camera, track, xy in zip(cameras, tracks, xys, strict=True)
-    ]
-
-    def sample(offsets_us: Array, lead_px: float) -> Array:
-        columns = [
-            sample_values(track, xy - lead_px * step, marker, t_us + offset)
-            for track, xy, step, offset in zip(tracks, xys, steps, offsets_us.tolist(), strict=True)
-        ]
-        return np.stack(columns, axis=1)
-
-    focals = np.array([(camera.K[0, 0] + camera.K[1, 1]) / 2 for camera in cameras])
-    return Sightings(t_us, sample, focals)
-
-
-def _guess(
-    tracks: list[PointTrack], cameras: list[Camera], config: RigConfig, progress: Callable[[float], None]
-) -> Rig:
-    """Each camera against the first, brought to one scale."""
-    sightings = _sightings(tracks, cameras, *common_instants(tracks[0], SEARCH_INSTANTS))
-    steps = int(config.max_offset_ms / config.offset_step_ms)
-    offsets_us = np.arange(-steps, steps + 1, dtype=np.float64) * (1e3 * config.offset_step_ms)
-    others = len(tracks) - 1
-    poses: list[RelativePose] = []
-    for other in range(1, len(tracks)):
-
-        def second_at(offset_us: float, other: int = other) -> Array:
-            return sightings.sample(np.where(np.arange(others + 1) == other, offset_us, 0.0), 0.0)[:, other]
-
-        first = sightings.sample(np.zeros(others + 1), 0.0)[:, 0]
-        focal = float(sightings.focals_px[[0, other]].mean())
-
-        def show(share: float, other: int = other) -> None:
-            progress(0.6 * (other - 1 + share) / others)
-
-        poses.append(guess_relative_pose(first, second_at, offsets_us, focal, progress=show))
-    return _one_scale(poses, sightings)
-
-
-def _one_scale(poses: list[RelativePose], sightings: Sightings) -> Rig:
-    """All cameras in the first one's frame; the first two are 1 apart, the others where depths agree."""
-    Rs = np.stack([np.eye(3), *(pose.T_first_second[:3, :3] for pose in poses)])
-    ps = np.stack([np.zeros(3), *(pose.T_first_second[:3, 3] for pose in poses)])
-    offsets_us = np.array([0.0, *(pose.offset_us for pose in poses)])
-    xys = sightings.sample(offsets_us, 0.0)
-    depths = []
-    for other in range(1, len(ps)):
-        pair = [0, other]
-        rig = Rig(Rs[pair], ps[pair], offsets_us[pair])
-        depths.append(points_of(rig, xys[:, pair], sightings.focals_px[pair])[:, 2])
-    for other in range(2, len(ps)):
-        ratio = np.nanmedian(depths[0] / depths[other - 1])
-        if not np.isfinite(ratio):
-            raise CalibrationError("a camera saw nothing together with the first two", got=f"camera number {other + 1}")
-        ps[other] *= ratio
-    return Rig(Rs, ps, offsets_us)
-
-
 def _solve(
     tracks: list[PointTrack],
     cameras: list[Camera],
@@ -233,11 +126,11 @@ def _solve(
     rough_px: float | None = None,
 ) -> _Solved:
     t_us, marker = common_instants(tracks[0], SEARCH_INSTANTS)
-    sightings = _sightings(tracks, cameras, t_us, marker)
+    sightings = sightings_of(tracks, cameras, t_us, marker)
     common = np.flatnonzero(np.isfinite(sightings.of(start)[..., 0]).sum(axis=1) >= 2)
     chosen = common[np.linspace(0, len(common) - 1, min(len(common), config.instants)).astype(int)]
     marker = marker[chosen]
-    sightings = _sightings(tracks, cameras, t_us[chosen], marker)
+    sightings = sightings_of(tracks, cameras, t_us[chosen], marker)
     free = np.ones(7 * len(tracks) + 1, np.bool_)
     free[:7] = False
     free[6:-1:7] &= config.max_offset_ms > 0
@@ -247,7 +140,7 @@ def _solve(
     poses = {names.index(name): (cameras[names.index(name)], found) for name, found in clicks.items()}
 
     def at_marker(t_us: Array, marker: NDArray[np.int64]) -> Sightings:
-        return _sightings(tracks, cameras, t_us, marker)
+        return sightings_of(tracks, cameras, t_us, marker)
 
     found = measure_scale(scale, sightings, marker, adjusted, poses, at_marker)
     if poses:

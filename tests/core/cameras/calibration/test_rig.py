@@ -6,7 +6,8 @@ import pytest
 
 from core.cameras import Camera, stereo_preset
 from core.cameras.calibration.point_track import PointTrack
-from core.cameras.calibration.rig import RigCalibration, RigConfig, calibrate_rig
+from core.cameras.calibration.rig import RigConfig, calibrate_rig
+from core.cameras.calibration.rig_result import RigCalibration
 from core.cameras.calibration.scale import Scale
 from core.cameras.calibration.table_corners import Clicks
 from core.errors import CalibrationError
