@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from core.cameras import Camera
 from core.cameras.presets import DISTORTION, FOCAL_PX, PLACEMENTS
 from core.evaluation.dense_sensor import DENSE_STEP_US, agreement, dense_events
-from core.evaluation.machine import describe_machine
+from core.evaluation.machine import describe_machine, machine_words
 from core.events import SensorSize
 from core.geometry import look_at
 from core.simulation.bodies import MovingBodies, make_bodies
@@ -153,7 +153,7 @@ def write_report(rows: list[dict[str, object]], machine: dict[str, object]) -> s
         off = f"{row['off_ratio']:.3f} | {row['off_ks']:.4f}"
         lines.append(f"| {row['clip']} | {row['dense']:,} | {on} | {off} | {'yes' if row['within'] else '**no**'} |")
     within = sum(bool(row["within"]) for row in rows)
-    lines += ["", f"{within} of {len(rows)} clips are within the bounds. Seed {SEED}; {machine}.", ""]
+    lines += ["", f"{within} of {len(rows)} clips are within the bounds. Seed {SEED}; {machine_words(machine)}.", ""]
     return "\n".join(lines)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,3 +23,8 @@ def describe_machine(*packages: str, **remarks: str) -> dict[str, object]:
         **{package: version(package) for package in packages},
         **remarks,
     }
+
+
+def machine_words(machine: Mapping[str, object]) -> str:
+    """The same for a report's reader."""
+    return ", ".join(f"{name} {value}" for name, value in machine.items() if value is not None)

@@ -11,7 +11,7 @@ import numpy as np
 
 from core.cameras import stereo_preset
 from core.detection import make_detector
-from core.evaluation.machine import describe_machine
+from core.evaluation.machine import describe_machine, machine_words
 from core.evaluation.run import run_detector
 from core.evaluation.scene_picture import picture_of_scene
 from core.evaluation.score import score_answers
@@ -139,7 +139,7 @@ def write_report(seen: list[Seen], returned: dict[str, int], balls: int, machine
             f"| {one.scene} | {one.placement} | {one.mevps:.2f} | {one.windows_with_ball} | {one.method} |"
             f" {one.precision:.3f} | {one.recall:.3f} | {one.median_error_px:.2f} | {back} |"
         )
-    lines += ["", f"{machine}.", ""]
+    lines += ["", f"Made on {machine_words(machine)}.", ""]
     for scene in dict.fromkeys(one.scene for one in seen):
         lines += [
             f"## {scene}",

@@ -10,6 +10,7 @@ from typing import Final
 
 from core.errors import RecordingError
 from core.evaluation.line_chart import Line, line_chart
+from core.evaluation.machine import machine_words
 
 Row = Mapping[str, object]
 
@@ -90,7 +91,7 @@ def write_report(
 ) -> None:
     """Write the page and its chart; the recorded flights are in it if `flights`, which `fit-physics` made, is there."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    about = ", ".join(f"{name} {value}" for name, value in machine.items() if value is not None)
+    about = machine_words(machine)
     pictures = path.parent / "images"
     pictures.mkdir(exist_ok=True)
     (pictures / PICTURE).write_text(lead_chart(perceived.leads), encoding="utf-8")
