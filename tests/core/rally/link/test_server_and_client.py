@@ -261,6 +261,7 @@ def test_recorded_balls_are_served_as_they_were_and_by_the_fitted_physics(tmp_pa
     client = SimulationClient(where)
     ear = Ear()
     client.add_listener(ear)
+    wait_for(lambda: ear.states)  # a subscription takes a moment
     client.serve(5.0)
     wait_for(lambda: ear.notices)
     served = ear.notices[0]
