@@ -23,7 +23,7 @@ STRAY_PX: Final = 60.0
 
 @dataclass(frozen=True, slots=True)
 class BallSwing:
-    """A Lissajous figure through most of the volume over the robot's half, up to 6 m/s, in all directions."""
+    """A Lissajous figure through most of the volume over the robot's half, up to 5 m/s, in all directions."""
 
     end_s: float
     middle_m: tuple[float, float, float] = (-0.6, 0.0, 0.36)
