@@ -37,8 +37,15 @@ class RacketPoses:
 class RacketPath(Protocol):
     """Where the racket is at any time."""
 
-    radius_m: float
-    thickness_m: float
+    @property
+    def radius_m(self) -> float:
+        """Of the face."""
+        ...
+
+    @property
+    def thickness_m(self) -> float:
+        """Of the body behind it."""
+        ...
 
     def at(self, t_s: ArrayLike) -> RacketPoses:
         """The racket at the times `t_s` (N,)."""

@@ -9,6 +9,7 @@ from core.cameras import Camera, ball_circles
 from core.recordings import BallTruth, PixelTruth
 from core.simulation.bodies import MovingBodies, hidden_by_bodies
 from core.simulation.flight import BallPath
+from core.simulation.racket_shape import RacketPath, racket_gap, racket_rows
 from core.simulation.scene import NET_TAPE_M
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M, NET_OVERHANG_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
@@ -32,11 +33,18 @@ def ball_truth(path: BallPath, t_us: ArrayLike) -> BallTruth:
     return BallTruth(t, states.p_world_m, states.v_world_mps, states.spin_radps, states.present)
 
 
-def pixel_truth(camera: Camera, path: BallPath, t_us: ArrayLike, bodies: MovingBodies | None = None) -> PixelTruth:
+def pixel_truth(
+    camera: Camera,
+    path: BallPath,
+    t_us: ArrayLike,
+    bodies: MovingBodies | None = None,
+    racket: RacketPath | None = None,
+) -> PixelTruth:
     """Outline centre and radius in a camera at ascending times `t_us` (N,); nan and not visible where there is none.
 
     Visible means: the whole ball is out of its launcher, its centre is on the sensor, and neither the table nor the
-    tape of the net nor one of the `bodies` is in front of the centre. The mesh of the net hides nothing.
+    tape of the net, nor one of the `bodies`, nor the robot's `racket` is in front of the centre. The mesh of the net
+    hides nothing.
     """
     t = np.atleast_1d(np.asarray(t_us, np.int64))
     states, portals = path.at(t * 1e-6), path.portals(t * 1e-6)
@@ -51,8 +59,23 @@ def pixel_truth(camera: Camera, path: BallPath, t_us: ArrayLike, bodies: MovingB
         visible &= ~hidden_by_bodies(
             bodies, camera.position_world_m, states.p_world_m, np.asarray(t * 1e-6, np.float64)
         )
+    if racket is not None:
+        there = np.flatnonzero(visible)
+        visible[there] = ~_behind_racket(camera, racket, states.p_world_m[there], t[there])
     u, v, r = (np.where(visible, column, np.nan) for column in (circles.u_px, circles.v_px, circles.r_px))
     return PixelTruth(t, u, v, r, visible)
+
+
+def _behind_racket(
+    camera: Camera, racket: RacketPath, ps: NDArray[np.float64], t_us: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Whether the racket's body lies before points (N, 3) at their times (N,)."""
+    rows = racket_rows(camera, 0.0, 0.0, racket, racket.at(np.asarray(t_us * 1e-6, np.float64)))
+    hidden = np.zeros(len(ps), np.bool_)
+    for number, (row, (x, y, z)) in enumerate(zip(rows, camera.to_camera(ps), strict=True)):
+        gap, at_m = racket_gap(row, x / z, y / z)
+        hidden[number] = gap < 0 and at_m < z
+    return hidden
 
 
 def _hidden(eye: NDArray[np.float64], ps: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -206,7 +206,9 @@ class SimulatedWorld:
         racket = SampledRacket(rows[:, 0], rows[:, 1:4], rows[:, 8:11], normals, radius_m, thickness_m)
         running = {name: self._pool.submit(eye.advance, path, end_us, racket) for name, eye in self._eyes.items()}
         times_us = truth_times(path, start_us, end_us)
-        circles = {name: pixel_truth(eye.camera, path, times_us, self._bodies) for name, eye in self._eyes.items()}
+        circles = {
+            name: pixel_truth(eye.camera, path, times_us, self._bodies, racket) for name, eye in self._eyes.items()
+        }
         ball = ball_truth(path, times_us)
         events = {name: future.result() for name, future in running.items()}
         self.now_us = end_us

@@ -9,7 +9,7 @@ from scipy.stats import ks_2samp
 
 from core.cameras import Camera
 from core.events import Events, concatenate_events
-from core.simulation import SceneConfig, SensorConfig
+from core.simulation import SceneConfig, SensorConfig, pixel_truth
 from core.simulation.background import DEPTH_M, LIGHT, LOG_LIGHT, make_background
 from core.simulation.event_camera import BLOCK_US, EventCamera
 from core.simulation.flight import BallPath, Flight
@@ -194,3 +194,20 @@ def test_the_static_picture_has_no_racket(small_camera) -> None:
     maps = make_background(small_camera, SCENE)
     seen = pixel_seen(maps, 40 * 96 + 48)
     assert seen[LIGHT] > 2 * SCENE.racket and seen[DEPTH_M] > 1.0 and np.isfinite(seen[LOG_LIGHT])
+
+
+def test_a_ball_behind_the_racket_is_not_visible_and_one_before_it_is(small_camera) -> None:
+    racket = Sliding()
+    middle = racket.at(0.0).p_world_m[0] - 0.5 * racket.thickness_m * TILTED
+    away = middle - small_camera.position_world_m
+    away /= np.linalg.norm(away)
+    across = np.cross(away, [0.0, 0.0, 1.0])
+    for p, seen in (
+        (middle + 0.2 * away, False),
+        (middle - 0.2 * away, True),
+        (middle + 0.2 * away + 0.12 * across, True),
+    ):
+        v = np.array([0.0, 1.0, 0.0])
+        ball = Flight(np.array([-1.0]), (p - v)[None], v[None], np.zeros((1, 3)), 1.0, 0.0)
+        assert pixel_truth(small_camera, ball, [0]).visible.all()
+        assert pixel_truth(small_camera, ball, [0], None, racket).visible.tolist() == [seen]
