@@ -17,6 +17,8 @@ from core.geometry import make_transform
 
 Array = NDArray[np.float64]
 
+WORST_CLICKS_PX = 30.0
+"""Rms of clicks that may be careless, but are of a table."""
 STRAY_SIGMAS = 4.0
 """A clicked corner that is farther off is named."""
 
@@ -65,7 +67,7 @@ def place_by_clicks(
     """All cameras adjusted once more in the world, to the sightings and the clicked corners together.
 
     Raises:
-        CalibrationError: if no camera has four clicks.
+        CalibrationError: if no camera has four clicks, or they are of no table.
     """
     anchor = max(poses, key=lambda k: len(poses[k][1].names))
     camera, clicks = poses[anchor]
@@ -89,6 +91,12 @@ def place_by_clicks(
     placed = adjust(sightings, start, free, extra)
     every = np.concatenate([_click_errors(placed.rig, k, *poses[k]) for k in poses])
     rms_px = float(np.sqrt((every**2).sum(axis=1).mean()))
+    if rms_px > WORST_CLICKS_PX:
+        expected, got = f"rms up to {WORST_CLICKS_PX:g} px", f"{rms_px:.0f} px"
+        remedy = "check the names of the corners and the lenses"
+        raise CalibrationError(
+            "the clicked corners are not those of a table", expected=expected, got=got, remedy=remedy
+        )
     along = placed.rig.ps[1] - placed.rig.ps[0]
     along = along / np.linalg.norm(along)
     slope = np.zeros(placed.covariance.shape[0])

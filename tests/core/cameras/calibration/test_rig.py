@@ -185,6 +185,14 @@ def test_a_misplaced_click_is_named() -> None:
     assert any("the corner net-left of left is" in note for note in found.notes)
 
 
+def test_corners_with_each_others_names_are_refused() -> None:
+    clicks = click_corners(CAMERAS, np.random.default_rng(1), 0.5)
+    left = clicks["left"]
+    wrong = {"left": Clicks(tuple(reversed(left.names)), left.uvs_px)}
+    with pytest.raises(CalibrationError, match=r"not those of a table|no camera above"):
+        calibrate_rig(sweep(CAMERAS, BallSwing(2.0)), LENSES, Scale("baseline", 3.5), clicks=wrong, config=QUICK)
+
+
 def test_a_sweep_in_one_plane_is_refused_because_two_poses_fit_it() -> None:
     tracks = sweep(CAMERAS, BallSwing(2.0, reach_m=(0.6, 0.001, 0.28)))
     with pytest.raises(CalibrationError, match="one plane only"):
