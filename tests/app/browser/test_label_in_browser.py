@@ -168,7 +168,7 @@ def test_keys_do_everything_and_all_of_it_can_be_undone(labelling, wait_for) -> 
     labelling.settle(0)
 
 
-def test_a_drag_gives_centre_and_radius(labelling) -> None:
+def test_a_drag_gives_centre_and_radius(labelling, wait_for) -> None:
     labelling.keys("8")
     labelling.settle()
     x, y = (float(v[0]) for v in labelling.truth(BALL_US))
@@ -181,6 +181,7 @@ def test_a_drag_gives_centre_and_radius(labelling) -> None:
     labelling.page.wait_for_timeout(300)
     labelling.window.screenshot("label-drag")
     labelling.page.mouse.up()
+    wait_for(lambda: labelling.label(BALL_US), "the drag to arrive")
     labelling.settle()
     label = labelling.label(BALL_US)
     pixel = 1 / labelling.zoom
