@@ -46,8 +46,6 @@ class Clip:
     name: str
     scene: str = "ball"
     placement: str = "side"
-    right: bool = False
-    """Which of the two cameras."""
     part: int | None = None
     """Part of the cast that is looked at; None looks at the ball."""
     start_us: int
@@ -172,4 +170,4 @@ def _target(clip: Clip, path: BallPath, bodies: MovingBodies | None, t_s: float)
 def _camera(clip: Clip, target: NDArray[np.float64], size: SensorSize) -> Camera:
     x, y, z = PLACEMENTS[clip.placement][0]
     K = np.array([[FOCAL_PX, 0, (size.width_px - 1) / 2], [0, FOCAL_PX, (size.height_px - 1) / 2], [0, 0, 1]])
-    return Camera(size, K, np.array(DISTORTION), look_at((x, -y if clip.right else y, z), tuple(target)))
+    return Camera(size, K, np.array(DISTORTION), look_at((x, y, z), tuple(target)))

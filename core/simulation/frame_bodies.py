@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -11,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.simulation.bodies.looks import MARGIN_PX, TILE_PX, draw_tile, mark_moved, near_tile
-from core.simulation.bodies.parts import REFLECTANCE, TEXTURE, BodyProbes, MovingBodies, probe_bodies
+from core.simulation.bodies.looks import TILE_PX, draw_tile, mark_moved
+from core.simulation.bodies.parts import REFLECTANCE, TEXTURE, BodyProbes, MovingBodies, probe_bodies, steps_of_fastest
 from core.simulation.bodies.person import Clothes
 from core.simulation.bodies.shading import PARTS_IN_PIXEL, POSED_COLUMNS, posed_parts
+from core.simulation.bodies.view import TileLooks, edge_and_ambient
 from core.simulation.colours import CLOTH_TINTS, SKIN_TINT, Tint, tinted
 from core.simulation.scene import SceneConfig
 from core.simulation.view import view_numbers
@@ -25,7 +25,6 @@ LOOK_PX: Final = 0.1
 """A part that has moved less since it was drawn last is left as it is. A blade that only turns is up to 20 levels wrong
 then, in single pixels (measured)."""
 PROBES: Final = 9
-NOWHERE: Final = -1e6
 
 
 class FrameBodies:
@@ -37,23 +36,17 @@ class FrameBodies:
         size = camera.sensor
         self._camera, self._bodies, self._maps = camera, bodies, maps
         self._shape = (size.width_px, size.height_px)
-        self._wide, high = -(-size.width_px // TILE_PX), -(-size.height_px // TILE_PX)
+        self._wide = -(-size.width_px // TILE_PX)
         self._parts = [tinted_parts(bodies.parts, channel) for channel in range(3)]
         self.layers = [np.zeros_like(channel) for channel in maps]
         """Per colour, see `core.simulation.bodies.shading`."""
-        self._scene = (scene.edge_px / math.sqrt(camera.K[0, 0] * camera.K[1, 1]), scene.ambient)
+        self._scene = edge_and_ambient(camera, scene)
         self._view = view_numbers(camera)
-        self._looked = np.full((len(bodies.parts), 2, 3), NOWHERE)
-        self._looked[:, :, 2] = -1.0
-        self._marks, self._tiles = np.zeros(self._wide * high, np.bool_), np.zeros(self._wide * high, np.int64)
-        self._listed = np.zeros(1, np.int64)
+        self._looks = TileLooks.none_yet(self._shape, len(bodies.parts))
 
     def instants(self, start_us: int, end_us: int, step_px: float) -> int:
         """How many steps of at most `step_px` the fastest part makes in [start, end]."""
-        circles = self.probe(np.linspace(start_us, end_us, PROBES)).circles
-        there = (circles[..., 2] >= 0).all(axis=(0, 2))
-        moved = np.abs(np.diff(circles[:, there], axis=0))
-        return math.ceil(float(moved.max()) * (PROBES - 1) / step_px) if moved.size else 1
+        return steps_of_fastest(self.probe(np.linspace(start_us, end_us, PROBES)), step_px)
 
     def probe(self, t_us: Array) -> BodyProbes:
         """Where the bodies are at the times `t_us` (N,)."""
@@ -62,20 +55,22 @@ class FrameBodies:
     def cover(self, probes: BodyProbes) -> NDArray[np.bool_]:
         """(height, width): where a body may be at one of the probes."""
         width, height = self._shape
-        tiles = np.zeros((-(-height // TILE_PX), self._wide), np.bool_)
+        near = TileLooks.none_yet(self._shape, len(self._parts[0]))
         for circles in probes.circles:
-            _mark_near(circles, tiles)
+            mark_moved(circles, near.looked, 0.0, self._shape, near.marks, near.tiles, near.listed)
+        tiles = near.marks.reshape(-1, self._wide)
         return tiles.repeat(TILE_PX, axis=0)[:height].repeat(TILE_PX, axis=1)[:, :width]
 
     def look(self, probes: BodyProbes, which: int, ball_m: float, boxes: NDArray[np.int64]) -> None:
         """Draw what has moved, and the boxes (K, 4): what is before the ball at `ball_m` may change there."""
-        mark_moved(probes.circles[which], self._looked, LOOK_PX, self._shape, self._marks, self._tiles, self._listed)
+        looks = self._looks
+        mark_moved(probes.circles[which], looks.looked, LOOK_PX, self._shape, looks.marks, looks.tiles, looks.listed)
         for x0, y0, x1, y1 in boxes.tolist():
             for row in range(y0 // TILE_PX, -(-y1 // TILE_PX)):
                 self._list(row * self._wide + np.arange(x0 // TILE_PX, -(-x1 // TILE_PX)))
-        count, self._listed[0] = int(self._listed[0]), 0
-        tiles = self._tiles[:count]
-        self._marks[tiles] = False
+        count, looks.listed[0] = int(looks.listed[0]), 0
+        tiles = looks.tiles[:count]
+        looks.marks[tiles] = False
         for parts, maps, layers in zip(self._parts, self._maps, self.layers, strict=True):
             _draw(
                 tiles, self._shape, maps, layers, probes.ends[which], probes.circles[which], parts, self._scene,
@@ -83,10 +78,11 @@ class FrameBodies:
             )  # fmt: skip
 
     def _list(self, tiles: NDArray[np.int64]) -> None:
-        new = tiles[~self._marks[tiles]]
-        count = int(self._listed[0])
-        self._tiles[count : count + len(new)], self._marks[new] = new, True
-        self._listed[0] = count + len(new)
+        looks = self._looks
+        new = tiles[~looks.marks[tiles]]
+        count = int(looks.listed[0])
+        looks.tiles[count : count + len(new)], looks.marks[new] = new, True
+        looks.listed[0] = count + len(new)
 
 
 def tinted_parts(parts: Array, channel: int) -> Array:
@@ -101,23 +97,6 @@ def tinted_parts(parts: Array, channel: int) -> Array:
             tint = CLOTH_TINTS[round(100 * grey) % len(CLOTH_TINTS)]
         row[REFLECTANCE] = tinted(grey, tint, channel)
     return coloured
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _mark_near(circles, tiles):
-    """Mark the tiles (rows, columns) that the parts (P, 2, 3) may reach into."""
-    high, wide = tiles.shape
-    for index in range(len(circles)):
-        a, b = circles[index, 0], circles[index, 1]
-        reach = max(a[2], b[2]) + MARGIN_PX
-        if a[2] < 0.0 or b[2] < 0.0:
-            continue
-        first_row, last_row = (min(a[1], b[1]) - reach) / TILE_PX, (max(a[1], b[1]) + reach) / TILE_PX
-        first, last = (min(a[0], b[0]) - reach) / TILE_PX, (max(a[0], b[0]) + reach) / TILE_PX
-        for row in range(int(max(first_row, 0)), int(min(last_row, high - 1)) + 1):
-            for column in range(int(max(first, 0)), int(min(last, wide - 1)) + 1):
-                if not tiles[row, column] and near_tile(circles[index], column, row):
-                    tiles[row, column] = True
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")

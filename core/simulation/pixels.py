@@ -132,6 +132,23 @@ def ramp_pixel(rows, pixel, goal, end_us, decay, tau_us, refractory_us, events, 
     return count
 
 
+@nb.njit(inline="always", error_model="numpy")
+def follow_pixel(rows, pixel, goal, start_us, now_us, decay, tau_us, refractory_us, events, count):
+    """Like `ramp_pixel` for a pixel that is known up to `start_us`, without the call where nothing happens.
+
+    That is so most of the time, and the call would cost more than the arithmetic. It is written out in its callers.
+    """
+    receptor = receptor_after_ramp(rows[pixel, TARGET], goal, rows[pixel, RECEPTOR], now_us - start_us, tau_us, decay)
+    contrast = receptor - rows[pixel, REFERENCE]
+    if rows[pixel, RELEASE_US] <= start_us and -rows[pixel, OFF_THRESHOLD] < contrast < rows[pixel, ON_THRESHOLD]:
+        rows[pixel, TARGET] = goal
+        rows[pixel, RECEPTOR] = receptor
+        rows[pixel, TIME_US] = now_us
+    else:
+        count = ramp_pixel(rows, pixel, goal, now_us, decay, tau_us, refractory_us, events, count)
+    return count
+
+
 @nb.njit(cache=True, nogil=True, error_model="numpy")
 def rest_awake(rows, awake, awake_list, awake_count, end_us, tau_us, refractory_us, events, count):
     """Bring every awake pixel to `end_us` and let those that have settled sleep; returns (event count, awake count)."""

@@ -11,9 +11,9 @@ from core.simulation.background import LOG_LIGHT
 from core.simulation.bodies.looks import LOOK_PX, REST_PX, look_at_tiles, mark_moved, pose_at
 from core.simulation.bodies.shading import FAR_COVER, LOG_TOTAL, NEAR_COVER, light_among
 from core.simulation.flicker import glow_on_all
-from core.simulation.pixels import ramp_pixel, receptor_after_ramp, rest_awake, rest_pixel
+from core.simulation.pixels import follow_pixel, rest_awake, rest_pixel
 from core.simulation.racket_outline import outline_spans, rows_for_spans, unchanged_columns
-from core.simulation.sensor import OFF_THRESHOLD, ON_THRESHOLD, RECEPTOR, REFERENCE, RELEASE_US, TARGET, TIME_US
+from core.simulation.sensor import RECEPTOR, REFERENCE, TARGET, TIME_US
 from core.simulation.shading import INNER_STRIDE, UNTOUCHED, deep_inside, pixel_light, pixel_seen
 
 BALL, SHADOW, RACKET = range(3)
@@ -146,8 +146,7 @@ def sweep_step(
                     light = pixel_light(seen, view, ball, racket, see_ball, see_shadow, see_racket)
                     rest = seen[LOG_LIGHT]
                 goal = glow + (rest if light == UNTOUCHED else math.log(light))
-                was = pixels[pixel, TARGET]
-                if goal == was:
+                if goal == pixels[pixel, TARGET]:
                     continue  # at rest, which is caught up with in closed form when it ends
                 if not awake[pixel]:
                     awake[pixel] = True
@@ -159,17 +158,7 @@ def sweep_step(
                     start_us = before_us
                 elif start_us != before_us and tau_us > 0.0:
                     fall = math.exp((start_us - now_us) / tau_us)
-                receptor = receptor_after_ramp(was, goal, pixels[pixel, RECEPTOR], now_us - start_us, tau_us, fall)
-                contrast = receptor - pixels[pixel, REFERENCE]
-                if (
-                    pixels[pixel, RELEASE_US] <= start_us
-                    and -pixels[pixel, OFF_THRESHOLD] < contrast < pixels[pixel, ON_THRESHOLD]
-                ):  # nothing happens, as most of the time: spare the call
-                    pixels[pixel, TARGET] = goal
-                    pixels[pixel, RECEPTOR] = receptor
-                    pixels[pixel, TIME_US] = now_us
-                    continue
-                count = ramp_pixel(pixels, pixel, goal, now_us, fall, tau_us, refractory_us, events, count)
+                count = follow_pixel(pixels, pixel, goal, start_us, now_us, fall, tau_us, refractory_us, events, count)
     return count, awake_count
 
 

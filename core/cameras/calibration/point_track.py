@@ -44,11 +44,6 @@ class PointTrack:
         order = keep[np.lexsort((t[keep], which[keep]))]
         return PointTrack(t[order], uvs[order], which[order])
 
-    def of_marker(self, marker: int) -> PointTrack:
-        """The sightings of one marker."""
-        mine = self.marker == marker
-        return PointTrack(self.t_us[mine], self.uvs_px[mine], self.marker[mine])
-
 
 def sample_values(track: PointTrack, values: Array, marker: NDArray[np.int64], at_us: Array) -> Array:
     """`values` (N, K), one row per sighting, at times (M,) of markers (M,): linear between sightings, nan elsewhere."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
 import time
 import uuid
@@ -22,6 +23,7 @@ from core.rally.link.world import Block, SimulatedWorld, WorldConfig
 from core.simulation.event_camera import BLOCK_US
 from core.simulation.physics.racket import RacketTarget
 from core.simulation.physics.recorded_serves import RecordedServes
+from core.simulation.readout import ReadoutCounts
 from core.simulation.scene import name_of_scene, scene_named
 
 logger = logging.getLogger(__name__)
@@ -191,6 +193,7 @@ class SimulationServer:
 
     def _state(self, block: Block | None) -> m.State:
         world, no_times = self._world, np.empty(0, np.int64)
+        readout = functools.reduce(ReadoutCounts.plus, world.readout.values())
         ball = np.empty((0, 9)) if block is None else ball_rows(block)
         if not world.ball_is_visible:
             phase = "idle"
@@ -211,9 +214,9 @@ class SimulationServer:
             served=self._served,
             returned=self._returned,
             scene=name_of_scene(self._scene),
-            readout_delayed=sum(counts.delayed for counts in world.readout.values()),
-            readout_dropped=sum(counts.dropped for counts in world.readout.values()),
-            readout_longest_us=max(counts.longest_us for counts in world.readout.values()),
+            readout_delayed=readout.delayed,
+            readout_dropped=readout.dropped,
+            readout_longest_us=readout.longest_us,
             ball_t_us=no_times if block is None else block.ball.t_us,
             ball=ball,
             ball_visible=np.empty(0, np.uint8) if block is None else block.ball.visible.view(np.uint8),

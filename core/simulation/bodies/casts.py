@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 CYCLE_S: Final = 60.0
 """People without a ball repeat themselves after this."""
+SWAY_S: Final = 1.2
+"""Period of the swaying, a whole part of the cycle."""
 FAR_HOME_M: Final = (1.95, 0.40)
 NEAR_HOME_M: Final = (-2.15, -0.15)
 """Where the players stand, x and y."""
@@ -87,4 +89,4 @@ def _player(home_xy: tuple[float, float], clothes: Clothes, strokes: list[Stroke
     side = np.array([0.0, -forward[0], 0.0])  # the right hand
     played: Sequence[Stroke] = strokes or practice(home, forward, side, CYCLE_S, rng)
     motion = RacketMotion(home, forward, side, played, None if strokes else CYCLE_S)
-    return Player(motion, forward, side, clothes, 1.2 * CYCLE_S / round(CYCLE_S))
+    return Player(motion, forward, side, clothes, SWAY_S)

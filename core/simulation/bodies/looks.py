@@ -19,8 +19,8 @@ from core.simulation.bodies.shading import (
     light_among,
     posed_parts,
 )
-from core.simulation.pixels import ramp_pixel, receptor_after_ramp, rest_pixel
-from core.simulation.sensor import OFF_THRESHOLD, ON_THRESHOLD, RECEPTOR, REFERENCE, RELEASE_US, TARGET, TIME_US
+from core.simulation.pixels import follow_pixel, rest_pixel
+from core.simulation.sensor import RECEPTOR, REFERENCE, TARGET, TIME_US
 from core.simulation.shading import UNTOUCHED, pixel_seen
 
 TILE_PX = 8
@@ -154,9 +154,7 @@ def look_at_tiles(
                 goal = glow + layers[pixel, LOG_TOTAL]
                 if see_ball or see_shadow or see_racket:
                     seen = pixel_seen(maps, pixel)
-                    light = light_among(
-                        seen, layers, pixel, view, ball, racket, see_ball, see_shadow, see_racket
-                    )  # fmt: skip
+                    light = light_among(seen, layers, pixel, view, ball, racket, see_ball, see_shadow, see_racket)
                     goal = goal if light == UNTOUCHED else glow + math.log(light)
                 if goal == pixels[pixel, TARGET]:
                     continue
@@ -173,18 +171,7 @@ def look_at_tiles(
                 fall = (
                     decay if start_us == before_us else math.exp((start_us - now_us) / tau_us) if tau_us > 0.0 else 0.0
                 )
-                was = pixels[pixel, TARGET]
-                receptor = receptor_after_ramp(was, goal, pixels[pixel, RECEPTOR], now_us - start_us, tau_us, fall)
-                contrast = receptor - pixels[pixel, REFERENCE]
-                if (
-                    pixels[pixel, RELEASE_US] <= start_us
-                    and -pixels[pixel, OFF_THRESHOLD] < contrast < pixels[pixel, ON_THRESHOLD]
-                ):  # nothing happens, as most of the time: spare the call
-                    pixels[pixel, TARGET] = goal
-                    pixels[pixel, RECEPTOR] = receptor
-                    pixels[pixel, TIME_US] = now_us
-                    continue
-                count = ramp_pixel(pixels, pixel, goal, now_us, fall, tau_us, refractory_us, events, count)
+                count = follow_pixel(pixels, pixel, goal, start_us, now_us, fall, tau_us, refractory_us, events, count)
     return count, awake_count, True
 
 

@@ -6,6 +6,7 @@ head is a rod with one end. A blade is a racket's: a cylinder from the middle of
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -76,6 +77,13 @@ def probe_bodies(camera: Camera, bodies: MovingBodies, t_s: Array) -> BodyProbes
     r_px = max(camera.K[0, 0], camera.K[1, 1]) * radii / np.maximum(depth - radii, NEAREST_M)
     circles = np.concatenate([np.nan_to_num(uvs), np.where(there[:, :, None], r_px, -1.0)[..., None]], axis=-1)
     return BodyProbes(ends, circles)
+
+
+def steps_of_fastest(probes: BodyProbes, step_px: float) -> int:
+    """How many steps of at most `step_px` the fastest part makes over the probes; at least one."""
+    there = (probes.circles[..., 2] >= 0).all(axis=(0, 2))
+    moved = np.abs(np.diff(probes.circles[:, there], axis=0))
+    return max(1, math.ceil(float(moved.max()) * (len(probes.circles) - 1) / step_px)) if moved.size else 1
 
 
 def hidden_by_bodies(bodies: MovingBodies, eye_m: Array, ps_world: Array, t_s: Array) -> NDArray[np.bool_]:

@@ -9,23 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.simulation.background import DEPTH_M, LIGHT, LOG_LIGHT, NET_COVER, NET_LIGHT
+from core.simulation.background import LOG_LIGHT
 from core.simulation.bodies.looks import TILE_PX, draw_tile, near_tile
 from core.simulation.bodies.parts import PART_COLUMNS, MovingBodies, probe_bodies
 from core.simulation.bodies.shading import (
     BEFORE_NET,
     FAR_COVER,
-    FAR_LIGHT,
-    FAR_M,
     LOG_TOTAL,
     NEAR_COVER,
-    NEAR_LIGHT,
-    NEAR_M,
     PARTS_IN_PIXEL,
     POSED_COLUMNS,
     light_among,
     posed_parts,
 )
+from core.simulation.bodies.view import edge_and_ambient
 from core.simulation.scene import SceneConfig
 from core.simulation.shading import UNTOUCHED, pixel_seen
 from core.simulation.view import view_numbers
@@ -40,7 +37,7 @@ class BodyPicture:
         self, camera: Camera, scene: SceneConfig, bodies: MovingBodies | None, maps: NDArray[np.float32]
     ) -> None:
         self._camera, self._bodies, self._maps = camera, bodies, maps
-        self._scene = (scene.edge_px / math.sqrt(camera.K[0, 0] * camera.K[1, 1]), scene.ambient)
+        self._scene = edge_and_ambient(camera, scene)
         self._parts = np.empty((0, PART_COLUMNS)) if bodies is None else bodies.parts
         self._layers = np.zeros((len(maps), 8), np.float32)
         self._view = view_numbers(camera)
@@ -58,17 +55,6 @@ class BodyPicture:
     def render(self, ball: tuple[float, ...], racket: tuple[float, ...], see_racket: bool, out: Array) -> None:
         """Log intensity of every pixel with ball and robot's racket, written to `out` (pixels,)."""
         _render(self._maps, self._layers, self._view, ball, racket, see_racket, out)
-
-    def flat(self) -> NDArray[np.float32]:
-        """The static picture (pixels, 8) with the bodies as part of it: of one depth each, with hard edges to the ball.
-
-        It is the given one itself where there are no bodies.
-        """
-        if self._bodies is None:
-            return self._maps
-        maps = self._maps.copy()
-        _flatten(maps, self._layers)
-        return maps
 
 
 @nb.njit(cache=True, nogil=True, error_model="numpy")
@@ -93,21 +79,3 @@ def _render(maps, layers, view, ball, racket, see_racket, out):
         light = light_among(seen, layers, pixel, view, ball, racket, True, True, see_racket)
         rest = float(layers[pixel, LOG_TOTAL]) if there else seen[LOG_LIGHT]
         out[pixel] = rest if light == UNTOUCHED else math.log(light)
-
-
-@nb.njit(cache=True, nogil=True, error_model="numpy")
-def _flatten(maps, layers):
-    for pixel in range(len(maps)):
-        near, far = layers[pixel, NEAR_COVER], layers[pixel, FAR_COVER]
-        if near == 0.0 and far == 0.0:
-            continue
-        light = layers[pixel, FAR_LIGHT] + (1.0 - far) * maps[pixel, LIGHT]
-        if far >= 0.5:
-            maps[pixel, DEPTH_M] = layers[pixel, FAR_M]
-        if layers[pixel, BEFORE_NET] == 1.0:
-            light = maps[pixel, NET_LIGHT] + (1.0 - maps[pixel, NET_COVER]) * light
-            maps[pixel, NET_LIGHT] = maps[pixel, NET_COVER] = 0.0
-        maps[pixel, LIGHT] = layers[pixel, NEAR_LIGHT] + (1.0 - near) * light
-        if near >= 0.5:
-            maps[pixel, DEPTH_M] = layers[pixel, NEAR_M]
-        maps[pixel, LOG_LIGHT] = layers[pixel, LOG_TOTAL]

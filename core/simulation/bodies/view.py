@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.simulation.bodies.looks import LOOK_PX, REST_PX, TILE_PX
-from core.simulation.bodies.parts import PART_COLUMNS, BodyProbes, MovingBodies, probe_bodies
+from core.simulation.bodies.parts import PART_COLUMNS, BodyProbes, MovingBodies, probe_bodies, steps_of_fastest
 from core.simulation.scene import SceneConfig
 
 PROBES: Final = 11
@@ -19,26 +20,50 @@ NOWHERE: Final = -1e6
 """A circle that no part was ever at."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class TileLooks:
+    """Which tiles of a picture have to be drawn again; `core.simulation.bodies.looks` changes it in place."""
+
+    looked: NDArray[np.float64]
+    """(P, 2, 3) circles of every part at its last look."""
+    marks: NDArray[np.bool_]
+    """(tiles,) whether one is listed."""
+    tiles: NDArray[np.int64]
+    """(tiles,) room for the numbers of those that are listed."""
+    listed: NDArray[np.int64]
+    """(1,) how many are."""
+
+    @staticmethod
+    def none_yet(shape: tuple[int, int], parts: int) -> TileLooks:
+        """Nothing was ever looked at in a picture of so many columns and rows."""
+        looked = np.full((parts, 2, 3), NOWHERE)
+        looked[:, :, 2] = -1.0
+        count = -(-shape[0] // TILE_PX) * -(-shape[1] // TILE_PX)
+        return TileLooks(looked, np.zeros(count, np.bool_), np.zeros(count, np.int64), np.zeros(1, np.int64))
+
+
+def edge_and_ambient(camera: Camera, scene: SceneConfig) -> tuple[float, float]:
+    """What the kernels need of a scene: width of an edge per metre of camera z, ambient share of the light."""
+    return scene.edge_px / math.sqrt(camera.K[0, 0] * camera.K[1, 1]), scene.ambient
+
+
 class BodyView:
     """The bodies to one camera. Without bodies all arrays are empty."""
 
     def __init__(self, camera: Camera, scene: SceneConfig, bodies: MovingBodies | None) -> None:
-        size = camera.sensor
-        pixels = size.width_px * size.height_px if bodies is not None else 0
-        tiles = -(-size.width_px // TILE_PX) * -(-size.height_px // TILE_PX) if bodies is not None else 0
+        shape = (camera.sensor.width_px, camera.sensor.height_px) if bodies is not None else (0, 0)
         self._camera, self._bodies = camera, bodies
         self.parts = np.empty((0, PART_COLUMNS)) if bodies is None else bodies.parts
-        self.scene = (scene.edge_px / math.sqrt(camera.K[0, 0] * camera.K[1, 1]), scene.ambient)
-        self.layers: NDArray[np.float32] = np.zeros((pixels, 8), np.float32)
-        self._looked = np.full((len(self.parts), 2, 3), NOWHERE)
-        self._looked[:, :, 2] = -1.0
-        self._marks, self._tiles = np.zeros(tiles, np.bool_), np.zeros(tiles, np.int64)
-        self._listed, self._tile_us = np.zeros(1, np.int64), np.full(tiles, -1.0)
+        self.scene = edge_and_ambient(camera, scene)
+        self.layers: NDArray[np.float32] = np.zeros((shape[0] * shape[1], 8), np.float32)
+        self._looks = TileLooks.none_yet(shape, len(self.parts))
+        self._tile_us = np.full(len(self._looks.marks), -1.0)
 
     @property
     def looks(self) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
         """Circles at each part's last look, then the tiles to look at, see `core.simulation.bodies.looks`."""
-        return self._looked, self._marks, self._tiles, self._listed, self._tile_us
+        looks = self._looks
+        return looks.looked, looks.marks, looks.tiles, looks.listed, self._tile_us
 
     def probe(self, start_us: int, end_us: int) -> BodyProbes:
         """The bodies at `PROBES` instants of a block."""
@@ -50,9 +75,6 @@ class BodyView:
         """How many looks the fastest part needs in a block; 0 if nothing has moved since the last look."""
         if self._bodies is None:
             return 0
-        circles = probes.circles
-        if np.abs(circles - self._looked).max() < REST_PX:
+        if np.abs(probes.circles - self._looks.looked).max() < REST_PX:
             return 0
-        there = (circles[..., 2] >= 0).all(axis=(0, 2))
-        moved = np.abs(np.diff(circles[:, there], axis=0))
-        return max(1, math.ceil(float(moved.max()) * (PROBES - 1) / LOOK_PX)) if moved.size else 1
+        return steps_of_fastest(probes, LOOK_PX)
