@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import logging
-import socket
 import threading
 import time
-import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import viser
 
-from app.library import Library
+from app.address import check_address
+from app.modes.services import Services
+from app.preparation.steps import Preparation
 from app.session import Session
+from app.shared.library import Library
+from app.shared.live_rally import LIVE, LiveRally
+from app.shared.workspace import Workspace
 from app.theme import apply_theme
-from app.watch.live import LIVE, LiveRally
-from app.watch.rallies import Rallies
-from app.workspace import Workspace
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
-from core.detection.fast_cluster import grid_labels
+from core.detection.fast.cluster import grid_labels
 from core.errors import CommandError
 from core.events import Events, SensorSize, Window
 
@@ -31,7 +29,7 @@ RESCAN_EVERY_S = 2.0
 POOL_THREADS = 3
 
 
-class Lab:
+class App:
     """The running app. `port` 0 takes any free one."""
 
     def __init__(
@@ -45,22 +43,24 @@ class Lab:
         config: DetectorConfig | None = None,
         autoplay: bool = False,
         live: LiveRally | None = None,
+        preparation: Preparation | None = None,
     ) -> None:
-        """`config` is what every browser's detector starts with; `live` is closed with the app."""
-        self._workspace = workspace
-        self._library = library
+        """`config` is what every browser's detector starts with; `live` is closed with the app.
+
+        A first recording that is not there yet, such as a live rally that is being prepared, is opened when it comes.
+        """
+        self.services = Services.of(workspace, library)
+        """What its browsers share."""
         self._first_recording = first_recording
         self._config = config or DetectorConfig()
         self._autoplay = autoplay
-        self._rallies = Rallies(live)
-        if live is not None:
-            library.add_live(LIVE, live.recording)
+        self._preparation = preparation
         self._sessions: dict[int, Session] = {}
         self._lock = threading.Lock()
         self._awake = threading.Event()
         self._stopping = False
-        # A browser may close while a picture is on its way to it; that is no news.
-        warnings.filterwarnings("ignore", message="Queued a .* on a closed connection", category=UserWarning)
+        if live is not None:
+            self.use_live(live)
         self._pool = ThreadPoolExecutor(POOL_THREADS, thread_name_prefix="rallyscope")
         self._server = _start_server(host, port)
         apply_theme(self._server)
@@ -76,16 +76,6 @@ class Lab:
         return self._server.get_port()
 
     @property
-    def workspace(self) -> Workspace:
-        """Its folder."""
-        return self._workspace
-
-    @property
-    def rallies(self) -> Rallies:
-        """What its browsers watch."""
-        return self._rallies
-
-    @property
     def viser_server(self) -> viser.ViserServer:
         """The server underneath."""
         return self._server
@@ -96,6 +86,12 @@ class Lab:
         with self._lock:
             return tuple(self._sessions.values())
 
+    def use_live(self, live: LiveRally) -> None:
+        """Offer a live rally from now on; it is closed with the app. From any thread."""
+        self.services.rallies.live = live
+        self.services.library.add_live(LIVE, live.recording)
+        self._awake.set()
+
     def stop(self) -> None:
         """End everything."""
         self._stopping = True
@@ -103,18 +99,14 @@ class Lab:
         self._loop.join(timeout=5)
         for session in list(self._sessions.values()):
             session.close()
-        with contextlib.redirect_stdout(io.StringIO()):
-            self._server.stop()
+        self._server.stop()
         self._pool.shutdown(wait=True, cancel_futures=True)
-        self._rallies.close()
-        self._library.close()
+        self.services.close()
 
     def _connect(self, client: viser.ClientHandle) -> None:
-        session = Session(
-            client, self._library, self._workspace, self._pool, self._rallies, self._awake.set, self._config
-        )
-        session.offer(self._library.names(), self._workspace.config_names())
-        session.open_recording(self._first_recording)
+        session = Session(client, self.services, self._pool, self._awake.set, self._config, self._preparation)
+        session.offer(self.services.library.names())
+        session.await_recording(self._first_recording)
         if self._autoplay:
             session.play_when_open()
         with self._lock:
@@ -149,12 +141,12 @@ class Lab:
 
     def _rescan(self, sessions: tuple[Session, ...]) -> None:
         try:
-            recordings, configs = self._library.names(), self._workspace.config_names()
+            recordings = self.services.library.names()
         except (OSError, CommandError):
             logger.exception("cannot list the workspace")
             return
         for session in sessions:
-            session.offer(recordings, configs)
+            session.offer(recordings)
 
 
 def _start_server(host: str, port: int) -> viser.ViserServer:
@@ -163,16 +155,8 @@ def _start_server(host: str, port: int) -> viser.ViserServer:
     Raises:
         CommandError: if the address cannot be used.
     """
-    try:
-        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind((host, port))
-    except (OSError, OverflowError) as error:
-        raise CommandError(
-            f"cannot listen on {host}:{port}", got=str(error), remedy="choose another with --port or --host"
-        ) from error
-    with contextlib.redirect_stdout(io.StringIO()):  # its banner would repeat what `rallyscope serve` says
-        return viser.ViserServer(host=host, port=port, verbose=False)
+    check_address(host, port)
+    return viser.ViserServer(host=host, port=port, verbose=False)
 
 
 def _warm_up() -> None:

@@ -84,3 +84,11 @@ def when_clicked(handle: viser.GuiButtonHandle, act: Callable[[], None]) -> None
     async def _(event: viser.GuiEvent) -> None:
         if event.client is not None:
             act()
+
+
+def when_triggered(command: viser.CommandHandle, act: Callable[[], None]) -> None:
+    """Call `act()` for each press of a command's key, and when it is chosen from the palette."""
+
+    @command.on_trigger
+    async def _(_: viser.CommandEvent) -> None:
+        act()

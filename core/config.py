@@ -7,13 +7,11 @@ bounds), are plain `bool` or `Literal` choices, or are configs themselves. A str
 from __future__ import annotations
 
 import ast
-import contextlib
 import dataclasses
 import functools
 import inspect
 import itertools
 import math
-import os
 import textwrap
 import tomllib
 import types
@@ -24,6 +22,7 @@ from pathlib import Path
 import tomli_w
 
 from core.errors import ConfigError
+from core.files import replace_file
 
 C = typing.TypeVar("C")
 
@@ -180,14 +179,9 @@ def save_config(config: object, path: Path) -> None:
     Raises:
         ConfigError: if the folder cannot be written.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(tomli_w.dumps(config_to_mapping(config)), encoding="utf-8")
-        os.replace(partial, path)
+        replace_file(path, tomli_w.dumps(config_to_mapping(config)).encode(), durable=False)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
         raise ConfigError("cannot write the config", got=error.strerror, where=path) from error
 
 

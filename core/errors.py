@@ -57,3 +57,15 @@ class NotBuiltError(RallyscopeError):
 
 class LinkError(RallyscopeError):
     """A message of the simulation link that is malformed or out of bounds, or a server that does not answer."""
+
+
+class NoAnswerError(LinkError):
+    """Nobody answered in time."""
+
+
+class NotReadyError(LinkError):
+    """A server that is there but still being prepared; `share` of that is done, 0 to 1."""
+
+    def __init__(self, what: str, *, share: float, where: object = None) -> None:
+        super().__init__(what, where=where)
+        self.share = share

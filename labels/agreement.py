@@ -16,7 +16,7 @@ RESAMPLES = 1000
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Of the times that both have looked at. Ratios and statistics without anything to go on are nan."""
+    """How far two agree at the times that both have looked at. Ratios and statistics of nothing are nan."""
 
     common: int
     only_first: int

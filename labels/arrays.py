@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from labels.model import Label, Source, State
+from labels.model import Label, LabelState, PositionSource
 
-STATES: Final = tuple(State)
-SOURCES: Final = tuple(Source)
+STATES: Final = tuple(LabelState)
+SOURCES: Final = tuple(PositionSource)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,6 @@ a line torn by a kill was never acknowledged and is cut off when the file is ope
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import Self
 
 from core.errors import LabelError
+from core.files import lock_descriptor, sync
 from labels.records import Json, is_whole, pack_line, unpack_line
 
 
@@ -92,12 +92,12 @@ class Journal:
                 remedy="choose a folder on a writable disk with --data",
             ) from error
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock_descriptor(file)
             lines = read_journal(path)
             if os.fstat(file).st_size != lines.whole_bytes:
                 os.ftruncate(file, lines.whole_bytes)
             os.fsync(file)
-            _sync_folder(path.parent)
+            sync(path.parent)  # a new file survives a power cut only with its folder's entry
         except BlockingIOError as error:
             os.close(file)
             raise LabelError(
@@ -149,12 +149,3 @@ def _lines(content: bytes) -> Iterator[tuple[bytes, int]]:
     while (end := content.find(b"\n", start)) >= 0:
         yield content[start:end], end + 1
         start = end + 1
-
-
-def _sync_folder(folder: Path) -> None:
-    """A new file survives a power cut only if its folder's entry is on the disk too."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -9,7 +9,7 @@ from enum import StrEnum
 from core.errors import LabelError
 
 
-class State(StrEnum):
+class LabelState(StrEnum):
     """What a person saw. A time nobody looked at has no label: *unchecked* is not a state and never a negative."""
 
     VISIBLE = "visible"
@@ -24,10 +24,10 @@ class State(StrEnum):
     @property
     def seen(self) -> bool:
         """Whether a detector can be asked to find this ball."""
-        return self in (State.VISIBLE, State.PARTLY_OCCLUDED)
+        return self in (LabelState.VISIBLE, LabelState.PARTLY_OCCLUDED)
 
 
-class Source(StrEnum):
+class PositionSource(StrEnum):
     """How a position came about; evaluations report each apart, because accepting a proposal anchors the eye."""
 
     BY_HAND = "by_hand"
@@ -47,7 +47,7 @@ class Source(StrEnum):
 class Provenance:
     """Who, when, with what and from what. The store fills annotator, time and tool where they are empty."""
 
-    source: Source = Source.BY_HAND
+    source: PositionSource = PositionSource.BY_HAND
     annotator: str = ""
     made_at_us: int = 0
     """Microseconds since 1970, UTC."""
@@ -73,7 +73,7 @@ class Label:
 
     t_us: int
     """The instant at which the position holds; with recording and camera it is the label's identity."""
-    state: State
+    state: LabelState
     x_px: float | None = None
     y_px: float | None = None
     r_px: float | None = None
@@ -93,7 +93,7 @@ class Label:
             raise LabelError("not finite", expected="x, y, r as numbers", got=numbers, where=where)
         if self.state.seen and self.x_px is None:
             raise LabelError(f"{self.state} without a position", expected="x and y in pixels", where=where)
-        if self.state is State.NO_BALL and self.x_px is not None:
+        if self.state is LabelState.NO_BALL and self.x_px is not None:
             raise LabelError("a position where there is no ball", got=(self.x_px, self.y_px), where=where)
         if self.r_px is not None and not self.r_px > 0:
             raise LabelError("impossible radius", expected="above 0 px", got=self.r_px, where=where)

@@ -7,13 +7,13 @@ import zlib
 from collections.abc import Mapping
 
 from core.errors import LabelError
-from labels.model import Label, Provenance, Source, State
+from labels.model import Label, LabelState, PositionSource, Provenance
 
 SCHEMA = 1
 """Version of the lines. A reader refuses later ones; earlier ones it must go on to understand."""
 Json = Mapping[str, object]
-_STATES: dict[object, State] = {state.value: state for state in State}
-_SOURCES: dict[object, Source] = {source.value: source for source in Source}
+_STATES: dict[object, LabelState] = {state.value: state for state in LabelState}
+_SOURCES: dict[object, PositionSource] = {source.value: source for source in PositionSource}
 _CRC = b',"crc":"'
 
 

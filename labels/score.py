@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.detection import Detection, Detector
-from core.evaluation import WindowAnswers, score_answers
 from core.events import Window
+from core.metrics import WindowAnswers, score_answers
 from core.recordings import CameraStream, PixelTruth
 from labels.arrays import SOURCES, STATES, LabelArrays
-from labels.model import Source, State
+from labels.model import LabelState, PositionSource
 
 Array = NDArray[np.float64]
 TOLERANCES_PX: Final = (1.0, 2.0, 4.0, 8.0)
@@ -25,13 +25,13 @@ LEAD_IN_WINDOWS: Final = 10
 """Windows that a detector sees before a label that stands alone, to find the ball and lock on."""
 MOTION_GAP_US: Final = 50_000
 """Labels farther apart do not tell the direction of motion."""
-GROUPS: Final[dict[str, tuple[Source, ...]]] = {
-    "all": tuple(Source),
-    "by hand": (Source.BY_HAND, Source.SNAPPED, Source.EPIPOLAR),
-    "corrected": (Source.CORRECTED,),
-    "accepted": (Source.ACCEPTED,),
-    "interpolated": (Source.INTERPOLATED,),
-    "imported": (Source.IMPORTED,),
+GROUPS: Final[dict[str, tuple[PositionSource, ...]]] = {
+    "all": tuple(PositionSource),
+    "by hand": (PositionSource.BY_HAND, PositionSource.SNAPPED, PositionSource.EPIPOLAR),
+    "corrected": (PositionSource.CORRECTED,),
+    "accepted": (PositionSource.ACCEPTED,),
+    "interpolated": (PositionSource.INTERPOLATED,),
+    "imported": (PositionSource.IMPORTED,),
 }
 """Accepted proposals favour the detector that made them: read the rows by hand first."""
 
@@ -48,7 +48,7 @@ class ScoreAt:
 
 @dataclass(frozen=True, slots=True)
 class GroupScore:
-    """Of the labels of one kind of source. Errors are those of answers within the largest tolerance."""
+    """Scores at the labels of one kind of source. Errors are those of answers within the largest tolerance."""
 
     group: str
     labels: int
@@ -116,7 +116,7 @@ def score_labels(
     progress: Callable[[float], None] | None = None,
 ) -> tuple[GroupScore, ...]:
     """Run a detector at every label and score it, all labels first and then each group that has any."""
-    asked = labels.rows(labels.state != STATES.index(State.OCCLUDED))
+    asked = labels.rows(labels.state != STATES.index(LabelState.OCCLUDED))
     return score_groups(answers_at(stream, detector, asked.t_us, window_us, progress=progress), asked)
 
 

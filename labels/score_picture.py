@@ -9,9 +9,9 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from core.evaluation import WindowAnswers
+from core.metrics import WindowAnswers
 from labels.arrays import STATES, LabelArrays
-from labels.model import State
+from labels.model import LabelState
 
 Array = NDArray[np.float64]
 TOLERANCES: Final = np.linspace(0.0, 8.0, 81)
@@ -26,7 +26,7 @@ PRECISION, RECALL, DOT, TEXT, GRID = "#ff8c28", "#5096ff", "#6eeb82", "#d7d9de",
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreCurves:
-    """What is drawn."""
+    """The curves that the picture draws."""
 
     precision: Array
     """At each of TOLERANCES; nan without an answer."""
@@ -38,7 +38,7 @@ class ScoreCurves:
 
 def measure_curves(answers: WindowAnswers, labels: LabelArrays) -> ScoreCurves:
     """The curves of answers (a row for each label) against labels; occluded balls count for nothing."""
-    asked = labels.state != STATES.index(State.OCCLUDED)
+    asked = labels.state != STATES.index(LabelState.OCCLUDED)
     seen, answered = labels.seen & asked, answers.detected & asked
     errors = np.column_stack([answers.u_px - labels.x_px, answers.v_px - labels.y_px])[seen & answered]
     distance = np.sort(np.hypot(errors[:, 0], errors[:, 1]))

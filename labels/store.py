@@ -24,7 +24,7 @@ from core.errors import LabelError
 from labels.arrays import LabelArrays, label_arrays
 from labels.edits import Edit, EditHistory
 from labels.journal import Journal, JournalLines, read_journal
-from labels.model import Label, State
+from labels.model import Label, LabelState
 from labels.records import SCHEMA, Json, label_from_json, label_to_json
 
 FORMAT = "rallyscope-labels"
@@ -52,12 +52,12 @@ class Layer:
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
+class LabelProgress:
     """How far a set of times has been worked through."""
 
     total: int
     checked: int
-    by_state: Mapping[State, int]
+    by_state: Mapping[LabelState, int]
 
     @property
     def unchecked(self) -> int:
@@ -205,12 +205,12 @@ class LabelStore:
         with self._lock:
             return MappingProxyType(dict(self._history.labels))
 
-    def progress(self, t_us: ArrayLike) -> Progress:
+    def progress(self, t_us: ArrayLike) -> LabelProgress:
         """How many of these times are labelled, and how."""
         times = np.unique(np.asarray(t_us, np.int64)).tolist()
         with self._lock:
             found = [label.state for t in times if (label := self._history.labels.get(t)) is not None]
-        return Progress(len(times), len(found), Counter(found))
+        return LabelProgress(len(times), len(found), Counter(found))
 
     def next_unchecked(self, t_us: ArrayLike, after_us: int) -> int | None:
         """The first of these times behind `after_us` that has no label; goes round to the start once."""

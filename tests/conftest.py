@@ -8,16 +8,49 @@ import pytest
 from core.cameras import stereo_preset
 from core.recordings import RecordingWriter
 from core.simulation import (
-    ServeConfig,
+    LaunchConfig,
     StereoConfig,
     ball_truth,
-    draw_serves,
+    draw_serve_series,
     pixel_truth,
     simulate_stereo,
     truth_times,
 )
 
-SHARED = Path(__file__).parents[2] / "shared" / "data"
+HERE = Path(__file__).parent
+SHARED = HERE.parents[1] / "shared" / "data"
+SLOW = (
+    "app/browser",
+    "app/cli",
+    "app/export",
+    "app/modes/export",
+    "app/modes/train",
+    "app/preparation",
+    "core/bench",
+    "core/cameras/calibration",
+    "core/detection/test_contract.py",
+    "core/detection/test_real_recordings.py",
+    "core/learning",
+    "core/rally",
+    "core/recordings/test_damage.py",
+    "core/recordings/test_kill.py",
+    "core/simulation",
+    "core/test_jit.py",
+    "docs",
+    "labels/trials",
+    "mutation",
+    "test_files_of_earlier_versions.py",
+    "test_reference_outputs.py",
+)
+"""What starts processes, trains, simulates for seconds or opens a browser: `make quick` leaves it out."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is slow."""
+    for item in items:
+        place = item.path.relative_to(HERE).as_posix() if item.path.is_relative_to(HERE) else ""
+        if any(place == name or place.startswith(f"{name}/") for name in SLOW):
+            item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(scope="session")
@@ -31,7 +64,7 @@ def shared_data() -> Path:
 @pytest.fixture(scope="session")
 def serve_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """0.6 s of one serve at 5 m/s, two calibrated 1280x720 cameras, with truth. Do not write to it."""
-    path = draw_serves([ServeConfig(speed_mps=5.0)], np.random.default_rng(7))
+    path = draw_serve_series([LaunchConfig(speed_mps=5.0)], np.random.default_rng(7))
     cameras = stereo_preset()
     file = tmp_path_factory.mktemp("recordings") / "serve.h5"
     sensors = {name: camera.sensor for name, camera in cameras.items()}

@@ -11,11 +11,11 @@ import numpy as np
 from app.cli.arguments import positive_int
 from app.cli.bench import format_table
 from app.cli.progress import progress_bar
+from core.bench.rally.ball_states_report import PlayedFile, losses, report_rows, write_ball_states_report
+from core.bench.rally.simulated_returns import SimulatedReturnsConfig, play_known_balls
 from core.errors import CommandError
-from core.rally.ball_states_report import PlayedFile, losses, report_rows, write_report
-from core.rally.known_balls import KnownBallsConfig, play_known_balls
-from core.simulation.physics.ball_states import read_ball_states
-from core.simulation.physics.task import task_profile
+from core.physics.ball_states import read_ball_states
+from core.physics.task import task_profile
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +37,7 @@ def run_ball_states(arguments: argparse.Namespace) -> None:
     report: Path | None = arguments.report
     if report is not None and (report.suffix != ".md" or not report.parent.is_dir()):
         raise CommandError("no such page", expected="FILE.md in a folder that exists", got=report, where="--report")
-    config = KnownBallsConfig(task=task_profile(arguments.physics), told_after_ms=arguments.told_after_ms)
+    config = SimulatedReturnsConfig(task=task_profile(arguments.physics), told_after_ms=arguments.told_after_ms)
     paths: list[Path] = arguments.ball_states
     read = [read_ball_states(path) for path in paths]
     if arguments.sample is not None:
@@ -55,7 +55,7 @@ def run_ball_states(arguments: argparse.Namespace) -> None:
             done += len(balls)
     rows = report_rows(files)
     if report is not None:
-        write_report(report, files, config, _command(arguments, paths))
+        write_ball_states_report(report, files, config, _command(arguments, paths))
     if arguments.json:
         print(json.dumps(rows | {"losses": {file.name: losses(file.played) for file in files}}))
         return

@@ -11,27 +11,27 @@ import json
 from collections.abc import Callable
 
 from app.cli.progress import progress_bar
+from app.cli.quiet_viser import silence_viser
 from core.errors import CommandError, NotBuiltError
 
-HOMES = ("core.evaluation", "core.rally", "labels", "app")
-"""Packages in which the module `bench_NAME` may be: that of the layer it measures."""
-BENCHES = (
-    "import",
-    "detection",
-    "simulation",
-    "sensor",
-    "calibration",
-    "physics",
-    "prediction",
-    "perceived-prediction",
-    "rally",
-    "scenes",
-    "learning",
-    "labels",
-    "label-mode",
-    "export",
-    "app",
-)
+BENCHES = {
+    "import": "core.bench.recordings.bench_import",
+    "detection": "core.bench.detection.bench_detection",
+    "simulation": "core.bench.simulation.bench_simulation",
+    "sensor": "core.bench.simulation.bench_sensor",
+    "calibration": "core.bench.calibration.bench_calibration",
+    "physics": "core.bench.physics.bench_physics",
+    "prediction": "core.bench.prediction.bench_prediction",
+    "perceived-prediction": "core.bench.prediction.bench_perceived_prediction",
+    "rally": "core.bench.rally.bench_rally",
+    "scenes": "core.bench.rally.bench_scenes",
+    "learning": "core.bench.learning.bench_learning",
+    "labels": "labels.bench_labels",
+    "label-mode": "app.bench.bench_label_mode",
+    "export": "app.bench.bench_export",
+    "app": "app.bench.bench_app",
+}
+"""The module that measures each."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Run the module `bench_NAME` and print what it returns: "rows", "machine" and what else it has."""
+    """Run the module of the name and print what it returns: "rows", "machine" and what else it has."""
     module = find_bench(arguments.name)
     if module is None:
         built = ", ".join(name for name in BENCHES if find_bench(name))
@@ -52,6 +52,7 @@ def run(arguments: argparse.Namespace) -> None:
         if "count" not in inspect.signature(measure).parameters or arguments.count < 1:
             raise CommandError("no such count", expected="from 1, of a bench that has one", where="--count")
         measure = functools.partial(measure, count=arguments.count)
+    silence_viser()
     with progress_bar(f"Measuring {arguments.name}") as progress:
         report = measure(progress)
     if arguments.json:
@@ -66,8 +67,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 def find_bench(name: str) -> str | None:
     """The module that measures this, or None while there is none."""
-    modules = (f"{home}.bench_{name.replace('-', '_')}" for home in HOMES)
-    return next((module for module in modules if importlib.util.find_spec(module)), None)
+    module = BENCHES[name]
+    return module if importlib.util.find_spec(module) else None
 
 
 def format_table(rows: list[dict[str, object]]) -> str:

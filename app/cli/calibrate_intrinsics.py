@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> None:
     name = arguments.camera or "camera"
     save_lens(arguments.out, name, lens.camera, notes={"rms_px": lens.rms_px, "camera_name": name})
     if arguments.report is not None:
-        write_report(arguments.report, _picture(lens, f"{name}: {arguments.source.name}"))
+        write_lens_report(arguments.report, _picture(lens, f"{name}: {arguments.source.name}"))
     report = _report(lens, empty, arguments)
     print(json.dumps(report) if arguments.json else _describe(lens, empty, arguments.out))
 
@@ -87,7 +87,7 @@ def check_destinations(out: Path, report: Path | None, suffixes: tuple[str, ...]
         raise CommandError("not a picture's name", expected="FILE.svg", got=report.name, where="--report")
 
 
-def write_report(path: Path, text: str) -> None:
+def write_lens_report(path: Path, text: str) -> None:
     """Raises CommandError if it cannot be written."""
     try:
         path.write_text(text, encoding="utf-8")

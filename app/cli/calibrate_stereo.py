@@ -11,7 +11,7 @@ import numpy as np
 
 from app.cli.arguments import positive_int
 from app.cli.bench import format_table
-from app.cli.calibrate_intrinsics import check_destinations, write_report
+from app.cli.calibrate_intrinsics import check_destinations, write_lens_report
 from app.cli.progress import progress_bar
 from core.cameras import Camera, load_calibration, save_calibration
 from core.cameras.calibration.free_fall import REAL_DRAG_PER_M
@@ -25,7 +25,7 @@ from core.config import load_config
 from core.detection import DetectorConfig, make_detector
 from core.detection.methods import METHODS, method_config
 from core.errors import CommandError
-from core.evaluation import run_detector
+from core.metrics import run_detector
 from core.recordings import Recording, open_recording
 
 SUMMARY = "poses, clocks and scale of two or more cameras, from a ball or a wand swept before them"
@@ -95,7 +95,7 @@ def run(arguments: argparse.Namespace) -> None:
         )
     save_calibration(arguments.out, found.cameras)
     if arguments.report is not None:
-        write_report(arguments.report, rig_svg(found, arguments.out.name))
+        write_lens_report(arguments.report, rig_svg(found, arguments.out.name))
     rows = [_row(name, fit, found) for name, fit in found.fits.items()]
     print(json.dumps(_report(found, rows, arguments.out)) if arguments.json else _describe(found, rows, arguments.out))
 

@@ -14,7 +14,7 @@ from app.cli.detector_arguments import add_detector_arguments, detector_of
 from app.cli.progress import progress_bar
 from core.detection import make_detector
 from core.errors import CommandError
-from core.evaluation import WindowAnswers, run_detector, score_answers
+from core.metrics import WindowAnswers, run_detector, score_answers
 from core.recordings import CameraStream, Recording, open_recording
 
 

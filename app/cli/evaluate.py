@@ -9,11 +9,11 @@ from pathlib import Path
 from app.cli import ball_states
 from app.cli.arguments import positive_int
 from app.cli.bench import format_table
-from app.cli.courts import open_court
+from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
 from core.errors import CommandError
-from core.learning.run_files import read_run
-from core.learning.summary import evaluate_run
+from core.learning.runs.run_files import read_run
+from core.learning.runs.summary import evaluate_run
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,13 +35,13 @@ def run(arguments: argparse.Namespace) -> None:
         ball_states.run_ball_states(arguments)
         return
     which = "best" if arguments.best else "last"
-    with open_court(read_run(arguments.run_folder), None) as court:
-        if court is None:
+    with open_backend(read_run(arguments.run_folder), None) as backend:
+        if backend is None:
             rows = evaluate_run(arguments.run_folder, balls=arguments.balls, which=which)
         else:
             with progress_bar("Playing before the cameras") as progress:
                 rows = evaluate_run(
-                    arguments.run_folder, balls=arguments.balls, which=which, court=court, progress=progress
+                    arguments.run_folder, balls=arguments.balls, which=which, backend=backend, progress=progress
                 )
     if arguments.json:
         print(json.dumps(rows))

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from app.cli.arguments import positive_int
 from app.cli.progress import Progress, progress_bar
-from app.export.formats import FORMATS, Order, export, is_run
+from app.cli.quiet_viser import silence_viser
+from app.export.formats import FORMATS, ExportRequest, export, is_run
 from core.config import load_config
 from core.detection import DetectorConfig
 from core.detection.methods import METHODS, method_config
@@ -34,6 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--method", default="auto", choices=METHODS, metavar="|".join(METHODS), help="(%(default)s)")
     parser.add_argument("--config", type=Path, metavar="FILE", help="detector settings saved in the app, a TOML file")
     parser.add_argument("--annotator", metavar="NAME", help="rrd: whose labels to show along")
+    parser.add_argument("--seed", type=int, metavar="N", help="onnx: whose actor (default: the run's first)")
+    parser.add_argument("--best", action="store_true", help="onnx: the best policy instead of the last")
     parser.add_argument("--data", type=Path, default=Path("rallyscope-data"), metavar="DIR", help="(%(default)s)")
     parser.add_argument("--force", action="store_true", help="replace what exists")
     parser.add_argument("--json", action="store_true", help="print what was made as JSON")
@@ -43,6 +46,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Export and say what was made."""
     name = next(name for name in FORMATS if getattr(arguments, name) is not None)
     destination: Path = getattr(arguments, name)
+    silence_viser()
     started_s = time.perf_counter()
     with progress_bar(f"Exporting {destination.name}") as progress:
         files = _export(arguments, name, destination, progress)
@@ -58,7 +62,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _export(arguments: argparse.Namespace, name: str, destination: Path, progress: Progress) -> tuple[Path, ...]:
     saved = load_config(DetectorConfig, arguments.config) if arguments.config else None
     chain = ChainConfig(method=arguments.method, detector=method_config(arguments.method, saved))
-    order = Order(
+    order = ExportRequest(
         format=name,
         destination=destination,
         start_us=arguments.start_us,
@@ -66,6 +70,8 @@ def _export(arguments: argparse.Namespace, name: str, destination: Path, progres
         stride_us=arguments.stride_us,
         chain=chain,
         overwrite=arguments.force,
+        seed=arguments.seed,
+        policy="best" if arguments.best else "last",
     )
     if is_run(arguments.source):
         return export(order, run=arguments.source, progress=progress)

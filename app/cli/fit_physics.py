@@ -39,10 +39,10 @@ def run(arguments: argparse.Namespace) -> None:
         raise CommandError(
             "not enough flights", expected="4 or more: some are kept for the test", got=len(arguments.flights)
         )
-    from core.evaluation.flight_predictors import compare_predictors
-    from core.evaluation.physics_report import compare_models
-    from core.simulation.physics.fit_flights import bootstrap, fit_physics
-    from core.simulation.physics.flight_files import read_flight
+    from core.bench.physics.flight_predictors import compare_predictors
+    from core.bench.physics.physics_report import compare_models
+    from core.physics.fit_flights import bootstrap, fit_physics
+    from core.physics.flight_files import read_flight
 
     flights = [read_flight(path) for path in arguments.flights]
     order = np.random.default_rng(arguments.seed).permutation(len(flights))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from app.cli.arguments import positive_int
 from app.cli.detect import choose_camera
 from app.cli.progress import progress_bar
-from app.label.sources import LabelSource, sources_of
+from app.modes.label.sources import LabelSource, sources_of
 from core.config import load_config
 from core.detection import DetectorConfig, make_detector
 from core.detection.methods import METHODS, method_config
@@ -29,7 +29,7 @@ from labels.arrays import STATES
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelSet
 from labels.formats.exchange import picture_name, write_bytes, write_text
 from labels.formats.pictures import write_pictures
-from labels.model import Label, State
+from labels.model import Label, LabelState
 from labels.score import GroupScore, answers_at, score_groups
 from labels.score_picture import measure_curves, score_svg
 from labels.store import LabelStore, Layer, find_layers
@@ -141,7 +141,7 @@ def _export(arguments: argparse.Namespace, recording: Recording, stream: Labelle
             raise CommandError(f"{kind.name} has no pictures", where="--pictures")
         with progress_bar("Drawing") as progress:
             if isinstance(stream, LabelSource):
-                pictures = write_frames(stream, labels.labels, arguments.out, progress)
+                pictures = write_label_pictures(stream, labels.labels, arguments.out, progress)
             else:
                 pictures = write_pictures(
                     stream, labels.labels, arguments.out, window_us=arguments.window_us, progress=progress
@@ -152,7 +152,7 @@ def _export(arguments: argparse.Namespace, recording: Recording, stream: Labelle
     return {**report, "out": str(arguments.out), "losses": list(written.losses)}, "\n".join(lines)
 
 
-def write_frames(
+def write_label_pictures(
     source: LabelSource, labels: tuple[Label, ...], folder: Path, progress: Callable[[float], None]
 ) -> tuple[Path, ...]:
     """The frame under each label as a PNG."""
@@ -177,7 +177,7 @@ def _score(arguments: argparse.Namespace, recording: Recording, stream: Labelled
     window_us = arguments.window_us or config.window.window_us
     detector = make_detector(arguments.method, stream.sensor, config)
     labels = store.labels()
-    asked = labels.rows(labels.state != STATES.index(State.OCCLUDED))
+    asked = labels.rows(labels.state != STATES.index(LabelState.OCCLUDED))
     with progress_bar("Scoring") as progress:
         answers = answers_at(stream, detector, asked.t_us, window_us, progress=progress)
     scores = score_groups(answers, asked)

@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except Exception:
+    except Exception:  # noqa: BLE001 (the last resort: it is shown whole, and called a bug)
         traceback.print_exc()
         print("rallyscope: this is a bug; the lines above say where", file=sys.stderr)
         return 1

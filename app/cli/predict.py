@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import CommandError
+from core.physics.points_file import read_points
 from core.trajectory import (
     FilterPredictor,
     HitPlane,
@@ -22,7 +23,6 @@ from core.trajectory import (
     filter_for,
     predictor_for,
 )
-from core.trajectory.points_file import read_points
 
 METHODS = ("paper", "filter")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 
-from core.simulation.scene import SCENES, SceneConfig, scene_named
+from core.simulation.scenes.scene import SCENES, SceneConfig, scene_named
 
 DEFAULT = "ball"
 

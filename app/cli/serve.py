@@ -9,14 +9,15 @@ import threading
 import webbrowser
 from pathlib import Path
 
+from app.address import check_address
 from app.cli.progress import progress_bar
-from app.library import Library
-from app.workspace import Workspace
+from app.cli.quiet_viser import silence_viser
+from app.shared.library import Library
+from app.shared.workspace import Workspace
 from core.config import load_config
 from core.detection import DetectorConfig
 from core.errors import CommandError
 
-DEMO = "demo"
 LIVE = "live"
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
 
@@ -51,28 +52,40 @@ def run(arguments: argparse.Namespace) -> None:
     config = load_config(DetectorConfig, arguments.config) if arguments.config else DetectorConfig()
     workspace = Workspace(arguments.data)
     library = Library(workspace)
-    process = None
-    if source == LIVE:
-        _ensure_demo(workspace)
-        from app.watch.simulation_process import SimulationProcess  # it comes up while the app is loaded
+    library.names()  # where no folder can be made that is said before anything is started
+    check_address(arguments.host, arguments.port)
+    startup = None
+    if source is not None:  # it comes up while the app is loaded
+        from app.preparation.startup import Startup
 
-        process = SimulationProcess("--auto-serve", "5", *own)
+        address = None if source == LIVE else source
+        startup = Startup(workspace, address=address, arguments=("--auto-serve", "5", *own), say=_say)
+        if address is not None:
+            startup.wait_for_news()
+            if startup.problem is not None:
+                raise startup.problem
     first = LIVE if source is not None else _open_recording(arguments.recording, library)
-    from app.server import Lab  # after the recording: a mistake in the arguments is answered at once
-    from app.watch.live import LiveRally
+    from app.server import App  # after the recording: a mistake in the arguments is answered at once
 
+    silence_viser()
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # broken connections of browsers are not our news
-    live = None
-    if source is not None:
-        with progress_bar("Starting the simulation") as progress:
-            live = LiveRally(source if process is None else process.wait(), process=process)
-            progress(1.0)
+    preparation = None if startup is None else startup.preparation
     try:
-        lab = Lab(workspace, library, first, host=arguments.host, port=arguments.port, config=config, live=live)
+        lab = App(
+            workspace,
+            library,
+            first,
+            host=arguments.host,
+            port=arguments.port,
+            config=config,
+            preparation=preparation,
+        )
     except CommandError:
-        if live is not None:
-            live.close()
+        if startup is not None:
+            startup.stop()
         raise
+    if startup is not None:
+        startup.hand_over(lab.use_live)
     url = f"http://{'127.0.0.1' if arguments.host == '0.0.0.0' else arguments.host}:{lab.port}"
     if arguments.host not in LOCAL_HOSTS:
         print(f"Anyone who can reach {arguments.host} can use this app: it has no passwords.", flush=True)
@@ -83,7 +96,13 @@ def run(arguments: argparse.Namespace) -> None:
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
     signal.signal(signal.SIGINT, lambda *_: ended.set())
     ended.wait()
+    if startup is not None:
+        startup.stop()
     lab.stop()
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)
 
 
 def _check_source(source: str | None, recording: Path | None) -> str | None:
@@ -110,7 +129,7 @@ def own_simulation(arguments: argparse.Namespace, source: str | None) -> list[st
     """
     told: list[str] = [] if arguments.physics is None else ["--physics", arguments.physics]
     if arguments.ball_states is not None:
-        from core.simulation.physics.ball_states import read_ball_states
+        from core.physics.ball_states import read_ball_states
 
         for path in arguments.ball_states:
             read_ball_states(path)
@@ -118,14 +137,6 @@ def own_simulation(arguments: argparse.Namespace, source: str | None) -> list[st
     if told and source != LIVE:
         raise CommandError("not a simulation of its own", expected="--source live", got=source or arguments.recording)
     return told
-
-
-def _ensure_demo(workspace: Workspace) -> None:
-    """A recording to tune and label with is always there."""
-    from core.simulation import ensure_demo
-
-    with progress_bar("Simulating the demo recording (only the first time)") as progress:
-        ensure_demo(workspace.recording_path(DEMO), progress)
 
 
 def _open_recording(path: Path, library: Library) -> str:

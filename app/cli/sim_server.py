@@ -6,18 +6,23 @@ import argparse
 import signal
 import sys
 import threading
+import time
 from pathlib import Path
 
 from app.cli.cameras import named_cameras, sensor_size
 from app.cli.scenes import add_scene_arguments, scene_of
 from core.errors import CommandError
+from core.files import end_with_parent
+from core.physics.ball_states import join_serves, read_ball_states
+from core.physics.task import task_profile
+from core.rally.link.responder import KernelProgress
 from core.rally.link.server import ServerConfig, SimulationServer
-from core.rally.link.world import WorldConfig
+from core.rally.simulated.world import WorldConfig
 from core.simulation import SensorConfig, StereoConfig
-from core.simulation.physics.ball_states import join_serves, read_ball_states
-from core.simulation.physics.recorded_serves import RecordedServes
-from core.simulation.physics.task import task_profile
+from core.simulation.episodes.recorded_serves import RecordedServes
 
+QUIET_S = 2.0
+SAY_EVERY = 5
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 
 
@@ -64,14 +69,30 @@ def run(arguments: argparse.Namespace) -> None:
     )
     config = ServerConfig(world=world, auto_serve_mps=arguments.auto_serve)
     cameras = named_cameras(arguments.cameras, arguments.sensor)
-    server = SimulationServer(config, cameras, arguments.bind, seed=arguments.seed, recorded=recorded)
+    if arguments.until_eof:
+        end_with_parent()
+    server = SimulationServer(
+        config, cameras, arguments.bind, seed=arguments.seed, recorded=recorded, preparing=_tell_progress()
+    )
+    server.prepare()
     host = server.address.removeprefix("tcp://").rpartition(":")[0]
     if host not in LOOPBACK:
         print(f"Anyone who can reach {host} can command this simulation: it has no passwords.", flush=True)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
     signal.signal(signal.SIGINT, lambda *_: ended.set())
-    if arguments.until_eof:
-        threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
     print(f"The simulation is at {server.address}   (Ctrl-C ends it)", flush=True)
     server.run(ended.is_set)
+
+
+def _tell_progress() -> KernelProgress:
+    """Says on standard error how far the compiler is, if that takes a while: the first time only."""
+    began_s, said = time.monotonic(), 0
+
+    def tell(ready: int, known: int) -> None:
+        nonlocal said
+        if time.monotonic() - began_s > QUIET_S and ready >= said + SAY_EVERY:
+            said = ready
+            print(f"compiling, on the first start only: {ready} of about {known} kernels", file=sys.stderr, flush=True)
+
+    return tell

@@ -19,12 +19,12 @@ from app.cli.simulate_data_set import (
 )
 from core.cameras.presets import PLACEMENTS
 from core.errors import CommandError
-from core.rally.link.world import WorldConfig
-from core.rally.robot_recording import record_robot
-from core.simulation import SensorConfig, ServeConfig, StereoConfig, simulate_recording
-from core.simulation.frames import FrameConfig
-from core.simulation.physics.config import physics_profile
-from core.simulation.physics.task import task_profile
+from core.physics.config import physics_profile
+from core.physics.task import task_profile
+from core.rally.data_sets.robot_recording import record_robot
+from core.rally.simulated.world import WorldConfig
+from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
+from core.simulation.frames.frames import FrameConfig
 from core.simulation.recording import SimulatedRecording
 
 LARGEST_SEED = 2**63 - 1
@@ -101,7 +101,7 @@ def _simulate(arguments: argparse.Namespace, frames: FrameConfig | None, progres
     config = StereoConfig(scene=scene_of(arguments), sensor=SensorConfig(**noise))
     cameras = named_cameras(arguments.cameras or "side", arguments.sensor)
     count, speed_mps = arguments.serves or SERVES, 5.0 if arguments.speed is None else arguments.speed
-    serves = [ServeConfig(speed_mps=speed_mps)] * count
+    serves = [LaunchConfig(speed_mps=speed_mps)] * count
     if arguments.robot:
         world = WorldConfig(task=task_profile(arguments.physics), stereo=config)
         return record_robot(

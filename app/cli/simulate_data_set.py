@@ -13,7 +13,7 @@ from core.cameras.presets import PLACEMENTS, SENSOR_720
 from core.errors import CommandError
 from core.rally.data_sets import CARD, PRESETS, DataSetPlan, DataSetRun, plan_data_set, preset_plan, run_data_set
 from core.rally.data_sets.plan import PAPER_SPEEDS_MPS, Making
-from core.simulation.frames import FrameConfig
+from core.simulation.frames.frames import FrameConfig
 
 SERVES = 3
 

@@ -14,7 +14,7 @@ from app.cli.detector_arguments import add_detector_arguments, detector_of
 from app.cli.progress import progress_bar
 from core.errors import CommandError
 from core.rally import ChainConfig
-from core.rally.follow import Track, follow_recording, true_positions
+from core.rally.chain.follow import Track, follow_recording, true_positions
 from core.recordings import BallTruth, open_recording
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import get_args
 
 from app.cli.arguments import positive_int
-from app.cli.courts import open_court
+from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
 from core.config import load_config
 from core.errors import CommandError
@@ -25,7 +25,7 @@ from core.learning.config import (
     default_run,
     environment_profile,
 )
-from core.learning.run_files import create_run, read_run, seed_files
+from core.learning.runs.run_files import create_run, read_run, seed_files
 
 OPTIONS = ("config", "agent", "speeds", "episodes", "advance", "reward", "replay", "seeds", "first_seed")
 OPTIONS += ("state_source", "physics", "serves")
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="go on with the run in that folder")
     parser.add_argument("--config", type=Path, metavar="FILE", help="a config.toml; other options change it")
     parser.add_argument("--agent", choices=get_args(AgentName), help="default: ddpg, the paper's")
-    parser.add_argument("--speeds", type=_numbers, metavar="3,5", help="ladder of serve speeds in m/s, 3 to 9")
+    parser.add_argument("--speeds", type=_numbers, metavar="3,5", help="curriculum: serve speeds in m/s, 3 to 9")
     parser.add_argument("--episodes", type=_counts, metavar="800,900", help="of each stage, or one number for all")
     parser.add_argument("--advance", choices=("episodes", "converged"), help="when a stage ends (default: episodes)")
     parser.add_argument("--reward", choices=get_args(RewardKind), help="default: cdta")
@@ -67,16 +67,16 @@ def run(arguments: argparse.Namespace) -> None:
         config = read_run(folder)
     else:
         config = requested_run(arguments)
-    with open_court(config, arguments.source) as court:
+    with open_backend(config, arguments.source) as backend:
         if not arguments.resume:
             create_run(folder, config)
-        from core.learning.running import run_training  # late: torch takes a second, a mistake should not
+        from core.learning.runs.running import run_training  # late: torch takes a second, a mistake should not
 
         ended = threading.Event()
         for name in (signal.SIGINT, signal.SIGTERM):
             signal.signal(name, lambda *_: ended.set())
         with progress_bar(f"Training {config.agent}") as progress:
-            state = run_training(folder, progress=progress, stopped=ended.is_set, court=court)
+            state = run_training(folder, progress=progress, stopped=ended.is_set, backend=backend)
     _report(folder, config, state, as_json=arguments.json)
 
 
@@ -100,29 +100,29 @@ def requested_run(arguments: argparse.Namespace) -> RunConfig:
         config = dataclasses.replace(config, reward=dataclasses.replace(config.reward, kind=arguments.reward))
     counts = {"seeds": arguments.seeds, "first_seed": arguments.first_seed}
     config = dataclasses.replace(config, **{name: value for name, value in counts.items() if value is not None})
-    return dataclasses.replace(config, curriculum=_ladder(config, arguments))
+    return dataclasses.replace(config, curriculum=_curriculum(config, arguments))
 
 
-def _ladder(config: RunConfig, arguments: argparse.Namespace) -> CurriculumConfig:
-    ladder = config.curriculum
-    speeds: tuple[float, ...] = arguments.speeds or ladder.speeds_mps
-    episodes: tuple[int, ...] = arguments.episodes or ladder.episodes
+def _curriculum(config: RunConfig, arguments: argparse.Namespace) -> CurriculumConfig:
+    curriculum = config.curriculum
+    speeds: tuple[float, ...] = arguments.speeds or curriculum.speeds_mps
+    episodes: tuple[int, ...] = arguments.episodes or curriculum.episodes
     if len(episodes) == 1:
         episodes *= len(speeds)
     elif arguments.episodes is None and len(speeds) != len(episodes):
-        # A ladder of another length: the first stage as long as usual, all others as the usual last one.
+        # Another number of stages: the first stage as long as usual, all others as the usual last one.
         episodes = (episodes[0],) + (episodes[-1],) * (len(speeds) - 1)
     return dataclasses.replace(
-        ladder,
+        curriculum,
         speeds_mps=speeds,
         episodes=episodes,
-        advance=arguments.advance or ladder.advance,
-        replay=arguments.replay or ladder.replay,
+        advance=arguments.advance or curriculum.advance,
+        replay=arguments.replay or curriculum.replay,
     )
 
 
 def _report(folder: Path, config: RunConfig, state: str, *, as_json: bool) -> None:
-    from core.learning.run_files import read_lines
+    from core.learning.runs.run_files import read_lines
 
     last = []
     for seed in range(config.first_seed, config.first_seed + config.seeds):

@@ -8,13 +8,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
+from app.background.jobs import Job
 from app.export.unfinished import Cancelled, ExportCancelledError, Progress
-from app.jobs import Job
-from app.workspace import Workspace, slug_from
+from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RallyscopeError
 
 logger = logging.getLogger(__name__)
+CLOSE_WITHIN_S: Final = 5.0
 Work = Callable[[Path, Progress, Cancelled], tuple[Path, ...]]
 """Makes the files under the path it is given."""
 
@@ -84,7 +86,7 @@ class Exporter:
                 self._ended_s, self._message = time.monotonic(), "cancelled"
 
     def state(self) -> ExportState | None:
-        """Of the latest export; None if there was none."""
+        """State of the latest export; None if there was none."""
         job = self._job
         if job is None:
             return None
@@ -113,6 +115,12 @@ class Exporter:
             raise CommandError("no such export", got=repr(name[:80]), remedy="choose one from the list")
         return self._workspace.exports / name
 
+    def close(self) -> None:
+        """Stop what runs, and let it clear away what it has begun."""
+        self.cancel()
+        if self._job is not None:
+            self._job.wait(CLOSE_WITHIN_S)
+
     def _free_name(self, stem: str, suffix: str) -> str:
         stem, root = slug_from(stem)[:50], self._workspace.exports
         number = 1
@@ -129,13 +137,3 @@ class Exporter:
             logger.error("an export failed", exc_info=error)
         self._failed, self._ended_s = True, time.monotonic()
         self._message = str(error) or "it could not be made; the log says why"
-
-
-_exporters: dict[Path, Exporter] = {}
-_exporters_lock = threading.Lock()
-
-
-def exporter_of(workspace: Workspace) -> Exporter:
-    """The exporter of a workspace: the same for every browser of this app."""
-    with _exporters_lock:
-        return _exporters.setdefault(workspace.root.resolve(), Exporter(workspace))

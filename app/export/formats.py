@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 from app.export.selection import DEFAULT_STRIDE_US, Span, span_of
 from app.export.unfinished import Cancelled, Progress
@@ -17,31 +17,33 @@ from labels.arrays import LabelArrays
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
-    """One of them."""
+class ExportFormat:
+    """One format that the app can export to."""
 
     what: str
     suffix: str
     folder: bool = False
     """Several files in a folder instead of one."""
     of_runs: bool = False
-    """Also of training runs."""
+    """Of training runs."""
+    of_recordings: bool = True
 
 
 FORMATS: Final = {
-    "rrd": Format("a Rerun recording: 3D, pictures with the detector's stages, curves", ".rrd", of_runs=True),
-    "html": Format("the 3D scene with playback as one web page", ".html"),
-    "viser": Format("the 3D scene with playback for viser's own player", ".viser"),
-    "mp4": Format("a film: 3D drawing and event pictures", ".mp4"),
-    "png": Format("a picture of the end of the part: 3D drawing and event pictures", ".png"),
-    "dsec": Format("event files in DSEC's HDF5 layout, one per camera", "", folder=True),
-    "evt3": Format("Prophesee RAW files (EVT3), one per camera", "", folder=True),
-    "csv": Format("events, truth and the chain's columns as tables", "", folder=True),
+    "rrd": ExportFormat("a Rerun recording: 3D, pictures with the detector's stages, curves", ".rrd", of_runs=True),
+    "html": ExportFormat("the 3D scene with playback as one web page", ".html"),
+    "viser": ExportFormat("the 3D scene with playback for viser's own player", ".viser"),
+    "mp4": ExportFormat("a film: 3D drawing and event pictures", ".mp4"),
+    "png": ExportFormat("a picture of the end of the part: 3D drawing and event pictures", ".png"),
+    "dsec": ExportFormat("event files in DSEC's HDF5 layout, one per camera", "", folder=True),
+    "evt3": ExportFormat("Prophesee RAW files (EVT3), one per camera", "", folder=True),
+    "csv": ExportFormat("events, truth and the chain's columns as tables", "", folder=True),
+    "onnx": ExportFormat("the actor of a training run as an ONNX graph", ".onnx", of_runs=True, of_recordings=False),
 }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
+class ExportRequest:
     """What is to be made."""
 
     format: str
@@ -55,6 +57,9 @@ class Order:
     plots: bool = True
     chain: ChainConfig = field(default_factory=ChainConfig)
     overwrite: bool = False
+    seed: int | None = None
+    """Whose actor; None: the run's first."""
+    policy: Literal["last", "best"] = "last"
 
 
 def is_run(path: Path) -> bool:
@@ -63,7 +68,7 @@ def is_run(path: Path) -> bool:
 
 
 def export(
-    order: Order,
+    order: ExportRequest,
     *,
     recording: Recording | None = None,
     run: Path | None = None,
@@ -78,24 +83,35 @@ def export(
         RallyscopeError: if it cannot be made.
         ExportCancelledError: if `cancelled` said so; nothing is left behind then.
     """
+    source, fits = ("recording", "of_recordings") if recording is not None else ("training run", "of_runs")
+    if not getattr(FORMATS[order.format], fits):
+        known = ", ".join(f"--{name}" for name, kind in FORMATS.items() if getattr(kind, fits))
+        raise CommandError(f"a {source} has no such export", expected=known, got=f"--{order.format}")
     if recording is None:
-        if not FORMATS[order.format].of_runs:
-            known = ", ".join(f"--{name}" for name, kind in FORMATS.items() if kind.of_runs)
-            raise CommandError("a training run has no such export", expected=known, got=f"--{order.format}")
         if run is None:
             raise CommandError("nothing to export")
-        from app.export.rrd_run import export_run
-
-        return (export_run(run, order.destination, overwrite=order.overwrite, progress=progress, cancelled=cancelled),)
+        return (_export_run(order, run, progress, cancelled),)
     span = span_of(recording, order.start_us, order.end_us)
     return _EXPORTS[order.format](_Task(order, recording, span, groups, labels or {}, progress, cancelled))
+
+
+def _export_run(order: ExportRequest, run: Path, progress: Progress, cancelled: Cancelled) -> Path:
+    if order.format == "onnx":
+        try:
+            from app.export.onnx_actor import export_actor
+        except ImportError as error:
+            raise CommandError("an ONNX file needs onnx", remedy="pip install 'rallyscope[onnx]'") from error
+        return export_actor(run, order.destination, seed=order.seed, which=order.policy, overwrite=order.overwrite)
+    from app.export.rrd.run import export_run
+
+    return export_run(run, order.destination, overwrite=order.overwrite, progress=progress, cancelled=cancelled)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Task:
     """An order with everything that it takes."""
 
-    order: Order
+    order: ExportRequest
     recording: Recording
     span: Span
     groups: Callable[[str], Rows | None]
@@ -112,7 +128,7 @@ class _Task:
 
 
 def _rrd(task: _Task) -> tuple[Path, ...]:
-    from app.export.rrd import RrdContents, export_rrd
+    from app.export.rrd.recording import RrdContents, export_rrd
 
     order = task.order
     contents = RrdContents(
@@ -131,7 +147,7 @@ def _rrd(task: _Task) -> tuple[Path, ...]:
 
 
 def _csv(task: _Task) -> tuple[Path, ...]:
-    from app.export.csv_tables import export_csv
+    from app.export.events.csv_tables import export_csv
 
     return export_csv(
         task.recording, task.path, task.span, groups=task.groups, overwrite=task.order.overwrite,
@@ -140,7 +156,7 @@ def _csv(task: _Task) -> tuple[Path, ...]:
 
 
 def _dsec(task: _Task) -> tuple[Path, ...]:
-    from app.export.dsec import export_dsec
+    from app.export.events.dsec import export_dsec
 
     return export_dsec(
         task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,
@@ -149,7 +165,7 @@ def _dsec(task: _Task) -> tuple[Path, ...]:
 
 
 def _evt3(task: _Task) -> tuple[Path, ...]:
-    from app.export.evt3 import export_evt3
+    from app.export.events.evt3 import export_evt3
 
     return export_evt3(
         task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,
@@ -158,7 +174,7 @@ def _evt3(task: _Task) -> tuple[Path, ...]:
 
 
 def _film(task: _Task) -> tuple[Path, ...]:
-    from app.export.drawn_picture import STRIDE_US, export_mp4
+    from app.export.scenes.drawn_picture import STRIDE_US, export_mp4
 
     made = export_mp4(
         task.recording, task.path, task.span, task.order.chain, stride_us=task.order.stride_us or STRIDE_US,
@@ -168,7 +184,7 @@ def _film(task: _Task) -> tuple[Path, ...]:
 
 
 def _still(task: _Task) -> tuple[Path, ...]:
-    from app.export.drawn_picture import export_png
+    from app.export.scenes.drawn_picture import export_png
 
     made = export_png(
         task.recording, task.path, task.span, task.order.chain, groups=task.groups, overwrite=task.order.overwrite,
@@ -178,7 +194,7 @@ def _still(task: _Task) -> tuple[Path, ...]:
 
 
 def _scene(task: _Task) -> tuple[Path, ...]:
-    from app.export.scene_file import STRIDE_US, export_scene
+    from app.export.scenes.scene_file import STRIDE_US, export_scene
 
     made = export_scene(
         task.recording, task.path, task.span, task.order.chain, as_html=task.order.format == "html",

@@ -7,17 +7,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from app.export.selection import Span
-from app.watch.following import is_stereo
 from core.detection import Detection, FastDetector, TrackState
 from core.detection.methods import method_config
 from core.detection.window import windows_side_by_side
 from core.events import Window
 from core.rally import ChainConfig, ChainState, RallyChain
+from core.rally.history.following import is_stereo
 from core.recordings import Recording
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
+class ChainStep:
     """One window of every camera, and what came of it."""
 
     end_us: int
@@ -31,11 +31,11 @@ class Step:
 
 
 def window_length_us(config: ChainConfig) -> int:
-    """Of the detector's windows."""
+    """Length of the detector's windows."""
     return method_config(config.method, config.detector).window.window_us
 
 
-def follow_span(recording: Recording, span: Span, config: ChainConfig, *, picture_every: int) -> Iterator[Step]:
+def follow_span(recording: Recording, span: Span, config: ChainConfig, *, picture_every: int) -> Iterator[ChainStep]:
     """Step after step through the span."""
     window_us = window_length_us(config)
     side_by_side = windows_side_by_side(recording.cameras, span.start_us, span.end_us, window_us)
@@ -54,8 +54,8 @@ def follow_span(recording: Recording, span: Span, config: ChainConfig, *, pictur
             before = chain.track_states() if chain else {name: one.state for name, one in detectors.items()}
         if chain is not None:
             state = chain.step(windows)
-            yield Step(end_us, windows, state.detections, state.seconds.detect, state, before)
+            yield ChainStep(end_us, windows, state.detections, state.seconds.detect, state, before)
             continue
         started_s = time.perf_counter()
         found = {name: detectors[name].step(window) for name, window in windows.items()}
-        yield Step(end_us, windows, found, time.perf_counter() - started_s, None, before)
+        yield ChainStep(end_us, windows, found, time.perf_counter() - started_s, None, before)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -10,6 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from core.errors import CommandError
+from core.files import put_in_place
 
 Progress = Callable[[float], None]
 Cancelled = Callable[[], bool]
@@ -54,9 +54,7 @@ def unfinished_folder(folder: Path, names: list[str], *, overwrite: bool) -> Ite
     try:
         yield temporary
         for name in names:
-            with open(temporary / name, "rb+") as written:
-                os.fsync(written.fileno())
-            os.replace(temporary / name, folder / name)
+            put_in_place(temporary / name, folder / name, durable=True)
     except OSError as error:
         raise CommandError(f"cannot write: {error.strerror or error}", where=folder) from error
     finally:

@@ -8,42 +8,36 @@ from typing import Literal, Protocol
 
 import viser
 
-from app.commands import Command
-from app.library import Library
-from app.plane import PicturePlane
+from app.modes.services import Services
 from app.scene.world import World
-from app.state import ClientState
-from app.watch.rallies import Rallies
-from app.workspace import Workspace
+from app.state.client_state import ClientState
+from app.state.commands import Command
+from app.views.image_view import ImageView
 from core.recordings import Recording
 
 Middle = Literal["events", "sheet", "world"]
 
 
-class Host(Protocol):
+class ModeHost(Protocol):
     """The session of one browser, as a mode sees it. Callbacks of controls must do their work in `later`."""
 
     @property
     def client(self) -> viser.ClientHandle: ...
     @property
-    def library(self) -> Library: ...
-    @property
-    def workspace(self) -> Workspace: ...
+    def services(self) -> Services:
+        """What all browsers share."""
+        ...
+
     @property
     def pool(self) -> Executor: ...
     @property
-    def plane(self) -> PicturePlane:
+    def plane(self) -> ImageView:
         """Flat pictures in the middle of the window; visible while `middle` is "events" or "sheet"."""
         ...
 
     @property
     def world(self) -> World:
         """The 3D scene in the middle of the window; visible while `middle` is "world"."""
-        ...
-
-    @property
-    def rallies(self) -> Rallies:
-        """What all browsers watch."""
         ...
 
     @property
@@ -109,4 +103,4 @@ class Mode(Protocol):
         ...
 
 
-ModeFactory = Callable[[Host], Mode]
+ModeFactory = Callable[[ModeHost], Mode]

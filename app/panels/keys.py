@@ -7,15 +7,16 @@ from typing import Final
 
 import viser
 
-from app.commands import Command, LookAt, Redo, SetMode, SetOverlay, Step, TogglePlay, Undo
-from app.state import MODES, OVERLAYS
+from app.state.client_state import MODES, OVERLAYS
+from app.state.commands import Command, LookAt, Redo, SetMode, SetOverlay, StepTime, TogglePlay, Undo
+from app.widgets import when_triggered
 
 KEYS: Final[tuple[tuple[str, str, Command], ...]] = (
     ("space", "Play or pause", TogglePlay()),
-    ("N", "One step on", Step(+1)),
-    ("P", "One step back", Step(-1)),
-    ("pageup", "Ten steps back", Step(-10)),
-    ("pagedown", "Ten steps on", Step(+10)),
+    ("N", "One step on", StepTime(+1)),
+    ("P", "One step back", StepTime(-1)),
+    ("pageup", "Ten steps back", StepTime(-10)),
+    ("pagedown", "Ten steps on", StepTime(+10)),
     ("Z", "Undo a slider", Undo()),
     ("R", "Redo a slider", Redo()),
     ("B", "Zoomed view follows the ball", LookAt(None)),
@@ -29,11 +30,7 @@ def add_keys(gui: viser.GuiApi, send: Callable[[Command], None], reframe: Callab
     """Register the shortcuts for one browser; they are listed in its command palette (Ctrl-K), too."""
 
     def register(key: str, label: str, act: Callable[[], None]) -> None:
-        command = gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
-
-        @command.on_trigger
-        async def _(_: viser.CommandEvent) -> None:
-            act()
+        when_triggered(gui.add_command(label, hotkey=key), act)  # type: ignore[arg-type]
 
     for key, label, command in KEYS:
         register(key, label, lambda command=command: send(command))

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import viser
 
 from app import theme
-from app.commands import WINDOW_RANGE_US, Command, SetArrangement, SetColours, SetRendering, SetWindow, ShowTruth
 from app.pictures.event_picture import RENDERINGS
 from app.pictures.palette import POLARITY_COLOURS, Ink, PolarityColours, palette
-from app.state import ARRANGEMENTS, ClientState
+from app.state.client_state import ARRANGEMENTS, ClientState
+from app.state.commands import WINDOW_RANGE_US, Command, SetArrangement, SetColours, SetRendering, SetWindow, ShowTruth
 from app.widgets import when_changed
 
 
@@ -36,18 +36,18 @@ class PicturePanel:
         when_changed(self._truth, lambda value: send(ShowTruth(bool(value))))
 
     def show(self, state: ClientState) -> None:
-        """Follow the state."""
+        """Let the controls follow the state."""
         self._window.visible = state.mode == "Watch"
         self._arrangement.visible = self._truth.visible = state.mode != "Label"  # a person is not shown the answer
         self._window.value = state.look.window_us / 1e3
         self._rendering.value = state.look.rendering
-        self._legend.content = legend_html(state.look.colours)
+        self._legend.content = event_legend_html(state.look.colours)
         self._colours.value = state.look.colours
         self._arrangement.value = state.look.arrangement
         self._truth.value = state.tune.show_truth
 
 
-def legend_html(colours: PolarityColours) -> str:
+def event_legend_html(colours: PolarityColours) -> str:
     """What the colours of circles and events mean."""
     rgb = palette(colours)
     inks = (("found", Ink.CIRCLE), ("truth", Ink.TRUTH), ("ROI", Ink.ROI), ("ON", Ink.ON), ("OFF", Ink.OFF))

@@ -10,7 +10,7 @@ import viser
 from viser import uplot
 
 from app import theme
-from app.library import Library
+from app.shared.library import Library
 from core.events import Health, RateCurve, rate_curve
 from core.recordings import Recording
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import viser
 
-from app.commands import Command, Seek, SetSpeed, SetStep, Step, TogglePlay
-from app.playback import SPEEDS, STEPS_US
-from app.state import ClientState
+from app.state.client_state import ClientState
+from app.state.commands import Command, Seek, SetPlaybackSpeed, SetStep, StepTime, TogglePlay
+from app.state.playback import SPEEDS, STEPS_US
 from app.widgets import when_changed, when_clicked
 
 SLIDER_STEP_S = 0.001
@@ -38,7 +38,7 @@ class TransportPanel:
         self._shown_playing = False
         when_clicked(self._play, lambda: send(TogglePlay()))
         when_changed(self._step, lambda value: send(SetStep(_lookup(STEPS_US, step_label, value))))
-        when_changed(self._speed, lambda value: send(SetSpeed(_lookup(SPEEDS, speed_label, value))))
+        when_changed(self._speed, lambda value: send(SetPlaybackSpeed(_lookup(SPEEDS, speed_label, value))))
         when_changed(self._number, lambda value: send(Seek(int(str(value)))))
 
         @self._steps.on_click
@@ -49,7 +49,7 @@ class TransportPanel:
             elif go == "End":
                 send(Seek(2**62))
             else:
-                send(Step(int(go)))
+                send(StepTime(int(go)))
 
     def show(self, state: ClientState, now_us: int) -> None:
         """Follow the state; the slider is made anew when the recording's length changes."""

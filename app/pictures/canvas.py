@@ -27,7 +27,7 @@ class Region:
 
     @staticmethod
     def of_sensor(sensor: SensorSize) -> Region:
-        """All of it."""
+        """A canvas that shows the whole sensor."""
         return Region(0, 0, sensor.width_px, sensor.height_px)
 
     @staticmethod

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import viser
 
-from app.plane import set_frustum_png
+from app.views.image_view import set_frustum_png
 from core.cameras import Camera
 from core.geometry import quaternion_from_matrix
 
@@ -39,7 +39,7 @@ class RigActors:
         }
 
     def set_visible(self, visible: bool) -> None:
-        """All of them."""
+        """Show or hide all cameras of the rig."""
         self._frame.visible = visible
 
     def remove(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.scene.rally_picture import Spread
+from core.rally.history.rally_picture import UncertaintyEllipse
 
 Array = NDArray[np.float64]
 TUBE_RGB: Final = (90, 200, 255)
@@ -42,7 +42,7 @@ class UncertaintyActor:
             for number in range(ELLIPSES)
         ]
 
-    def show(self, ps_world_m: Array, sigmas_m: Array, spreads: tuple[Spread, ...]) -> None:
+    def show(self, ps_world_m: Array, sigmas_m: Array, spreads: tuple[UncertaintyEllipse, ...]) -> None:
         """Along a path (N, 3) with its standard deviations (N, 3); fewer than two points hide the tube."""
         for handle, spread in zip(self._ellipses, (*spreads, None, None), strict=False):
             handle.visible = spread is not None
@@ -53,7 +53,7 @@ class UncertaintyActor:
             self._tube.vertices = tube_vertices(ps_world_m, sigmas_m)
 
 
-def ellipse(spread: Spread) -> NDArray[np.float32]:
+def ellipse(spread: UncertaintyEllipse) -> NDArray[np.float32]:
     """(ELLIPSE_CORNERS, 2, 3) segments, SIGMAS standard deviations from the middle."""
     angles = np.linspace(0, 2 * np.pi, ELLIPSE_CORNERS + 1)
     points = spread.centre + SIGMAS * np.column_stack([np.cos(angles), np.sin(angles)]) @ spread.axes

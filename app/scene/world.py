@@ -12,12 +12,13 @@ from app.scene.ball import BallActors
 from app.scene.landing import LandingActors
 from app.scene.prediction import PredictionActors
 from app.scene.racket import RacketActor
-from app.scene.rally_picture import RallyPicture
 from app.scene.rig import RigActors
 from app.scene.uncertainty import UncertaintyActor
-from app.scene.views import VIEWPOINTS, Viewpoint, follow, look, viewpoint_of_camera
+from app.scene.viewpoints import VIEWPOINTS, follow_viewpoint, viewpoint_of_camera
+from app.views.viewpoint import Viewpoint, look
 from core.cameras import Camera
-from core.simulation.physics import TaskConfig
+from core.physics import TaskConfig
+from core.rally.history.rally_picture import RallyPicture
 
 ROOT: Final = "/world"
 LAYERS: Final = (
@@ -124,7 +125,7 @@ class World:
             if self._rig is not None:
                 self._rig.set_visible("Cameras" in on and self._view not in self._cameras)
         if self._view == "Follow ball" and picture.ball is not None and self.visible:
-            follow(self._client, picture.ball, FOLLOW_SHARE)
+            follow_viewpoint(self._client, picture.ball, FOLLOW_SHARE)
 
     def show_camera_pictures(self, pngs: dict[str, bytes]) -> None:
         """Event pictures in the frusta."""

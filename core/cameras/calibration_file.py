@@ -6,8 +6,6 @@ All three count pixels from the centre of the top left one, as we do. Nothing in
 
 from __future__ import annotations
 
-import contextlib
-import os
 import re
 import tomllib
 from collections.abc import Mapping
@@ -17,11 +15,12 @@ from typing import Final
 import tomli_w
 import yaml
 
-from core.cameras.calibration_values import Node, make_camera, read_matrix, read_sensor
+from core.cameras.calibration_values import CalibrationNode, make_camera, read_matrix, read_sensor
 from core.cameras.camera import Camera
 from core.cameras.kalibr import cameras_from_kalibr, looks_like_kalibr
 from core.cameras.opencv_yaml import OpenCVLoader, cameras_from_opencv
 from core.errors import CalibrationError
+from core.files import replace_file
 
 FORMAT: Final = "rallyscope-calibration"
 VERSION: Final = 1
@@ -66,14 +65,9 @@ def save_calibration(path: Path, cameras: Mapping[str, Camera]) -> None:
         for name, camera in cameras.items()
     }
     text = tomli_w.dumps({"format": FORMAT, "version": VERSION, "cameras": tables})
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
+        replace_file(path, text.encode(), durable=False)
     except OSError as error:
-        with contextlib.suppress(OSError):  # the folder itself may be a file
-            partial.unlink(missing_ok=True)
         raise CalibrationError("cannot write the calibration", got=error.strerror, where=path) from error
 
 
@@ -99,11 +93,13 @@ def _cameras_from_toml(text: str, path: Path) -> dict[str, Camera]:
     if (tree.get("format"), tree.get("version")) != (FORMAT, VERSION):
         got = f"{tree.get('format')!r} version {tree.get('version')!r}"
         raise CalibrationError("unknown format", expected=f"{FORMAT!r} version {VERSION}", got=got, where=where)
-    root = Node.of(tree.get("cameras"), f"{where}: cameras")
-    return {name: _camera_from_toml(Node.of(root.values[name], f"{root.where}.{name}")) for name in root.values}
+    root = CalibrationNode.of(tree.get("cameras"), f"{where}: cameras")
+    return {
+        name: _camera_from_toml(CalibrationNode.of(root.values[name], f"{root.where}.{name}")) for name in root.values
+    }
 
 
-def _camera_from_toml(node: Node) -> Camera:
+def _camera_from_toml(node: CalibrationNode) -> Camera:
     return make_camera(
         read_sensor(node, "width_px", "height_px"),
         read_matrix(node, "K", (3, 3)),
@@ -113,11 +109,11 @@ def _camera_from_toml(node: Node) -> Camera:
     )
 
 
-def _parse_yaml(text: str, path: Path) -> Node:
+def _parse_yaml(text: str, path: Path) -> CalibrationNode:
     # OpenCV writes "%YAML:1.0", which is no valid directive.
     text = re.sub(r"\A%YAML[: ][0-9.]+[^\n]*\n(---[^\n]*\n)?", "", text)
     try:
         tree: object = yaml.load(text, Loader=OpenCVLoader)  # a SafeLoader: makes plain values, runs nothing
     except YAML_ERRORS as error:
         raise CalibrationError("neither TOML nor YAML", got=str(error)[:200], where=path) from error
-    return Node.of(tree, str(path))
+    return CalibrationNode.of(tree, str(path))

@@ -28,19 +28,19 @@ def short_repr(value: object) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Node:
+class CalibrationNode:
     """A mapping somewhere in a file."""
 
     values: dict[str, object]
     where: str
 
     @staticmethod
-    def of(value: object, where: str) -> Node:
+    def of(value: object, where: str) -> CalibrationNode:
         """Raises CalibrationError unless `value` is a mapping with plain names as keys."""
         if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
             got = "nothing" if value is None else type(value).__name__
             raise CalibrationError("not a table of named values", expected="keys with values", got=got, where=where)
-        return Node(value, where)
+        return CalibrationNode(value, where)
 
     def get(self, key: str) -> object:
         """Raises CalibrationError if the key is absent."""
@@ -56,7 +56,7 @@ class Node:
         raise CalibrationError("incomplete", expected=f"one of the keys {', '.join(keys)}", where=self.where)
 
 
-def read_matrix(node: Node, key: str, shape: tuple[int, ...]) -> Array:
+def read_matrix(node: CalibrationNode, key: str, shape: tuple[int, ...]) -> Array:
     """A matrix of finite numbers of exactly this shape; nested or flat lists.
 
     Raises:
@@ -68,7 +68,7 @@ def read_matrix(node: Node, key: str, shape: tuple[int, ...]) -> Array:
     return values.reshape(shape)
 
 
-def read_numbers(node: Node, key: str) -> Array:
+def read_numbers(node: CalibrationNode, key: str) -> Array:
     """An array of finite numbers of any shape.
 
     Raises:
@@ -100,7 +100,7 @@ def _is_matrix_of_numbers(raw: object) -> bool:
     )
 
 
-def read_sensor(node: Node, width_key: str, height_key: str) -> SensorSize:
+def read_sensor(node: CalibrationNode, width_key: str, height_key: str) -> SensorSize:
     """Sensor size from two whole numbers.
 
     Raises:

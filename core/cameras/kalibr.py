@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from core.cameras.calibration_values import (
-    Node,
+    CalibrationNode,
     five_coefficients,
     make_camera,
     read_matrix,
@@ -20,13 +20,13 @@ from core.events import SensorSize
 from core.geometry import check_transform, invert_transform
 
 
-def looks_like_kalibr(tree: Node) -> bool:
+def looks_like_kalibr(tree: CalibrationNode) -> bool:
     """Whether the top level is cam0, cam1, ... with Kalibr's keys."""
     first = tree.values.get("cam0")
     return isinstance(first, dict) and ("camera_model" in first or "intrinsics" in first)
 
 
-def cameras_from_kalibr(tree: Node, where: str) -> dict[str, Camera]:
+def cameras_from_kalibr(tree: CalibrationNode, where: str) -> dict[str, Camera]:
     """The cameras cam0, cam1, ...; the world is cam0's frame.
 
     Raises:
@@ -36,7 +36,7 @@ def cameras_from_kalibr(tree: Node, where: str) -> dict[str, Camera]:
     cameras: dict[str, Camera] = {}
     T_world_camera = np.eye(4)
     for index, name in enumerate(names):
-        node = Node.of(tree.values[name], f"{where}: {name}")
+        node = CalibrationNode.of(tree.values[name], f"{where}: {name}")
         if index:
             T_camera_before = read_matrix(node, "T_cn_cnm1", (4, 4))
             T_world_camera = T_world_camera @ invert_transform(check_transform(T_camera_before, where=node.where))
@@ -44,7 +44,7 @@ def cameras_from_kalibr(tree: Node, where: str) -> dict[str, Camera]:
     return cameras
 
 
-def _camera(node: Node, T_world_camera: np.ndarray) -> Camera:
+def _camera(node: CalibrationNode, T_world_camera: np.ndarray) -> Camera:
     model = (node.get("camera_model"), node.values.get("distortion_model", "none"))
     if model not in (("pinhole", "radtan"), ("pinhole", "none")):
         got = " with ".join(part if isinstance(part, str) else short_repr(part) for part in model)

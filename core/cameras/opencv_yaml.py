@@ -6,7 +6,7 @@ import numpy as np
 import yaml
 
 from core.cameras.calibration_values import (
-    Node,
+    CalibrationNode,
     five_coefficients,
     make_camera,
     read_matrix,
@@ -43,7 +43,7 @@ def _construct_matrix(loader: yaml.SafeLoader, node: yaml.Node) -> list[object]:
 OpenCVLoader.add_constructor("tag:yaml.org,2002:opencv-matrix", _construct_matrix)
 
 
-def cameras_from_opencv(tree: Node, where: str) -> dict[str, Camera]:
+def cameras_from_opencv(tree: CalibrationNode, where: str) -> dict[str, Camera]:
     """`camera`, posed by `T_world_camera` if the file has one; or `left` and `right`, posed by R and T.
 
     R and T map left camera coordinates to right ones, as `stereoCalibrate` returns them; the world is the left camera.
@@ -65,7 +65,11 @@ def cameras_from_opencv(tree: Node, where: str) -> dict[str, Camera]:
 
 
 def _camera(
-    tree: Node, sensor: SensorSize, K: tuple[str, ...], distortion: tuple[str, ...], T_world_camera: np.ndarray
+    tree: CalibrationNode,
+    sensor: SensorSize,
+    K: tuple[str, ...],
+    distortion: tuple[str, ...],
+    T_world_camera: np.ndarray,
 ) -> Camera:
     coefficients = five_coefficients(read_numbers(tree, tree.first(*distortion)), tree.where)
     return make_camera(sensor, read_matrix(tree, tree.first(*K), (3, 3)), coefficients, T_world_camera, tree.where)

@@ -6,8 +6,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from core.jit import njit
 
 Array = NDArray[np.float64]
 
@@ -22,7 +23,7 @@ FX, FY, CX, CY, K1, K2, P1, P2, K3, FOLD = range(10)
 """Columns of the lens parameters."""
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _distort(x: float, y: float, lens: Array) -> tuple[float, float]:
     r2 = x * x + y * y
     radial = 1 + r2 * (lens[K1] + r2 * (lens[K2] + r2 * lens[K3]))
@@ -32,7 +33,7 @@ def _distort(x: float, y: float, lens: Array) -> tuple[float, float]:
     )
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _slopes(x: float, y: float, lens: Array) -> tuple[float, float, float]:
     """Derivatives of `_distort`: dx/dx, dx/dy (= dy/dx), dy/dy."""
     r2 = x * x + y * y
@@ -45,7 +46,7 @@ def _slopes(x: float, y: float, lens: Array) -> tuple[float, float, float]:
     )
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _undistort(u: float, v: float, lens: Array) -> tuple[float, float]:
     """Pinhole coordinates of a pixel by Newton's method; nan where no ray leads there."""
     x_lens, y_lens = (u - lens[CX]) / lens[FX], (v - lens[CY]) / lens[FY]
@@ -67,7 +68,7 @@ def _undistort(u: float, v: float, lens: Array) -> tuple[float, float]:
     return x, y
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _invert(a: Array, out: Array) -> bool:
     """Inverse of a symmetric (3, 3); false if it is singular."""
     c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
@@ -86,7 +87,7 @@ def _invert(a: Array, out: Array) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _add_noise(x: float, y: float, depth: float, R: Array, lens: Array, sigma_px: float, noise: Array) -> None:
     """Add to `noise` (3, 3) what pixel noise in one camera moves its ray by, at a distance `depth` along it."""
     norm = math.sqrt(x * x + y * y + 1)
@@ -105,7 +106,7 @@ def _add_noise(x: float, y: float, depth: float, R: Array, lens: Array, sigma_px
                 noise[i, j] += (depth * sigma_px) ** 2 * move_i * move_j
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _reprojection_px2(p: Array, u: float, v: float, centre: Array, R: Array, lens: Array) -> float:
     """Squared distance of a pixel from the projection of `p`; nan if it is not in front of the camera."""
     x, y, z = p[0] - centre[0], p[1] - centre[1], p[2] - centre[2]
@@ -120,7 +121,7 @@ def _reprojection_px2(p: Array, u: float, v: float, centre: Array, R: Array, len
     return (xd * lens[FX] + lens[CX] - u) ** 2 + (yd * lens[FY] + lens[CY] - v) ** 2
 
 
-@njit(cache=True, nogil=True)
+@njit
 def triangulate_rows(
     uvs: Array, lenses: Array, centres: Array, Rs: Array, sigma_px: float, ps: Array, residuals: Array, covs: Array
 ) -> None:

@@ -2,7 +2,7 @@
 
 from core.detection.config import DetectorConfig, auto_config, paper_config
 from core.detection.detector import Detection, Detector
-from core.detection.fast import FastDetector
+from core.detection.fast.detector import FastDetector
 from core.detection.methods import make_detector
 from core.detection.pipeline import ReferenceDetector, trace_window
 from core.detection.stage_trace import Candidate, PipelineTrace, StageTrace, TrackState

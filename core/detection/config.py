@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 
-from core.detection.cluster import ClusterConfig
-from core.detection.denoise import DenoiseConfig
-from core.detection.flicker import FlickerConfig
-from core.detection.geometry import GeometryConfig
-from core.detection.hot_pixels import HotPixelConfig
-from core.detection.localise import LocaliseConfig
-from core.detection.polarity import PolarityConfig
-from core.detection.roi import RoiConfig
+from core.detection.stages.cluster import ClusterConfig
+from core.detection.stages.denoise import DenoiseConfig
+from core.detection.stages.flicker import FlickerConfig
+from core.detection.stages.geometry import GeometryConfig
+from core.detection.stages.hot_pixels import HotPixelConfig
+from core.detection.stages.localise import LocaliseConfig
+from core.detection.stages.polarity import PolarityConfig
+from core.detection.stages.roi import RoiConfig
 from core.detection.window import WindowConfig
 
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from core.detection.config import DetectorConfig, auto_config, paper_config
 from core.detection.detector import Detector
-from core.detection.fast import FastDetector
+from core.detection.fast.detector import FastDetector
 from core.errors import CommandError, NotBuiltError
 from core.events import SensorSize
 

@@ -11,17 +11,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from core.detection.cluster import ClusterConfig, cluster_labels, reject_size
 from core.detection.config import DetectorConfig
-from core.detection.denoise import survives_opening
 from core.detection.detector import Detection
-from core.detection.flicker import FlickerMemory, keep_steady_pixels
-from core.detection.geometry import measure_shape, reject_shape
-from core.detection.hot_pixels import HotPixelMemory, keep_cool_pixels
-from core.detection.localise import enclosing_circle, reject_circle
-from core.detection.polarity import addresses, near_centroid, on_evidence, on_leads, remember
-from core.detection.roi import follow, inside_roi, roi_around
 from core.detection.stage_trace import Candidate, PipelineTrace, StageTrace, TrackState
+from core.detection.stages.cluster import ClusterConfig, cluster_labels, reject_size
+from core.detection.stages.denoise import survives_opening
+from core.detection.stages.flicker import FlickerMemory, keep_steady_pixels
+from core.detection.stages.geometry import measure_shape, reject_shape
+from core.detection.stages.hot_pixels import HotPixelMemory, keep_cool_pixels
+from core.detection.stages.localise import enclosing_circle, reject_circle
+from core.detection.stages.polarity import addresses, near_centroid, on_evidence, on_leads, remember
+from core.detection.stages.roi import inside_roi, next_region, roi_around
 from core.events import Events, Window
 
 LabelClusters = Callable[[Events, ClusterConfig], NDArray[np.int32]]
@@ -84,7 +84,7 @@ def trace_window(
     circle = None if ball is None else ball.circle
     evidence = None if ball is None else ball.leading_evidence
     found_px = None if circle is None else (circle.u_px, circle.v_px)
-    centre_px, misses = follow(state.centre_px, state.misses, found_px, config.roi)
+    centre_px, misses = next_region(state.centre_px, state.misses, found_px, config.roi)
     memory = remember(state.on_leads, evidence, window.end_us - window.start_us, config.polarity)
     return PipelineTrace(
         stages=tuple(clock.stages),

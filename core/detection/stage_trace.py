@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.detection.detector import Detection
-from core.detection.flicker import FlickerMemory
-from core.detection.geometry import Shape
-from core.detection.hot_pixels import HotPixelMemory
-from core.detection.localise import Circle
-from core.detection.roi import Roi
+from core.detection.stages.flicker import FlickerMemory
+from core.detection.stages.geometry import Shape
+from core.detection.stages.hot_pixels import HotPixelMemory
+from core.detection.stages.localise import Circle
+from core.detection.stages.roi import Roi
 from core.events import Events
 
 

@@ -22,22 +22,22 @@ class WindowConfig:
         check_settings(self)
 
 
-class EventSource(Protocol):
+class SliceableEvents(Protocol):
     """Anything that serves time slices, such as one camera of a recording."""
 
     def slice(self, start_us: int, end_us: int) -> Events: ...
 
 
-def windows_between(source: EventSource, start_us: int, end_us: int, window_us: int) -> Iterator[Window]:
+def windows_between(source: SliceableEvents, start_us: int, end_us: int, window_us: int) -> Iterator[Window]:
     """The whole windows of length `window_us` in [start_us, end_us), one after the other; empty ones too."""
     for start in range(start_us, end_us - window_us + 1, window_us):
         yield Window(source.slice(start, start + window_us), start, start + window_us)
 
 
 def windows_side_by_side(
-    sources: Mapping[str, EventSource], start_us: int, end_us: int, window_us: int
+    sources: Mapping[str, SliceableEvents], start_us: int, end_us: int, window_us: int
 ) -> Iterator[dict[str, Window]]:
-    """The same of several sources at once, by name."""
+    """The whole windows of several sources at once, by name."""
     streams = [windows_between(source, start_us, end_us, window_us) for source in sources.values()]
     for windows in zip(*streams, strict=True):
         yield dict(zip(sources, windows, strict=True))

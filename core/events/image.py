@@ -24,7 +24,7 @@ def polarity_image(events: Events, *, binning: int = 1) -> NDArray[np.uint8]:
 
 
 def count_image(events: Events, *, binning: int = 1) -> NDArray[np.int64]:
-    """Events per pixel."""
+    """Count the events of every pixel."""
     height, width = _binned_shape(events, binning)
     flat = (events.y_px // binning).astype(np.int64) * width + events.x_px // binning
     return np.bincount(flat, minlength=width * height).reshape(height, width)

@@ -1,4 +1,4 @@
-"""Everything that a training run can be told: the task, the agent, the reward, the replay rule, the ladder of speeds.
+"""Everything that a training run can be told: the task, the agent, the reward, the replay rule, the curriculum.
 
 What the paper leaves open is a field here, with our choice as its default; the whole of it lands in the run's folder.
 """
@@ -10,8 +10,8 @@ from typing import Literal
 
 from core.config import check_settings, setting
 from core.errors import ConfigError
-from core.simulation.physics.config import Profile
-from core.simulation.physics.task import TaskConfig, hard_serves, task_profile
+from core.physics.config import Profile
+from core.physics.task import TaskConfig, hard_serves, task_profile
 from core.table import NET_HEIGHT_M, TABLE_LENGTH_M
 
 AgentName = Literal["ddpg", "landing-model", "ppo", "a2c", "trpo", "td3", "sac"]
@@ -123,7 +123,7 @@ class ExplorationConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurriculumConfig:
-    """The ladder of serve speeds."""
+    """The curriculum: stages of rising serve speed."""
 
     speeds_mps: tuple[float, ...] = (3.0, 5.0)
     """One stage each (paper)."""
@@ -225,7 +225,7 @@ class LandingModelConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RivalConfig:
+class Sb3Config:
     """The agents of stable-baselines3, with their defaults but for what a batch of 1,700 one-step episodes demands."""
 
     exploration: Literal["default", "matched"] = "default"
@@ -240,7 +240,7 @@ class RivalConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunConfig:
-    """A training run."""
+    """Every setting of a training run."""
 
     agent: AgentName = "ddpg"
     environment: EnvironmentConfig = field(default_factory=EnvironmentConfig)
@@ -249,7 +249,7 @@ class RunConfig:
     curriculum: CurriculumConfig = field(default_factory=CurriculumConfig)
     ddpg: DdpgConfig = field(default_factory=DdpgConfig)
     landing_model: LandingModelConfig = field(default_factory=LandingModelConfig)
-    rival: RivalConfig = field(default_factory=RivalConfig)
+    rival: Sb3Config = field(default_factory=Sb3Config)
     seeds: int = setting(1, 1, 1000)
     """Independent repetitions."""
     first_seed: int = setting(0, 0, 2**31 - 1)
@@ -263,7 +263,7 @@ class RunConfig:
 
     @property
     def episodes(self) -> int:
-        """Of all stages together, at most."""
+        """Episodes of all stages together, at most."""
         return sum(self.curriculum.episodes)
 
 
@@ -279,7 +279,8 @@ def environment_profile(
 
 def default_run(agent: AgentName = "ddpg") -> RunConfig:
     """What `rallyscope train --agent ...` does when nothing else is said: the paper's run for its agent, and for all
-    others 5 m/s with the true state, which compares them."""
+    others 5 m/s with the true state, which compares them.
+    """
     if agent == "ddpg":
         return RunConfig()
     truth = EnvironmentConfig(state_source="truth")

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.learning.config import EnvironmentConfig, RewardConfig
-from core.learning.court import ClosedFormCourt, Court
-from core.learning.environment import Deliveries, deliver
-from core.learning.episode_record import landing_errors_mm
-from core.learning.normalise import normal_goals, normal_states
-from core.learning.reward import episode_rewards, reward_weights
-from core.simulation.physics.episode import Case, Outcomes
+from core.learning.evaluation.episode_record import landing_errors_mm
+from core.learning.task.environment import Deliveries, deliver
+from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend
+from core.learning.task.normalise import normal_observations
+from core.learning.task.reward import episode_rewards, reward_weights
+from core.physics.episode import Case, Outcomes
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -37,11 +37,11 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         environment: EnvironmentConfig | None = None,
         reward: RewardConfig | None = None,
         deliveries: Deliveries | None = None,
-        court: Court | None = None,
+        backend: EpisodeBackend | None = None,
     ) -> None:
         """With `deliveries` exactly these balls are played, in this order, again from the first after the last.
 
-        A `court` serves, shows and plays them elsewhere than in the closed-form simulator.
+        A `backend` serves, shows and plays them elsewhere than in the closed-form simulator.
         """
         self.environment = environment if environment is not None else EnvironmentConfig(state_source="truth")
         self.reward = reward if reward is not None else RewardConfig(kind="case")
@@ -52,23 +52,23 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         """Begun so far; the time-weighted reward counts them."""
         self.outcome: Outcomes | None = None
         """Of the last episode."""
-        self._court = court or ClosedFormCourt(self.environment)
+        self._backend = backend or ClosedFormBackend(self.environment)
         self._fixed = deliveries
         self._dealt = deliveries
         self._next = 0
         self._now: Deliveries | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
-        """The next ball."""
+        """Serve the next ball and observe it."""
         super().reset(seed=seed)
         if seed is not None and self._fixed is None:
             self._dealt = None
         if seed is not None:
-            self._court.begin(seed)
+            self._backend.begin(seed)
         if self._dealt is None or self._next >= len(self._dealt):
             self._dealt = self._fixed or deliver(self.speed_mps, BATCH, self.environment, self.np_random)
             self._next = 0
-        self._now = self._court.meet(self._dealt[self._next : self._next + 1])
+        self._now = self._backend.meet(self._dealt[self._next : self._next + 1])
         self._next += 1
         return self._observation(), {}
 
@@ -81,7 +81,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         if self._now is None:
             raise RuntimeError("step before reset")
         now = self._now
-        outcome = self._court.play(now, np.asarray(action, np.float64).reshape(1, 3))
+        outcome = self._backend.play(now, np.asarray(action, np.float64).reshape(1, 3))
         self.outcome = outcome
         weights = reward_weights(self.episodes, self.reward)
         reward = float(episode_rewards(outcome, now.goals_m, weights, self.reward)[0])
@@ -89,13 +89,12 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         return self._observation(), reward, True, False, self._about(now, outcome)
 
     def close(self) -> None:
-        """End the court."""
-        self._court.close()
+        """Let go of the place where balls are played."""
+        self._backend.close()
 
     def _observation(self) -> Floats:
         assert self._now is not None
-        seen = [normal_states(self._now.states)[0], normal_goals(self._now.goals_m)[0]]
-        return np.clip(np.concatenate(seen), -WIDEST, WIDEST)
+        return np.clip(normal_observations(self._now.states, self._now.goals_m)[0], -WIDEST, WIDEST)
 
     def _about(self, delivery: Deliveries, outcome: Outcomes) -> dict[str, Any]:
         case = int(outcome.case[0])

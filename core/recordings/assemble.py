@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RecordingError
+from core.files import replacing
 from core.recordings import layout
 from core.recordings.blocks import CHUNK_EVENTS, GZIP_LEVEL, pack_column, unpack_column
 from core.recordings.growing import Frame, Json, open_abandoned, scan
@@ -55,15 +56,11 @@ def assemble(
             indices = {name: _index(log, blocks) for name, blocks in contents.blocks.items()}
             contents.notes.append(_recovery_note(contents, os.fstat(log.fileno()).st_size))
         _check_space(target.parent, contents)
-        part = target.with_name(f".{target.name}.assembling")
+        partial = target.with_name(f".{target.name}.assembling")
         try:
-            with h5py.File(part, "w") as file:
+            with replacing(target, durable=False, partial=partial), h5py.File(partial, "w") as file:
                 _write(file, log, contents, indices)
-            os.replace(part, target)
-        except BaseException as error:
-            part.unlink(missing_ok=True)
-            if not isinstance(error, OSError):
-                raise
+        except OSError as error:
             raise RecordingError(
                 "the recording could not be finished",
                 got=error,

@@ -11,8 +11,9 @@ from typing import Final, cast
 
 import numpy as np
 from isal import isal_zlib
-from numba import njit
 from numpy.typing import DTypeLike, NDArray
+
+from core.jit import njit
 
 CHUNK_EVENTS: Final = 32768
 """Events in one chunk: small enough that a 1 ms slice decodes little, large enough that calls cost little."""
@@ -78,7 +79,7 @@ def unshuffle_bytes(planes: NDArray[np.uint8], dtype: np.dtype) -> NDArray:
 # One plain loop per byte plane or word: the compiler turns them into vector code (5 times faster than a general loop).
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _split2(words, planes):
     n = words.size
     for i in range(n):
@@ -87,7 +88,7 @@ def _split2(words, planes):
         planes[n + i] = np.uint8(words[i] >> 8)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _split8(words, planes):
     n = words.size
     for j in range(8):
@@ -96,14 +97,14 @@ def _split8(words, planes):
             planes[j * n + i] = np.uint8(words[i] >> bits)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _join2(planes, words):
     n = words.size
     for i in range(n):
         words[i] = np.uint16(planes[i]) | (np.uint16(planes[n + i]) << np.uint16(8))
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _join8(planes, words):
     n = words.size
     for i in range(n):

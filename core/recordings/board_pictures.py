@@ -32,7 +32,7 @@ BRIGHT_PERCENTILE: Final = 99.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardPicture:
-    """One picture."""
+    """One picture of a calibration board."""
 
     name: str
     grey: NDArray[np.uint8]

@@ -9,7 +9,6 @@ when it is closed (`assemble`). A kill can only cut the last frame short; everyt
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import struct
@@ -21,6 +20,7 @@ from typing import BinaryIO, Final
 from isal import isal_zlib
 
 from core.errors import RecordingError
+from core.files import lock_descriptor
 
 MAGIC: Final = b"RALLYSCOPE-GROW1"
 _HEAD: Final = struct.Struct("<4sIQI")
@@ -52,7 +52,7 @@ class GrowingFile:
             raise RecordingError("cannot create the recording", got=error.strerror, where=path) from error
         self.path = path
         try:
-            _lock(self._descriptor, fcntl.LOCK_EX, path)
+            _lock(self._descriptor, path)
             self._end = 0
             self._write([MAGIC])
         except BaseException:
@@ -117,7 +117,7 @@ def open_abandoned(path: Path) -> BinaryIO:
     """
     file = path.open("rb")
     try:
-        _lock(file.fileno(), fcntl.LOCK_SH, path)
+        _lock(file.fileno(), path, shared=True)
     except BaseException:
         file.close()
         raise
@@ -160,8 +160,8 @@ def _make_way(path: Path) -> None:
     path.unlink()
 
 
-def _lock(descriptor: int, kind: int, path: Path) -> None:
+def _lock(descriptor: int, path: Path, *, shared: bool = False) -> None:
     try:
-        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
+        lock_descriptor(descriptor, shared=shared)
     except OSError as error:
         raise RecordingError("the recording is being written right now", where=path, remedy="wait for it") from error

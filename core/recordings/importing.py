@@ -17,7 +17,7 @@ from core.recordings.frame_import import FRAME_CAMERA, FrameInput, first_image_s
 from core.recordings.identity import source_uuid
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
-from core.recordings.sources.source import Report
+from core.recordings.sources.source import DecodeReport
 from core.recordings.writer import RecordingWriter
 
 _FLUSH_S: Final = 1.0
@@ -47,7 +47,7 @@ class _Feed:
     clock_us: int
     """Added to the source's times to get those of the first source."""
     weight: float
-    report: Report = field(default_factory=Report)
+    report: DecodeReport = field(default_factory=DecodeReport)
     parts: Iterator[Events] = field(init=False)
     pending: Events | None = field(init=False)
     first_us: int | None = field(init=False)

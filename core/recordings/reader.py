@@ -30,7 +30,7 @@ class FileRecording:
     """A recording of ours on disk."""
 
     def __init__(self, path: Path, *, on_close: Callable[[], None] | None = None) -> None:
-        """Open it.
+        """Open the file; nothing is read before it is asked for.
 
         Raises:
             RecordingError: if it is damaged or of a newer version.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,4 +68,12 @@ class Recording(Protocol):
         """What a reader should know: where a damaged source stopped, what was repaired, what was assumed."""
         ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Let go of the file, if there is one; what was sliced out of it stays valid."""
+        ...
+
+    def __enter__(self) -> Self:
+        """Every recording closes itself at the end of a `with` block."""
+        ...
+
+    def __exit__(self, *_: object) -> None: ...

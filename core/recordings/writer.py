@@ -159,7 +159,7 @@ class RecordingWriter:
 
     @property
     def duration_us(self) -> int:
-        """Of the recording so far."""
+        """Length of the recording so far."""
         return self._duration_us
 
     def event_count(self, camera: str) -> int:

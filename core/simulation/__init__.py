@@ -1,23 +1,23 @@
 """Simulated event cameras: ball flights, scenes, and a sensor model that turns intensity changes into events."""
 
+from core.simulation.event_cameras.stereo import Chunk, StereoConfig, simulate_stereo
+from core.simulation.flights.flight_series import FlightSeries, draw_serve_series
+from core.simulation.flights.serve import LaunchConfig
 from core.simulation.recording import SimulatedRecording, ensure_demo, simulate_recording
-from core.simulation.scene import SceneConfig, scene_named
-from core.simulation.sensor import SensorConfig
-from core.simulation.serve import ServeConfig
-from core.simulation.serves import FlightSeries, draw_serves
-from core.simulation.stereo import Chunk, StereoConfig, simulate_stereo
+from core.simulation.scenes.scene import SceneConfig, scene_named
+from core.simulation.sensor.sensor import SensorConfig
 from core.simulation.truth import ball_truth, pixel_truth, truth_times
 
 __all__ = [
     "Chunk",
     "FlightSeries",
+    "LaunchConfig",
     "SceneConfig",
     "SensorConfig",
-    "ServeConfig",
     "SimulatedRecording",
     "StereoConfig",
     "ball_truth",
-    "draw_serves",
+    "draw_serve_series",
     "ensure_demo",
     "pixel_truth",
     "scene_named",

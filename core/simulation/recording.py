@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,17 +11,18 @@ import numpy as np
 
 from core.cameras import Camera, stereo_preset
 from core.config import config_to_mapping
+from core.files import replacing
+from core.physics.config import PhysicsConfig
 from core.recordings import RecordingWriter
-from core.simulation.bodies import make_bodies
-from core.simulation.flight import BallPath
-from core.simulation.frames import FrameConfig, FrameTrack
-from core.simulation.physics.config import PhysicsConfig
-from core.simulation.racket_shape import RacketPath
-from core.simulation.rally_flight import draw_flights
-from core.simulation.readout import ReadoutCounts
-from core.simulation.scene import SceneConfig
-from core.simulation.serve import ServeConfig
-from core.simulation.stereo import StereoConfig, simulate_stereo
+from core.simulation.bodies import make_actors
+from core.simulation.bodies.rally_flight import draw_flights
+from core.simulation.event_cameras.stereo import StereoConfig, simulate_stereo
+from core.simulation.flights.ball_path import BallPath
+from core.simulation.flights.serve import LaunchConfig
+from core.simulation.frames.frames import FrameConfig, FrameTrack
+from core.simulation.scenes.racket_shape import RacketPath
+from core.simulation.scenes.scene import SceneConfig
+from core.simulation.sensor.readout import ReadoutCounts
 from core.simulation.truth import ball_truth, pixel_truth, truth_times
 
 DEMO_SERVES_MPS: Final = (5.0, 4.0, 6.0, 5.0)
@@ -34,7 +34,7 @@ READOUT: Final = "/readout"
 
 @dataclass(frozen=True, slots=True)
 class SimulatedRecording:
-    """What was made."""
+    """What a simulation wrote to a file."""
 
     path: Path
     duration_us: int
@@ -57,7 +57,7 @@ def simulate_recording(
     path: Path,
     config: StereoConfig,
     cameras: Mapping[str, Camera],
-    serves: list[ServeConfig],
+    serves: list[LaunchConfig],
     *,
     seed: int,
     physics: PhysicsConfig | None = None,
@@ -81,7 +81,7 @@ def simulate_recording(
     """
     physics = physics or PhysicsConfig()
     flights, strokes = draw_flights(config.scene, serves, np.random.default_rng(seed), physics)
-    bodies = make_bodies(config.scene.cast, seed, strokes)
+    bodies = make_actors(config.scene.cast, seed, strokes)
     resolved = {
         **config_to_mapping(config),
         "serves": [config_to_mapping(serve) for serve in serves],
@@ -162,11 +162,7 @@ def ensure_demo(path: Path, progress: Callable[[float], None] = lambda share: No
     """
     if path.exists():
         return
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.h5")
-    serves = [ServeConfig(speed_mps=speed, yaw_spread_deg=2.0) for speed in DEMO_SERVES_MPS]
+    serves = [LaunchConfig(speed_mps=speed, yaw_spread_deg=2.0) for speed in DEMO_SERVES_MPS]
     config = StereoConfig(scene=SceneConfig())
-    try:
+    with replacing(path, durable=False) as partial:
         simulate_recording(partial, config, stereo_preset(), serves, seed=DEMO_SEED, overwrite=True, progress=progress)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)

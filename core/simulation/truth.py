@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from core.cameras import Camera, ball_circles
 from core.recordings import BallTruth, PixelTruth
 from core.simulation.bodies import MovingBodies, hidden_by_bodies
-from core.simulation.flight import BallPath
-from core.simulation.racket_shape import RacketPath, racket_gap, racket_rows
-from core.simulation.scene import NET_TAPE_M
+from core.simulation.flights.ball_path import BallPath
+from core.simulation.scenes.racket_shape import RacketPath, racket_gap, racket_shading_rows
+from core.simulation.scenes.scene import NET_TAPE_M
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M, NET_OVERHANG_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
 TRUTH_STEP_US = 500
@@ -70,7 +70,7 @@ def _behind_racket(
     camera: Camera, racket: RacketPath, ps: NDArray[np.float64], t_us: NDArray[np.int64]
 ) -> NDArray[np.bool_]:
     """Whether the racket's body lies before points (N, 3) at their times (N,)."""
-    rows = racket_rows(camera, 0.0, 0.0, racket, racket.at(np.asarray(t_us * 1e-6, np.float64)))
+    rows = racket_shading_rows(camera, 0.0, 0.0, racket, racket.at(np.asarray(t_us * 1e-6, np.float64)))
     hidden = np.zeros(len(ps), np.bool_)
     for number, (row, (x, y, z)) in enumerate(zip(rows, camera.to_camera(ps), strict=True)):
         gap, at_m = racket_gap(row, x / z, y / z)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.trajectory.ball_kernel import LIFT
 from core.trajectory.bounce_question import SIGMAS, BounceQuestion, coming_contact
 from core.trajectory.filter_config import FilterConfig
-from core.trajectory.filter_kernel import Unrest, move, observe
+from core.trajectory.filter_kernel import ProcessNoise, move, observe
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class BallFilter:
         """Begin with a point and its covariance; `odds`: of this kind of flight before anything is seen."""
         c = self._config = config
         air, bounce = (c.restless_air, c.restless_bounce_mps) if restless else (c.air_noise, c.bounce_noise_mps)
-        self.unrest = Unrest(LIFT * c.magnus, air, bounce, c.ahead_m, c.ahead_s)
+        self.unrest = ProcessNoise(LIFT * c.magnus, air, bounce, c.ahead_m, c.ahead_s)
         self.state = np.array([*p, *FIRST_VELOCITY_MPS, 0.0, 0.0, 0.0, c.drag, c.restitution, c.friction, 0.0, 0.0])
         sigmas = [0.0] * 3 + [FIRST_SIGMA_MPS] * 3 + [c.spin_sigma_radps] * 3
         constants = [c.drag_sigma, c.restitution_sigma, c.friction_sigma, c.table_sigma_m, c.ahead_m]

@@ -11,23 +11,25 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
-from core.table import BALL_MASS_KG, BALL_RADIUS_M, GRAVITY_MPS2, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
+from core.jit import njit
+from core.physics.config import AirConfig
+from core.physics.contact import over_table
+from core.physics.flight import acceleration, rk4_step
+from core.physics.impact import Surface, strike
+from core.table import BALL_MASS_KG, BALL_RADIUS_M, TABLE_HEIGHT_M
 
 Array = NDArray[np.float64]
 
 STATE: Final = 14
 SPIN, DRAG, RESTITUTION, FRICTION, HIGHER, AHEAD = 6, 9, 10, 11, 12, 13
 """Where in the state, after position and velocity."""
-AIR_KG_PER_M3: Final = 1.204
+AIR_KG_PER_M3: Final = AirConfig().density_kg_per_m3
 DRAG_PER_M: Final = 0.5 * AIR_KG_PER_M3 * math.pi * BALL_RADIUS_M**2 / BALL_MASS_KG
 """Times the drag coefficient."""
 LIFT: Final = AIR_KG_PER_M3 * 4 / 3 * math.pi * BALL_RADIUS_M**3 / BALL_MASS_KG
 """Times the Magnus coefficient: acceleration over (spin x velocity)."""
-ROLLING: Final = 0.4
-"""Tangential impulse per mass that stops the contact point of a thin shell, over its speed."""
 STEP_S: Final = 0.040
 """Of a flight: the fourth-order step is exact to a micrometre at 10 m/s and 300 rad/s."""
 SLOWEST_MPS: Final = 0.05
@@ -38,67 +40,38 @@ TOUCHES: Final = 22
 """What `touches` writes: two bounces and the landing as (t, x, y, z), the hitting plane as (t, p, v, spin)."""
 
 
-@njit(cache=True, nogil=True, inline="always")
-def pull(vx: float, vy: float, vz: float, s: Array, lift: float) -> tuple[float, float, float]:
-    """The acceleration of a ball of state `s` at another velocity."""
-    k = DRAG_PER_M * s[9] * math.sqrt(vx * vx + vy * vy + vz * vz)
-    return (
-        -k * vx + lift * (s[7] * vz - s[8] * vy),
-        -k * vy + lift * (s[8] * vx - s[6] * vz),
-        -k * vz + lift * (s[6] * vy - s[7] * vx) - GRAVITY_MPS2,
-    )
+@njit(inline="always")
+def pull(s: Array, lift: float) -> tuple[float, float, float]:
+    """The acceleration of a ball of state `s`."""
+    return acceleration(s[3], s[4], s[5], s, DRAG_PER_M * s[DRAG], lift)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def glide(s: Array, h: float, lift: float, out: Array) -> None:
     """One Runge-Kutta step of free flight from `s` to `out`, which may be `s`."""
-    vx, vy, vz = s[3], s[4], s[5]
-    ax, ay, az = pull(vx, vy, vz, s, lift)
-    bx, by, bz = pull(vx + h / 2 * ax, vy + h / 2 * ay, vz + h / 2 * az, s, lift)
-    cx, cy, cz = pull(vx + h / 2 * bx, vy + h / 2 * by, vz + h / 2 * bz, s, lift)
-    dx, dy, dz = pull(vx + h * cx, vy + h * cy, vz + h * cz, s, lift)
-    out[0] = s[0] + h * (vx + h / 6 * (ax + bx + cx))
-    out[1] = s[1] + h * (vy + h / 6 * (ay + by + cy))
-    out[2] = s[2] + h * (vz + h / 6 * (az + bz + cz))
-    out[3] = vx + h / 6 * (ax + 2 * bx + 2 * cx + dx)
-    out[4] = vy + h / 6 * (ay + 2 * by + 2 * cy + dy)
-    out[5] = vz + h / 6 * (az + 2 * bz + 2 * cz + dz)
+    rk4_step(s, h, DRAG_PER_M * s[DRAG], lift, out)
     for k in range(SPIN, STATE):
         out[k] = s[k]
 
 
-@njit(cache=True, nogil=True)
+@njit
 def bounce(s: Array) -> None:
     """Change velocity and spin as the table does: restitution upwards, Coulomb friction at the contact point."""
-    push = -(1 + s[10]) * s[5]
-    ux, uy = s[3] - BALL_RADIUS_M * s[7], s[4] + BALL_RADIUS_M * s[6]
-    slip = math.sqrt(ux * ux + uy * uy)
-    share = min(ROLLING, s[11] * push / slip) if slip > 0 else 0.0
-    s[3] -= share * ux
-    s[4] -= share * uy
-    s[5] += push
-    s[6] -= 1.5 / BALL_RADIUS_M * share * uy
-    s[7] += 1.5 / BALL_RADIUS_M * share * ux
+    strike(s, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0), Surface(s[RESTITUTION], 0.0, 0.0, 0.0, s[FRICTION], 1.0))
 
 
-@njit(cache=True, nogil=True, inline="always")
-def over_table(s: Array) -> bool:
-    """Whether the ball's centre is over the table's top."""
-    return abs(s[0]) <= TABLE_LENGTH_M / 2 and abs(s[1]) <= TABLE_WIDTH_M / 2
-
-
-@njit(cache=True, nogil=True)
+@njit
 def down_in(s: Array, lift: float) -> float:
     """In how long the ball comes down to the table's plane, by its present acceleration; -1 if it is below it."""
     gap = s[2] - BALL_RADIUS_M - s[12]
     if gap < 0:
         return -1.0
-    fall = -pull(s[3], s[4], s[5], s, lift)[2]
+    fall = -pull(s, lift)[2]
     root = s[5] * s[5] + 2 * fall * gap
     return (s[5] + math.sqrt(root)) / fall if fall > 0 and root >= 0 else math.inf
 
 
-@njit(cache=True, nogil=True)
+@njit
 def land(s: Array, h: float, guess_s: float, lift: float, out: Array) -> float:
     """When within `h` the ball is down at the table's plane; the state goes to `out`."""
     t = min(max(guess_s, 0.0), h)
@@ -110,7 +83,7 @@ def land(s: Array, h: float, guess_s: float, lift: float, out: Array) -> float:
     return t
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _meet(s: Array, x_m: float, h: float, lift: float, out: Array) -> float:
     """When within `h` the ball crosses x; the state goes to `out`."""
     t = 0.0
@@ -122,8 +95,8 @@ def _meet(s: Array, x_m: float, h: float, lift: float, out: Array) -> float:
     return t
 
 
-@njit(cache=True, nogil=True)
-def fly(s: Array, seconds: float, lift: float) -> float:
+@njit
+def fly_and_bounce(s: Array, seconds: float, lift: float) -> float:
     """Move `s` on, off the table where it comes down on it; how long ago the last bounce was, -1 if there was none."""
     after, there = np.empty(STATE), np.empty(STATE)
     left, since = seconds, -1.0
@@ -134,7 +107,7 @@ def fly(s: Array, seconds: float, lift: float) -> float:
         if down >= 0 and after[2] < BALL_RADIUS_M + s[12]:
             h = land(s, h, down, lift, there)
             after[:] = there
-            if over_table(after) and after[5] < -SLOWEST_MPS:
+            if over_table(after[0], after[1]) and after[5] < -SLOWEST_MPS:
                 after[2] = BALL_RADIUS_M + s[12]
                 bounce(after)
                 since = left - h
@@ -145,7 +118,7 @@ def fly(s: Array, seconds: float, lift: float) -> float:
     return since
 
 
-@njit(cache=True, nogil=True)
+@njit
 def touches(states: Array, t_s: float, hit_x_m: float, lift: float, found: Array) -> None:
     """Write to `found` (N, 22) what each state (N, 14) at time t_s touches next; nan where it does not."""
     s, after, there = np.empty(STATE), np.empty(STATE), np.empty(STATE)
@@ -171,7 +144,7 @@ def touches(states: Array, t_s: float, hit_x_m: float, lift: float, found: Array
                 if math.isnan(found[row, 8]):
                     found[row, 8] = t_s + t
                     found[row, 9:12] = after[:3]
-                if bounced < BOUNCES and over_table(after) and after[5] < 0:
+                if bounced < BOUNCES and over_table(after[0], after[1]) and after[5] < 0:
                     after[2] = top
                     found[row, 4 * bounced] = t_s + t
                     found[row, 4 * bounced + 1 : 4 * bounced + 4] = after[:3]
@@ -184,7 +157,7 @@ def touches(states: Array, t_s: float, hit_x_m: float, lift: float, found: Array
                 break
 
 
-@njit(cache=True, nogil=True)
+@njit
 def places(states: Array, t_s: float, times_s: Array, lift: float, ps_m: Array) -> None:
     """Write to `ps_m` (N, K, 3) where each state (N, 14) at t_s is at ascending times (K,); earlier ones are at t_s."""
     s = np.empty(STATE)
@@ -192,6 +165,6 @@ def places(states: Array, t_s: float, times_s: Array, lift: float, ps_m: Array) 
         s[:] = states[row]
         now = t_s
         for k in range(len(times_s)):
-            fly(s, times_s[k] - now, lift)
+            fly_and_bounce(s, times_s[k] - now, lift)
             now = max(now, times_s[k])
             ps_m[row, k] = s[:3]

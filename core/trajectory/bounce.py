@@ -18,7 +18,7 @@ class BounceFinder:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Forget every point seen so far."""
         self._high_m = -math.inf
         self._low_m = math.inf
         self._low_t_us = 0

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from core.table import BALL_RADIUS_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 from core.trajectory.ball_kernel import HIGHER, STATE, down_in, glide
-from core.trajectory.filter_kernel import Unrest, bounce_estimate, move, observe
+from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move, observe
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ UNLIKELY: Final = 1e-3
 """Neither flight is ever less likely at first, unless the ball is far from the edge."""
 
 
-class Contact(NamedTuple):
+class TableTouch(NamedTuple):
     """The coming touch of the table's plane."""
 
     in_s: float
@@ -39,7 +39,7 @@ class Contact(NamedTuple):
     sigma_s: float
 
 
-def coming_contact(x: Array, cov: Array, lift: float) -> Contact | None:
+def coming_contact(x: Array, cov: Array, lift: float) -> TableTouch | None:
     """When the estimate comes down to the table's plane; None for a ball below it."""
     down = down_in(x, lift)
     if not 0 <= down < 1.0:
@@ -50,13 +50,15 @@ def coming_contact(x: Array, cov: Array, lift: float) -> Contact | None:
     down = max(0.0, down + gap / max(-there[5], 0.1))
     variance = cov[2, 2] + cov[HIGHER, HIGHER] - 2 * cov[2, HIGHER]
     variance += (2 * cov[2, 5] + cov[5, 5] * down) * down
-    return Contact(down, min(math.sqrt(max(variance, 0.0)) / max(-there[5], 0.1), LONGEST_S / SIGMAS))
+    return TableTouch(down, min(math.sqrt(max(variance, 0.0)) / max(-there[5], 0.1), LONGEST_S / SIGMAS))
 
 
 class BounceQuestion:
     """Open from just before the bounce until it is decided."""
 
-    def __init__(self, t_us: int, x: Array, cov: Array, contact: Contact, unrest: Unrest, guard_s: float) -> None:
+    def __init__(
+        self, t_us: int, x: Array, cov: Array, contact: TableTouch, unrest: ProcessNoise, guard_s: float
+    ) -> None:
         """`x` and `cov`: the estimate at `t_us`, which is the last one before it."""
         self._unrest = unrest
         self._t_us = t_us
@@ -106,7 +108,7 @@ class BounceQuestion:
 
 
 def _log_odds_of_table(x: Array, cov: Array) -> float:
-    """Of an estimate at the table's plane: how likely the table is below it."""
+    """How likely the table is below an estimate at the table's plane, as log odds."""
     share = 1.0
     for axis, half_m in ((0, TABLE_LENGTH_M / 2), (1, TABLE_WIDTH_M / 2)):
         sigma = math.sqrt(max(cov[axis, axis], 1e-12))

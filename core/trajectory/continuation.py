@@ -28,7 +28,8 @@ class Continuation:
 
     def landing(self, after_s: float) -> tuple[Array, Array]:
         """When (N,) and where (N, 3) the balls first come down to the table's plane, on the table or beside it, after a
-        time; the nominal flight of row 0 says whether the fitted arc does or one after a bounce."""
+        time; the nominal flight of row 0 says whether the fitted arc does or one after a bounce.
+        """
         times = [time_down_to(arcs, BALL_RADIUS_M) for arcs in self.arcs]
         first = next((number for number, t in enumerate(times) if not t[0] <= after_s), len(times) - 1)
         return times[first], self.arcs[first].at(times[first][:, None])[:, 0]
@@ -43,7 +44,7 @@ class Continuation:
         return ps
 
     def nominal(self) -> Continuation:
-        """Row 0 alone."""
+        """Row 0 alone: the flight without its neighbours."""
         return Continuation(tuple(Arcs(arcs.t_s[:1], arcs.ps_m[:1], arcs.vs_mps[:1]) for arcs in self.arcs))
 
     def hits(self, x_m: float) -> tuple[Array, Array]:

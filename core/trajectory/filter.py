@@ -39,7 +39,7 @@ class Paths:
         return ps
 
     def nominal(self) -> Paths:
-        """The estimate alone."""
+        """The estimate alone, without its neighbours."""
         return Paths(self.t_s, self.states[:1], self.lift)
 
 
@@ -58,7 +58,7 @@ class FilterPredictor:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the flight."""
+        """Forget the flight seen so far."""
         self.latest: Prediction | None = None
         self._filters: tuple[BallFilter, ...] = ()
         self._said_us = 0

@@ -6,9 +6,9 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from core.jit import njit
 from core.trajectory.ball_kernel import (
     AHEAD,
     DRAG,
@@ -34,7 +34,7 @@ ROWS: Final = 1 + SIDES * (STATE - 1)
 """The estimate, and a step up and down along each direction of its spread; `ahead` moves no ball."""
 
 
-class Unrest(NamedTuple):
+class ProcessNoise(NamedTuple):
     """What the model leaves out."""
 
     lift: float
@@ -49,7 +49,7 @@ class Unrest(NamedTuple):
     """For so long that remains the same."""
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _slope(x: Array, lift: float, out: Array) -> None:
     """Write to `out` (3, 10) how the acceleration changes with position, velocity, spin and drag."""
     vx, vy, vz = x[3], x[4], x[5]
@@ -73,8 +73,8 @@ def _slope(x: Array, lift: float, out: Array) -> None:
     out[2, 6], out[2, 7], out[2, 8] = lift * vy, -lift * vx, 0.0
 
 
-@njit(cache=True, nogil=True)
-def move(x: Array, cov: Array, seconds: float, unrest: Unrest) -> None:
+@njit
+def move(x: Array, cov: Array, seconds: float, unrest: ProcessNoise) -> None:
     """Let the estimate fly freely, in place: there is no table here."""
     A, F, old = np.empty((3, MOVES)), np.empty((6, STATE)), np.empty((6, STATE))
     left = seconds
@@ -123,8 +123,8 @@ def move(x: Array, cov: Array, seconds: float, unrest: Unrest) -> None:
         glide(x, h, unrest.lift, x)
 
 
-@njit(cache=True, nogil=True)
-def bounce_estimate(x: Array, cov: Array, unrest: Unrest) -> None:
+@njit
+def bounce_estimate(x: Array, cov: Array, unrest: ProcessNoise) -> None:
     """Take the estimate, which is at the table's plane, off it. When it got there is as uncertain as its height.
 
     The transition is that of a flight with an event (saltation matrix): S = D + (f_after - D f_before) n' / n' f_before
@@ -141,8 +141,8 @@ def bounce_estimate(x: Array, cov: Array, unrest: Unrest) -> None:
         D[:, k] = (moved - after) / eps
     rate, rate_after = np.zeros(STATE), np.zeros(STATE)
     rate[:3], rate_after[:3] = before[3:6], after[3:6]
-    rate[3], rate[4], rate[5] = pull(before[3], before[4], before[5], before, unrest.lift)
-    rate_after[3], rate_after[4], rate_after[5] = pull(after[3], after[4], after[5], after, unrest.lift)
+    rate[3], rate[4], rate[5] = pull(before, unrest.lift)
+    rate_after[3], rate_after[4], rate_after[5] = pull(after, unrest.lift)
     jump = (rate_after - D @ rate) / before[5]
     D[:, 2] += jump
     D[:, HIGHER] -= jump
@@ -152,7 +152,7 @@ def bounce_estimate(x: Array, cov: Array, unrest: Unrest) -> None:
     x[:] = after
 
 
-@njit(cache=True, nogil=True)
+@njit
 def observe(
     x: Array, cov: Array, p_m: Array, noise_m2: Array, scales: Array, gate: float, tally: Array
 ) -> tuple[float, float]:
@@ -201,7 +201,7 @@ def observe(
     return distance, likelihood
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _neighbours(x: Array, cov: Array, rows: Array) -> None:
     """Write to `rows` (27, 14) the estimate and its neighbours, a column of the covariance's root up and down."""
     n = STATE - 1
@@ -226,7 +226,7 @@ def _neighbours(x: Array, cov: Array, rows: Array) -> None:
         rows[1 + 2 * k, AHEAD] = rows[2 + 2 * k, AHEAD] = x[AHEAD]
 
 
-@njit(cache=True, nogil=True)
+@njit
 def foresee(x: Array, cov: Array, t_s: float, hit_x_m: float, lift: float, rows: Array, spread: Array) -> Array:
     """(22,) what the estimate touches next. The neighbours go to `rows`, to `spread` (22, 22) the covariance of that.
 

@@ -56,7 +56,7 @@ class Flights(Protocol):
         ...
 
     def nominal(self) -> Flights:
-        """Row 0 alone."""
+        """Row 0 alone: the flight without its neighbours."""
         ...
 
 
@@ -113,7 +113,7 @@ class Predictor(Protocol):
         ...
 
     def reset(self) -> None:
-        """Forget the flight."""
+        """Forget the flight seen so far."""
         ...
 
 

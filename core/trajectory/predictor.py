@@ -30,7 +30,7 @@ class PaperPredictor:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the flight."""
+        """Forget the flight seen so far."""
         self._bounce.reset()
         self._recent: list[tuple[int, Array]] = []
         self._observations: list[tuple[int, Array]] = []

@@ -18,10 +18,10 @@ def check_labels(here: Camera, labels: LabelArrays, there: Camera, others: Label
     """
     uv_here = np.column_stack([labels.x_px, labels.y_px])
     uv_here[~labels.seen] = np.nan
-    return check_stereo(here, uv_here, there, positions_at(others, labels.t_us))
+    return check_stereo(here, uv_here, there, labelled_positions_at(others, labels.t_us))
 
 
-def positions_at(labels: LabelArrays, t_us: NDArray[np.int64]) -> NDArray[np.float64]:
+def labelled_positions_at(labels: LabelArrays, t_us: NDArray[np.int64]) -> NDArray[np.float64]:
     """(N, 2) where labels say the ball is at other times: a label itself where there is one, else the curve."""
     curve = interpolate(labels, t_us)
     places = np.column_stack([curve.x_px, curve.y_px])

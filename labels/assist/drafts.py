@@ -6,13 +6,13 @@ import numpy as np
 
 from labels.assist.curve import Curve
 from labels.assist.snap import Snap
-from labels.model import Label, Provenance, Source, State
+from labels.model import Label, LabelState, PositionSource, Provenance
 
 
 def label_from_snap(
     snap: Snap,
     *,
-    state: State = State.VISIBLE,
+    state: LabelState = LabelState.VISIBLE,
     window_us: tuple[int, int] | None = None,
     rendering: str = "",
     time_spent_ms: int = 0,
@@ -26,7 +26,7 @@ def label_from_snap(
         r_px=snap.r_px,
         covariance_px2=snap.covariance_px2,
         provenance=Provenance(
-            source=Source.SNAPPED, window_us=window_us, rendering=rendering, time_spent_ms=time_spent_ms
+            source=PositionSource.SNAPPED, window_us=window_us, rendering=rendering, time_spent_ms=time_spent_ms
         ),
     )
 
@@ -39,12 +39,12 @@ def labels_from_curve(curve: Curve, *, made_of: str = "curve") -> tuple[Label, .
         labels.append(
             Label(
                 t_us=int(curve.t_us[row]),
-                state=State.VISIBLE,
+                state=LabelState.VISIBLE,
                 x_px=float(curve.x_px[row]),
                 y_px=float(curve.y_px[row]),
                 r_px=radius if np.isfinite(radius) else None,
                 covariance_px2=(variance, 0.0, variance),
-                provenance=Provenance(source=Source.INTERPOLATED, detector=made_of),
+                provenance=Provenance(source=PositionSource.INTERPOLATED, detector=made_of),
             )
         )
     return tuple(labels)

@@ -10,12 +10,12 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-import numba as nb
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from core.cameras import Camera, ball_circles
+from core.jit import njit
 from core.table import GRAVITY_MPS2
 from labels.arrays import LabelArrays
 from labels.assist.curve import NOT_COVERED, Curve
@@ -34,7 +34,7 @@ WORST_RESIDUAL_PX: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Flight:
+class FittedFlight:
     """A fitted flight between two breaks."""
 
     start_us: int
@@ -54,7 +54,7 @@ class Flight:
         return np.column_stack([circles.u_px, circles.v_px, circles.r_px])
 
 
-def fit_flight(cameras: tuple[Camera, Camera], labels: tuple[LabelArrays, LabelArrays]) -> Flight | None:
+def fit_flight(cameras: tuple[Camera, Camera], labels: tuple[LabelArrays, LabelArrays]) -> FittedFlight | None:
     """The flight through the visible labels of both cameras, which must not contain a bounce or hit.
 
     Labels of one camera count too where the other has none. None with fewer than
@@ -110,7 +110,7 @@ def fit_flight(cameras: tuple[Camera, Camera], labels: tuple[LabelArrays, LabelA
     )
     misses = residuals(fit.x[None])[0][:-4]
     residual_px = float(np.sqrt(np.mean(misses**2)))
-    return Flight(start_us, end_us, fit.x, residual_px) if residual_px <= WORST_RESIDUAL_PX else None
+    return FittedFlight(start_us, end_us, fit.x, residual_px) if residual_px <= WORST_RESIDUAL_PX else None
 
 
 def _outline_offset(camera: Camera, ps: Array) -> Array:
@@ -139,7 +139,7 @@ def _positions(values: Array, t: Array) -> Array:
     return a + s * b + s**2 * (3 * (c - a) - 2 * b - d) + s**3 * (2 * (a - c) + b + d)
 
 
-@nb.njit(cache=True, nogil=True)
+@njit
 def _integrate(values, steps, step_s, gravity):
     """Positions and velocities (K, steps + 1, 3) of K flights."""
     count = len(values)
@@ -162,7 +162,7 @@ def _integrate(values, steps, step_s, gravity):
     return ps, vs
 
 
-@nb.njit(cache=True, nogil=True)
+@njit
 def _accelerate(v, values, gravity, out):
     """Gravity, drag against the velocity, and the spin's force across it, into `out`."""
     drag = values[6] * math.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
@@ -171,7 +171,7 @@ def _accelerate(v, values, gravity, out):
     out[2] = -drag * v[2] + values[7] * v[1] - values[8] * v[0] - gravity
 
 
-def curve_of_flight(flight: Flight, camera: Camera, t_us: ArrayLike, *, keyframe_sigma_px: float = 0.5) -> Curve:
+def curve_of_flight(flight: FittedFlight, camera: Camera, t_us: ArrayLike, *, keyframe_sigma_px: float = 0.5) -> Curve:
     """What a flight looks like in one camera, in the form of an interpolation: nothing beyond its ends."""
     times = np.atleast_1d(np.asarray(t_us, np.int64))
     inside = (flight.start_us <= times) & (times <= flight.end_us)

@@ -16,7 +16,7 @@ from core.detection.window import windows_between
 from core.recordings import CameraStream
 from labels.assist.residual import residual_of_neighbours
 from labels.assist.snap import SnapConfig, snap
-from labels.model import Label, Provenance, Source, State
+from labels.model import Label, LabelState, PositionSource, Provenance
 
 Array = NDArray[np.float64]
 
@@ -135,13 +135,13 @@ def accept(proposals: Proposals, row: int, *, time_spent_ms: int = 0) -> Label:
     xx, xy, yy = covariance.tolist()
     return Label(
         t_us=t_us,
-        state=State.VISIBLE,
+        state=LabelState.VISIBLE,
         x_px=float(proposals.x_px[row]),
         y_px=float(proposals.y_px[row]),
         r_px=float(proposals.r_px[row]) if np.isfinite(proposals.r_px[row]) else None,
         covariance_px2=(xx, xy, yy) if np.isfinite(covariance).all() else None,
         provenance=Provenance(
-            source=Source.ACCEPTED,
+            source=PositionSource.ACCEPTED,
             detector=proposals.detector,
             window_us=(max(t_us - proposals.window_us, 0), max(t_us, 1)),
             time_spent_ms=time_spent_ms,

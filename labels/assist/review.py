@@ -12,7 +12,7 @@ from core.config import check_settings, setting
 from labels.arrays import STATES, LabelArrays
 from labels.assist.propose import Proposals
 from labels.assist.residual import residual_of_neighbours
-from labels.model import State
+from labels.model import LabelState
 
 Array = NDArray[np.float64]
 _Note = Callable[[NDArray[np.int64], Array, list[str]], None]
@@ -107,7 +107,7 @@ def _from_detector(labels: LabelArrays, proposals: Proposals, config: QueueConfi
         np.where(has & seen, np.nan_to_num(distance / sigma), 0.0),
         [f"{value:.1f} px from what the detector found" for value in distance],
     )
-    absent = labels.state == STATES.index(State.NO_BALL)
+    absent = labels.state == STATES.index(LabelState.NO_BALL)
     empty = ["the detector sees a ball where the label says there is none"] * len(labels)
     note(labels.t_us, np.where(has & absent, config.contradiction * 0.9, 0.0), empty)
     # Detectors miss balls now and then, so silence weighs less than a contradiction.

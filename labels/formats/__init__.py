@@ -7,9 +7,9 @@ from labels.formats.cvat import CVAT
 from labels.formats.exchange import (
     Exported,
     ExportOptions,
-    Format,
     ImportContext,
     Imported,
+    LabelFormat,
     LabelSet,
     Rejection,
 )
@@ -19,7 +19,7 @@ from labels.formats.tracknet import TRACKNET
 from labels.formats.voc import VOC
 from labels.formats.yolo import YOLO, YOLO_POSE
 
-FORMATS: Final[dict[str, Format]] = {
+FORMATS: Final[dict[str, LabelFormat]] = {
     item.name: item for item in (VOC, YOLO, YOLO_POSE, COCO, TRACKNET, CVAT, PLAIN_CSV, HDF5)
 }
 
@@ -27,9 +27,9 @@ __all__ = [
     "FORMATS",
     "ExportOptions",
     "Exported",
-    "Format",
     "ImportContext",
     "Imported",
+    "LabelFormat",
     "LabelSet",
     "Rejection",
 ]

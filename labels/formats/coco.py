@@ -18,9 +18,9 @@ from labels.formats.exchange import (
     Collector,
     Exported,
     ExportOptions,
-    Format,
     ImportContext,
     Imported,
+    LabelFormat,
     LabelSet,
     count_losses,
     files_at,
@@ -30,7 +30,7 @@ from labels.formats.exchange import (
     write_text,
 )
 from labels.formats.json_lines import JsonError, JsonObject, parse_json
-from labels.model import Label, State
+from labels.model import Label, LabelState
 
 OCCLUDED, VISIBLE = 1, 2
 
@@ -66,7 +66,7 @@ def _stem(labels: LabelSet) -> str:
 def _annotation(number: int, image_id: int, label: Label, box: Box) -> dict[str, object]:
     assert label.x_px is not None and label.y_px is not None, "a box has a position"
     w, h = box.x1 - box.x0, box.y1 - box.y0
-    visibility = VISIBLE if label.state is State.VISIBLE else OCCLUDED
+    visibility = VISIBLE if label.state is LabelState.VISIBLE else OCCLUDED
     return {
         "id": number,
         "image_id": image_id,
@@ -125,7 +125,7 @@ def _read_document(document: dict, file: Path, context: ImportContext, collector
     for image_id, image in images.items():
         if image_id not in used:
             with collector.entry(file, image.line):
-                state = State(str(image.get("state", State.NO_BALL)))
+                state = LabelState(str(image.get("state", LabelState.NO_BALL)))
                 collector.add(context.make(_time_of(image, context), state), file, image.line)
 
 
@@ -150,17 +150,17 @@ def _label_of(entry: JsonObject, t_us: int, context: ImportContext) -> Label:
     own = entry.get("state")
     if isinstance(keypoints, list) and len(keypoints) >= 3 and keypoints[2] != 0:
         x, y = finite(keypoints[0], "x"), finite(keypoints[1], "y")
-        state = State.VISIBLE if keypoints[2] == VISIBLE else State.PARTLY_OCCLUDED
+        state = LabelState.VISIBLE if keypoints[2] == VISIBLE else LabelState.PARTLY_OCCLUDED
         if radius is None and own is None and isinstance(box, list) and len(box) == 4:
             radius = max(finite(box[2], "width"), finite(box[3], "height")) / 2
     elif isinstance(box, list) and len(box) == 4:
         left, top, width, height = (finite(number, "a number of the box") for number in box)
-        x, y, radius, state = left + width / 2, top + height / 2, (width + height) / 4, State.VISIBLE
+        x, y, radius, state = left + width / 2, top + height / 2, (width + height) / 4, LabelState.VISIBLE
     else:
         raise LabelError("an annotation with neither a keypoint nor a box")
     if isinstance(own, str):
-        state = State(own)
+        state = LabelState(own)
     return context.make(t_us, state, x - HALF_PIXEL, y - HALF_PIXEL, radius)
 
 
-COCO = Format("coco", "COCO keypoints JSON", write_coco, read_coco, pictures=True)
+COCO = LabelFormat("coco", "COCO keypoints JSON", write_coco, read_coco, pictures=True)

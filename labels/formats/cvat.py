@@ -12,9 +12,9 @@ from labels.formats.exchange import (
     Collector,
     Exported,
     ExportOptions,
-    Format,
     ImportContext,
     Imported,
+    LabelFormat,
     LabelSet,
     count_losses,
     files_at,
@@ -23,12 +23,12 @@ from labels.formats.exchange import (
     read_text,
     write_text,
 )
-from labels.formats.safe_xml import Node, XmlError, parse_xml
-from labels.model import Label, State
+from labels.formats.safe_xml import XmlError, XmlNode, parse_xml
+from labels.model import Label, LabelState
 
 FILE = "annotations.xml"
 STATE, RADIUS = "state", "r_px"
-_TAGS = {state.value: state for state in State if not state.seen}
+_TAGS = {state.value: state for state in LabelState if not state.seen}
 
 
 def write_cvat(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
@@ -67,7 +67,7 @@ def _meta(labels: LabelSet) -> list[str]:
 
 def _points(label: Label) -> list[str]:
     assert label.x_px is not None and label.y_px is not None, "points need a position"
-    occluded = int(label.state is not State.VISIBLE)
+    occluded = int(label.state is not LabelState.VISIBLE)
     place = f"{label.x_px + HALF_PIXEL:.2f},{label.y_px + HALF_PIXEL:.2f}"
     radius = [] if label.r_px is None else [f'      <attribute name="{RADIUS}">{label.r_px!r}</attribute>']
     return [
@@ -101,25 +101,25 @@ def read_cvat(path: Path, context: ImportContext) -> Imported:
     return collector.done()
 
 
-def _read_image(image: Node, file: Path, context: ImportContext, collector: Collector) -> None:
+def _read_image(image: XmlNode, file: Path, context: ImportContext, collector: Collector) -> None:
     with collector.entry(file, image.line):
         t_us = context.time_of(image.attribute("name"))
         if not image.children:
-            collector.add(context.make(t_us, State.NO_BALL), file, image.line)
+            collector.add(context.make(t_us, LabelState.NO_BALL), file, image.line)
         for shape in image.children:
             with collector.entry(file, shape.line):
                 collector.add(_label_of(shape, t_us, context), file, shape.line)
 
 
-def _label_of(shape: Node, t_us: int, context: ImportContext) -> Label:
+def _label_of(shape: XmlNode, t_us: int, context: ImportContext) -> Label:
     name = shape.attribute("label")
     if shape.tag == "tag" and name in _TAGS:
         return context.make(t_us, _TAGS[name])
     if name != CLASS_NAME:
         raise LabelError(f"label {name!r} is not {CLASS_NAME!r}")
     attributes = {item.attribute("name"): item.text.strip() for item in shape.all("attribute")}
-    state = State.PARTLY_OCCLUDED if shape.attributes.get("occluded", "0") != "0" else State.VISIBLE
-    state = State(attributes[STATE]) if STATE in attributes else state
+    state = LabelState.PARTLY_OCCLUDED if shape.attributes.get("occluded", "0") != "0" else LabelState.VISIBLE
+    state = LabelState(attributes[STATE]) if STATE in attributes else state
     radius = finite(attributes[RADIUS], RADIUS) if attributes.get(RADIUS) else None
     if shape.tag == "points":
         places = shape.attribute("points").split(";")
@@ -137,4 +137,4 @@ def _label_of(shape: Node, t_us: int, context: ImportContext) -> Label:
     return context.make(t_us, state, x - HALF_PIXEL, y - HALF_PIXEL, radius)
 
 
-CVAT = Format("cvat", "CVAT XML 1.1 for images", write_cvat, read_cvat, pictures=True)
+CVAT = LabelFormat("cvat", "CVAT XML 1.1 for images", write_cvat, read_cvat, pictures=True)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -15,7 +14,8 @@ from numpy.typing import NDArray
 
 from core.errors import LabelError
 from core.events import SensorSize
-from labels.model import Label, Provenance, Source, State
+from core.files import replace_file
+from labels.model import Label, LabelState, PositionSource, Provenance
 
 CLASS_NAME = "ball"
 MAX_FILE_BYTES = 1 << 30
@@ -127,10 +127,15 @@ class ImportContext:
         return int(self.frame_times_us[number])
 
     def make(
-        self, t_us: int, state: State, x_px: float | None = None, y_px: float | None = None, r_px: float | None = None
+        self,
+        t_us: int,
+        state: LabelState,
+        x_px: float | None = None,
+        y_px: float | None = None,
+        r_px: float | None = None,
     ) -> Label:
         """A label with the provenance of an import."""
-        origin = Provenance(source=Source.IMPORTED, detector=self.origin)
+        origin = Provenance(source=PositionSource.IMPORTED, detector=self.origin)
         return Label(t_us=t_us, state=state, x_px=x_px, y_px=y_px, r_px=r_px, provenance=origin)
 
 
@@ -139,8 +144,8 @@ Reader = Callable[[Path, ImportContext], Imported]
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
-    """One exchange format."""
+class LabelFormat:
+    """One exchange format: its name, writer and reader."""
 
     name: str
     summary: str
@@ -180,7 +185,7 @@ class Collector:
             self._labels[label.t_us] = label
 
     def done(self) -> Imported:
-        """What was gathered."""
+        """Give back what was gathered."""
         return Imported(tuple(label for _, label in sorted(self._labels.items())), tuple(self._rejections))
 
 
@@ -190,7 +195,7 @@ def picture_name(camera: str, t_us: int) -> str:
 
 
 def finite(text: object, what: str) -> float:
-    """A finite number.
+    """Read a finite number.
 
     Raises:
         LabelError: if it is none.
@@ -246,14 +251,9 @@ def write_bytes(file: Path, content: bytes) -> Path:
     Raises:
         LabelError: if that fails.
     """
-    partial = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(content)
-        os.replace(partial, file)
+        replace_file(file, content, durable=False)
     except OSError as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
         raise LabelError("cannot write the export", got=error.strerror, where=file) from error
     return file
 

@@ -6,7 +6,7 @@ from typing import Final
 
 from core.errors import LabelError
 from labels.formats.exchange import finite
-from labels.model import Label, Provenance, Source, State
+from labels.model import Label, LabelState, PositionSource, Provenance
 
 Value = int | float | str | None
 
@@ -78,7 +78,7 @@ def label_of_row(row: dict[str, str], origin: str) -> Label:
     if row.get("window_start_us") and row.get("window_end_us"):
         window = (whole("window_start_us"), whole("window_end_us"))
     provenance = Provenance(
-        source=Source(row["source"]) if row.get("source") else Source.IMPORTED,
+        source=PositionSource(row["source"]) if row.get("source") else PositionSource.IMPORTED,
         annotator=row.get("annotator", ""),
         made_at_us=whole("made_at_us"),
         tool=row.get("tool", ""),
@@ -89,7 +89,7 @@ def label_of_row(row: dict[str, str], origin: str) -> Label:
     )
     return Label(
         t_us=_whole(row["t_us"], "t_us"),
-        state=State(row["state"]),
+        state=LabelState(row["state"]),
         x_px=number("x_px"),
         y_px=number("y_px"),
         r_px=number("r_px"),

@@ -11,9 +11,9 @@ from labels.formats.exchange import (
     Collector,
     Exported,
     ExportOptions,
-    Format,
     ImportContext,
     Imported,
+    LabelFormat,
     LabelSet,
     files_at,
     picture_name,
@@ -62,4 +62,4 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
             collector.add(label_of_row(row, context.origin), file, reader.line_num)
 
 
-PLAIN_CSV = Format("csv", "plain CSV with every field", write_csv, read_csv)
+PLAIN_CSV = LabelFormat("csv", "plain CSV with every field", write_csv, read_csv)

@@ -6,16 +6,15 @@ group, and takes the recording's place in one step.
 
 from __future__ import annotations
 
-import os
 import shutil
-from contextlib import suppress
 from pathlib import Path
 
 import h5py
 import numpy as np
 
 from core.errors import LabelError
-from labels.formats.exchange import Collector, Exported, ExportOptions, Format, ImportContext, Imported, LabelSet
+from core.files import replacing
+from labels.formats.exchange import Collector, Exported, ExportOptions, ImportContext, Imported, LabelFormat, LabelSet
 from labels.formats.flat import COLUMNS, REQUIRED, Value, flat_row, label_of_row
 
 VERSION = 1
@@ -29,21 +28,14 @@ def write_hdf5(labels: LabelSet, path: Path, options: ExportOptions) -> Exported
     Raises:
         LabelError: if the file is another recording, or cannot be written.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists():
-            shutil.copyfile(path, partial)
-        with h5py.File(partial, "a") as file:
-            _write_group(file, labels, path)
-        with open(partial, "rb") as written:
-            os.fsync(written.fileno())
-        os.replace(partial, path)
+        with replacing(path, durable=True) as partial:
+            if path.exists():
+                shutil.copyfile(path, partial)
+            with h5py.File(partial, "a") as file:
+                _write_group(file, labels, path)
     except OSError as error:
         raise LabelError("cannot write labels into it", got=error.strerror or error, where=path) from error
-    finally:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
     return Exported((path,), ())
 
 
@@ -127,4 +119,4 @@ def _text(value: object, kind: type) -> str:
     return "" if np.isnan(value) else repr(float(value))  # pyright: ignore[reportCallIssue, reportArgumentType]
 
 
-HDF5 = Format("hdf5", "the group /labels/<camera> of a recording", write_hdf5, read_hdf5)
+HDF5 = LabelFormat("hdf5", "the group /labels/<camera> of a recording", write_hdf5, read_hdf5)

@@ -12,20 +12,20 @@ MAX_DEPTH = 64
 
 
 @dataclass(slots=True)
-class Node:
-    """One element."""
+class XmlNode:
+    """One element of an XML file."""
 
     tag: str
     attributes: dict[str, str]
     line: int
     text: str = ""
-    children: list[Node] = field(default_factory=list)
+    children: list[XmlNode] = field(default_factory=list)
 
-    def child(self, tag: str) -> Node | None:
+    def child(self, tag: str) -> XmlNode | None:
         """The first child of this name."""
         return next((child for child in self.children if child.tag == tag), None)
 
-    def all(self, tag: str) -> Iterator[Node]:
+    def all(self, tag: str) -> Iterator[XmlNode]:
         """The children of this name."""
         return (child for child in self.children if child.tag == tag)
 
@@ -41,7 +41,7 @@ class Node:
         return child.text.strip()
 
     def attribute(self, name: str) -> str:
-        """An attribute.
+        """The value of an attribute.
 
         Raises:
             LabelError: if it is missing.
@@ -59,21 +59,21 @@ class XmlError(LabelError):
         self.line = line
 
 
-def parse_xml(text: str) -> Node:
-    """The root element.
+def parse_xml(text: str) -> XmlNode:
+    """Parse a text and give its root element.
 
     Raises:
         XmlError: if the text is not well-formed, declares a document type or entities, or is nested too deeply.
     """
     parser = expat.ParserCreate("utf-8")  # the text is decoded already, whatever its declaration says
     parser.buffer_text = True
-    stack: list[Node] = []
-    roots: list[Node] = []
+    stack: list[XmlNode] = []
+    roots: list[XmlNode] = []
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         if len(stack) >= MAX_DEPTH:
             raise XmlError("nested too deeply", parser.CurrentLineNumber)
-        node = Node(tag, attributes, parser.CurrentLineNumber)
+        node = XmlNode(tag, attributes, parser.CurrentLineNumber)
         (stack[-1].children if stack else roots).append(node)
         stack.append(node)
 

@@ -19,9 +19,9 @@ from labels.formats.exchange import (
     Collector,
     Exported,
     ExportOptions,
-    Format,
     ImportContext,
     Imported,
+    LabelFormat,
     LabelSet,
     count_losses,
     files_at,
@@ -30,7 +30,7 @@ from labels.formats.exchange import (
     read_text,
     write_text,
 )
-from labels.model import Label, State
+from labels.model import Label, LabelState
 
 HEADER = ["Frame", "Visibility", "X", "Y"]
 IMGLABEL_HEADER = ["Frame", "Ball", "x", "y"]
@@ -55,7 +55,7 @@ def write_tracknet(labels: LabelSet, folder: Path, options: ExportOptions) -> Ex
     rows = []
     for number, label in enumerate(labels.labels):
         found = label.state.seen and label.x_px is not None and label.y_px is not None
-        losses += [f"state {label.state}"] if label.state not in (State.VISIBLE, State.NO_BALL) else []
+        losses += [f"state {label.state}"] if label.state not in (LabelState.VISIBLE, LabelState.NO_BALL) else []
         x, y = (label.x_px, label.y_px) if found else (0.0, 0.0)
         assert x is not None and y is not None
         if found and options.whole_pixels:
@@ -115,14 +115,14 @@ def _time_of(text: str, header: list[str], times: dict[int, int] | None, context
 def _label_of(fields: list[str], header: list[str], t_us: int, context: ImportContext) -> Label:
     visibility = int(fields[1])
     if visibility == 0:
-        return context.make(t_us, State.NO_BALL)
+        return context.make(t_us, LabelState.NO_BALL)
     if visibility not in (1, 2, 3):
         raise LabelError("unknown visibility", expected="0 to 3", got=visibility)
     x, y = finite(fields[2], "x"), finite(fields[3], "y")
     if header == IMGLABEL_HEADER:
         # Qt counts from the corner of the picture.
         x, y = x * context.sensor.width_px - 0.5, y * context.sensor.height_px - 0.5
-    hidden = {1: State.VISIBLE, 2: State.PARTLY_OCCLUDED, 3: State.OCCLUDED}
+    hidden = {1: LabelState.VISIBLE, 2: LabelState.PARTLY_OCCLUDED, 3: LabelState.OCCLUDED}
     return context.make(t_us, hidden[visibility], x, y)
 
 
@@ -148,4 +148,4 @@ def _rows(text: str) -> list[tuple[int, list[str]]]:
     return [(reader.line_num, fields) for fields in reader if fields]
 
 
-TRACKNET = Format("tracknet", "TrackNetV2/V3 CSV", write_tracknet, read_tracknet, pictures=True)
+TRACKNET = LabelFormat("tracknet", "TrackNetV2/V3 CSV", write_tracknet, read_tracknet, pictures=True)

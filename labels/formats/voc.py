@@ -17,9 +17,9 @@ from labels.formats.exchange import (
     Collector,
     Exported,
     ExportOptions,
-    Format,
     ImportContext,
     Imported,
+    LabelFormat,
     LabelSet,
     count_losses,
     files_at,
@@ -28,8 +28,8 @@ from labels.formats.exchange import (
     read_text,
     write_text,
 )
-from labels.formats.safe_xml import Node, XmlError, parse_xml
-from labels.model import Label, State
+from labels.formats.safe_xml import XmlError, XmlNode, parse_xml
+from labels.model import Label, LabelState
 
 EXTRA = "ballcentre"
 
@@ -42,7 +42,7 @@ def write_voc(labels: LabelSet, folder: Path, options: ExportOptions) -> Exporte
         box = box_of(label, labels.sensor, options.default_radius_px)
         if not options.own_extras:
             losses += losses_of_box(label, box)
-            losses += [f"state {label.state}"] if label.state not in (State.VISIBLE, State.NO_BALL) else []
+            losses += [f"state {label.state}"] if label.state not in (LabelState.VISIBLE, LabelState.NO_BALL) else []
             losses += ["position rounded to whole pixels"] if box and options.whole_pixels else []
         files.append(write_text(folder / f"{name}.xml", _document(labels, label, box, folder.name, name, options)))
     return Exported(tuple(files), (*count_losses(losses), *(("provenance and covariance",) if labels.labels else ())))
@@ -85,7 +85,7 @@ def _object(label: Label, box: Box, labels: LabelSet, options: ExportOptions) ->
         f"\t\t<name>{CLASS_NAME}</name>",
         "\t\t<pose>Unspecified</pose>",
         f"\t\t<truncated>{int(truncated)}</truncated>",
-        f"\t\t<difficult>{int(label.state is not State.VISIBLE)}</difficult>",
+        f"\t\t<difficult>{int(label.state is not LabelState.VISIBLE)}</difficult>",
         "\t\t<bndbox>",
         *(f"\t\t\t<{tag}>{text}</{tag}>" for tag, text in zip(("xmin", "ymin", "xmax", "ymax"), texts, strict=True)),
         "\t\t</bndbox>",
@@ -116,7 +116,7 @@ def read_voc(path: Path, context: ImportContext) -> Imported:
     return collector.done()
 
 
-def _read_annotation(root: Node, file: Path, context: ImportContext, collector: Collector) -> None:
+def _read_annotation(root: XmlNode, file: Path, context: ImportContext, collector: Collector) -> None:
     with collector.entry(file, root.line):
         if root.tag != "annotation":
             raise LabelError("not a Pascal VOC file", expected="<annotation>", got=f"<{root.tag}>")
@@ -127,7 +127,7 @@ def _read_annotation(root: Node, file: Path, context: ImportContext, collector: 
         if extra is not None and not objects:
             collector.add(_label_of_extra(extra, context), file, extra.line)
         elif not objects:
-            collector.add(context.make(context.time_of(name), State.NO_BALL), file, root.line)
+            collector.add(context.make(context.time_of(name), LabelState.NO_BALL), file, root.line)
         for item in objects:
             with collector.entry(file, item.line):
                 if item.value("name") != CLASS_NAME:
@@ -137,12 +137,12 @@ def _read_annotation(root: Node, file: Path, context: ImportContext, collector: 
                 collector.add(label, file, item.line)
 
 
-def _label_of_extra(extra: Node, context: ImportContext) -> Label:
+def _label_of_extra(extra: XmlNode, context: ImportContext) -> Label:
     x, y, r = (finite(extra.attributes[name], name) if name in extra.attributes else None for name in ("x", "y", "r"))
-    return context.make(int(extra.attribute("t_us")), State(extra.attribute("state")), x, y, r)
+    return context.make(int(extra.attribute("t_us")), LabelState(extra.attribute("state")), x, y, r)
 
 
-def _label_of_box(item: Node, name: str, context: ImportContext) -> Label:
+def _label_of_box(item: XmlNode, name: str, context: ImportContext) -> Label:
     bounds = item.child("bndbox")
     if bounds is None:
         raise LabelError("<object> has no <bndbox>")
@@ -153,9 +153,9 @@ def _label_of_box(item: Node, name: str, context: ImportContext) -> Label:
     shift = 0.0 if all(edge.is_integer() for edge in (x0, y0, x1, y1)) else HALF_PIXEL
     difficult = item.child("difficult")
     partly = difficult is not None and difficult.text.strip() not in ("", "0")
-    state = State.PARTLY_OCCLUDED if partly else State.VISIBLE
+    state = LabelState.PARTLY_OCCLUDED if partly else LabelState.VISIBLE
     radius = (x1 - x0 + y1 - y0) / 4
     return context.make(context.time_of(name), state, (x0 + x1) / 2 - shift, (y0 + y1) / 2 - shift, radius)
 
 
-VOC = Format("voc", "Pascal VOC XML as LabelImg writes it", write_voc, read_voc, pictures=True)
+VOC = LabelFormat("voc", "Pascal VOC XML as LabelImg writes it", write_voc, read_voc, pictures=True)

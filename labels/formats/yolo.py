@@ -17,9 +17,9 @@ from labels.formats.exchange import (
     Collector,
     Exported,
     ExportOptions,
-    Format,
     ImportContext,
     Imported,
+    LabelFormat,
     LabelSet,
     count_losses,
     files_at,
@@ -28,7 +28,7 @@ from labels.formats.exchange import (
     read_text,
     write_text,
 )
-from labels.model import Label, State
+from labels.model import Label, LabelState
 
 CLASSES = "classes.txt"
 PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
@@ -36,7 +36,7 @@ PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
 
 
 def write_yolo(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
-    """Boxes."""
+    """Write a text file of boxes for every picture."""
     return _write(labels, folder, options, pose=False)
 
 
@@ -49,9 +49,17 @@ def _write(labels: LabelSet, folder: Path, options: ExportOptions, *, pose: bool
     files = [write_text(folder / CLASSES, f"{CLASS_NAME}\n"), write_text(folder / "data.yaml", _yaml_text(pose))]
     losses: list[str] = ["provenance and covariance"] * bool(labels.labels)
     for label in labels.labels:
-        box = box_of(label, labels.sensor, options.default_radius_px) if label.state is not State.OUT_OF_FRAME else None
+        box = (
+            box_of(label, labels.sensor, options.default_radius_px)
+            if label.state is not LabelState.OUT_OF_FRAME
+            else None
+        )
         losses += losses_of_box(label, box)
-        kept = (State.VISIBLE, State.PARTLY_OCCLUDED, State.NO_BALL) if pose else (State.VISIBLE, State.NO_BALL)
+        kept = (
+            (LabelState.VISIBLE, LabelState.PARTLY_OCCLUDED, LabelState.NO_BALL)
+            if pose
+            else (LabelState.VISIBLE, LabelState.NO_BALL)
+        )
         losses += [f"state {label.state}"] if label.state not in kept else []
         text = "" if box is None else _line(label, box, labels, pose)
         files.append(write_text(folder / f"{picture_name(labels.camera, label.t_us)}.txt", text))
@@ -66,7 +74,7 @@ def _line(label: Label, box: Box, labels: LabelSet, pose: bool) -> str:
         assert label.x_px is not None and label.y_px is not None, "a box has a position"
         x = min(max((label.x_px + HALF_PIXEL) / width, 0.0), 1.0)
         y = min(max((label.y_px + HALF_PIXEL) / height, 0.0), 1.0)
-        text += f" {x:.6f} {y:.6f} {WHOLLY_VISIBLE if label.state is State.VISIBLE else PARTLY_VISIBLE}"
+        text += f" {x:.6f} {y:.6f} {WHOLLY_VISIBLE if label.state is LabelState.VISIBLE else PARTLY_VISIBLE}"
     return f"{text}\n"
 
 
@@ -93,7 +101,7 @@ def _read_file(text: str, file: Path, ball: int | None, context: ImportContext, 
     lines = [(number, line.split()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if not lines:
         with collector.entry(file, 1):
-            collector.add(context.make(context.time_of(file.name), State.NO_BALL), file, 1)
+            collector.add(context.make(context.time_of(file.name), LabelState.NO_BALL), file, 1)
     for number, fields in lines:
         with collector.entry(file, number):
             if len(fields) not in (5, 6, 8):
@@ -113,10 +121,10 @@ def _label_of(fields: list[str], t_us: int, context: ImportContext) -> Label:
     radius = (w * width + h * height) / 4
     if not radius > 0:
         raise LabelError("the box is empty", got=numbers[:4])
-    state = State.VISIBLE
+    state = LabelState.VISIBLE
     if len(numbers) == 7 and numbers[6] > 0:
         x, y = numbers[4:6]
-        state = State.VISIBLE if numbers[6] >= WHOLLY_VISIBLE else State.PARTLY_OCCLUDED
+        state = LabelState.VISIBLE if numbers[6] >= WHOLLY_VISIBLE else LabelState.PARTLY_OCCLUDED
         # The box may be cut off by an edge; its larger side still shows the radius.
         radius = max(w * width, h * height) / 2
     return context.make(t_us, state, x * width - HALF_PIXEL, y * height - HALF_PIXEL, radius)
@@ -152,5 +160,5 @@ def _yaml_names(file: Path, collector: Collector) -> list[str]:
     return [str(name) for name in names] if isinstance(names, list) else []
 
 
-YOLO = Format("yolo", "YOLO text files with boxes", write_yolo, read_yolo, pictures=True)
-YOLO_POSE = Format("yolo-pose", "YOLO text files with the centre as a keypoint", write_yolo_pose, read_yolo, True)
+YOLO = LabelFormat("yolo", "YOLO text files with boxes", write_yolo, read_yolo, pictures=True)
+YOLO_POSE = LabelFormat("yolo-pose", "YOLO text files with the centre as a keypoint", write_yolo_pose, read_yolo, True)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera, stereo_preset
 from core.recordings import PixelTruth
-from core.simulation.flight import BallPath
-from core.simulation.serve import ServeConfig
-from core.simulation.serves import draw_serves
+from core.simulation.flights.ball_path import BallPath
+from core.simulation.flights.flight_series import draw_serve_series
+from core.simulation.flights.serve import LaunchConfig
 from core.simulation.truth import pixel_truth
 from labels.arrays import LabelArrays, label_arrays
 from labels.assist.curve import interpolate
@@ -20,7 +20,7 @@ from labels.assist.propose import Proposals
 from labels.assist.review import QueueConfig, review_queue
 from labels.assist.snap import SnapConfig, snap
 from labels.assist.stereo import check_stereo
-from labels.model import Label, State
+from labels.model import Label, LabelState
 from labels.trials.clips import MIDDLE_US, draw_clip
 
 Array = NDArray[np.float64]
@@ -62,7 +62,7 @@ def try_snap(count: int, rng: np.random.Generator, config: SnapConfig | None = N
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Serves:
+class TrialServes:
     """A few simulated serves in both cameras: the truth on a grid of frames."""
 
     path: BallPath
@@ -71,13 +71,13 @@ class Serves:
     bounces_us: tuple[int, ...]
 
 
-def make_serves(count: int, rng: np.random.Generator, *, frame_us: int = FRAME_US) -> Serves:
+def make_serves(count: int, rng: np.random.Generator, *, frame_us: int = FRAME_US) -> TrialServes:
     """Serves of 4 to 8 m/s seen from the side."""
-    path = draw_serves([ServeConfig(speed_mps=float(rng.uniform(4, 8))) for _ in range(count)], rng)
+    path = draw_serve_series([LaunchConfig(speed_mps=float(rng.uniform(4, 8))) for _ in range(count)], rng)
     cameras = stereo_preset("side")
     times = np.arange(0, round(path.end_s * 1e6), frame_us)
     truth = {name: pixel_truth(camera, path, times) for name, camera in cameras.items()}
-    return Serves(path, cameras, truth, tuple(np.round(path.kinks_s * 1e6).astype(int).tolist()))
+    return TrialServes(path, cameras, truth, tuple(np.round(path.kinks_s * 1e6).astype(int).tolist()))
 
 
 def made_up_labels(truth: PixelTruth, rng: np.random.Generator, sigma_px: float = HUMAN_SIGMA_PX) -> LabelArrays:
@@ -86,9 +86,9 @@ def made_up_labels(truth: PixelTruth, rng: np.random.Generator, sigma_px: float 
     for t, u, v, r, visible in zip(truth.t_us.tolist(), truth.u_px, truth.v_px, truth.r_px, truth.visible, strict=True):
         if visible:
             x, y = u + rng.normal(0, sigma_px), v + rng.normal(0, sigma_px)
-            labels.append(Label(t_us=t, state=State.VISIBLE, x_px=float(x), y_px=float(y), r_px=float(r)))
+            labels.append(Label(t_us=t, state=LabelState.VISIBLE, x_px=float(x), y_px=float(y), r_px=float(r)))
         else:
-            labels.append(Label(t_us=t, state=State.NO_BALL))
+            labels.append(Label(t_us=t, state=LabelState.NO_BALL))
     return label_arrays(labels)
 
 

@@ -11,10 +11,10 @@ from core.cameras import Camera
 from core.events import Events, SensorSize
 from core.geometry import look_at
 from core.recordings import PixelTruth
-from core.simulation.event_camera import BLOCK_US, EventCamera
-from core.simulation.flight import BallStates, Portals
-from core.simulation.scene import SceneConfig, scene_named
-from core.simulation.sensor import SensorConfig
+from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
+from core.simulation.flights.ball_path import BallStates, VisibleRange
+from core.simulation.scenes.scene import SceneConfig, scene_named
+from core.simulation.sensor.sensor import SensorConfig
 from core.simulation.truth import pixel_truth
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 
@@ -54,9 +54,9 @@ class _Throw:
         p = self.middle + self.velocity * since + 0.5 * drop * since**2
         return BallStates(t, p, self.velocity + drop * since, np.zeros((len(t), 3)), np.ones(len(t), np.bool_))
 
-    def portals(self, t_s: ArrayLike) -> Portals:
+    def portals(self, t_s: ArrayLike) -> VisibleRange:
         count = len(np.atleast_1d(np.asarray(t_s)))
-        return Portals(np.zeros((count, 3)), np.full(count, -np.inf))
+        return VisibleRange(np.zeros((count, 3)), np.full(count, -np.inf))
 
 
 def draw_clip(

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from core.events import SensorSize
-from labels.formats import ExportOptions, Format, ImportContext, LabelSet
-from labels.model import Label, State
+from labels.formats import ExportOptions, ImportContext, LabelFormat, LabelSet
+from labels.model import Label, LabelState
 
 SENSOR = SensorSize(1280, 720)
 TRIAL_LABELS = 12
@@ -35,7 +35,7 @@ _RUBBISH = (
 
 @dataclass(frozen=True, slots=True)
 class DamageResult:
-    """Of so many damaged sets of files."""
+    """What came of so many damaged sets of files."""
 
     trials: int
     crashes: int
@@ -52,14 +52,14 @@ def trial_set(rng: np.random.Generator, count: int = TRIAL_LABELS) -> LabelSet:
     labels = []
     for index in range(count):
         if index % 6 == 5:
-            labels.append(Label(t_us=index * 2000, state=State.NO_BALL))
+            labels.append(Label(t_us=index * 2000, state=LabelState.NO_BALL))
             continue
         x, y, r = rng.uniform(40, 1240), rng.uniform(40, 680), rng.uniform(2, 15)
-        labels.append(Label(t_us=index * 2000, state=State.VISIBLE, x_px=float(x), y_px=float(y), r_px=float(r)))
+        labels.append(Label(t_us=index * 2000, state=LabelState.VISIBLE, x_px=float(x), y_px=float(y), r_px=float(r)))
     return LabelSet("trial", "left", "anna", SENSOR, tuple(labels))
 
 
-def damage_and_read(kind: Format, trials: int, rng: np.random.Generator, folder: Path) -> DamageResult:
+def damage_and_read(kind: LabelFormat, trials: int, rng: np.random.Generator, folder: Path) -> DamageResult:
     """Export, damage one file, import; again and again.
 
     A drop is silent when fewer labels come back than were written and nothing is rejected. (No act here takes whole
@@ -81,7 +81,7 @@ def damage_and_read(kind: Format, trials: int, rng: np.random.Generator, folder:
         what = f"{kind.name}: {name} in {victim.name}"
         try:
             imported = kind.read(target, context)
-        except Exception as error:  # the trial is there to find any of them
+        except Exception as error:  # noqa: BLE001 (the trial is there to find any of them)
             crashes += 1
             problem = problem or f"{what}: {error!r}"
             continue

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from labels.model import Label, Provenance, Source, State
+from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore, Layer
 
 UUID = "00000000-0000-4000-8000-000000000001"
@@ -23,11 +23,11 @@ def trial_label(index: int, t_us: int | None = None) -> Label:
     """A label as the app makes them, with everything filled in; `index` can be read back from its position."""
     t_us = index * STEP_US if t_us is None else t_us
     provenance = Provenance(
-        source=Source.SNAPPED, window_us=(t_us, t_us + 2000), rendering="polarity", time_spent_ms=900
+        source=PositionSource.SNAPPED, window_us=(t_us, t_us + 2000), rendering="polarity", time_spent_ms=900
     )
     return Label(
         t_us=t_us,
-        state=State.VISIBLE,
+        state=LabelState.VISIBLE,
         x_px=index * 0.125,
         y_px=200.5,
         r_px=7.5,
@@ -64,7 +64,7 @@ def kill_while_labelling(folder: Path, delay_s: float) -> KillResult:
             next_index = len(found)
             store.put(trial_label(next_index))
             resumed = store.undo() == (next_index * STEP_US,) and len(store.labels()) == len(found)
-    except Exception:  # any failure to open counts as an unreadable store, whatever its kind
+    except Exception:  # noqa: BLE001 (any failure to open counts as an unreadable store)
         return KillResult(len(whole), len(whole), readable=False, resumed=False)
     return KillResult(len(whole), lost, readable=True, resumed=resumed)
 

@@ -8,7 +8,7 @@ import pytest
 
 from core.errors import LabelError
 from labels.journal import Journal, read_journal
-from labels.model import Label, State
+from labels.model import Label, LabelState
 from labels.records import is_whole, pack_line, unpack_line
 from labels.store import LabelStore
 
@@ -60,7 +60,7 @@ def test_a_damaged_line_in_the_middle_is_named_and_the_others_are_kept(tmp_path:
 def test_the_store_tells_of_damage_and_shows_what_is_left(tmp_path: Path) -> None:
     with LabelStore.open(tmp_path, "u", "left", "anna") as store:
         for t_us in (1, 2, 3):
-            store.put(Label(t_us=t_us, state=State.NO_BALL))
+            store.put(Label(t_us=t_us, state=LabelState.NO_BALL))
         path = store.path
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(lines[0] + lines[1] + lines[2].replace(b"no_ball", b"mo_ball") + lines[3])
@@ -82,7 +82,7 @@ FILL = """
 import resource, signal, sys
 from pathlib import Path
 from core.errors import LabelError
-from labels.model import Label, State
+from labels.model import Label, LabelState
 from labels.store import LabelStore
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 store = LabelStore.open(Path(sys.argv[1]), "u", "left", "anna")
@@ -90,13 +90,13 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (4096, resource.RLIM_INFINITY))
 saved = 0
 try:
     for t_us in range(10**6):
-        store.put(Label(t_us=t_us, state=State.NO_BALL))
+        store.put(Label(t_us=t_us, state=LabelState.NO_BALL))
         saved += 1
 except LabelError as error:
     print(error)
 assert len(store.labels()) == saved, "memory holds what is not saved"
 resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-store.put(Label(t_us=saved, state=State.NO_BALL))
+store.put(Label(t_us=saved, state=LabelState.NO_BALL))
 print(saved)
 """
 

@@ -5,21 +5,21 @@ import math
 import pytest
 
 from core.errors import LabelError
-from labels.model import Label, Provenance, State
+from labels.model import Label, LabelState, Provenance
 from labels.records import label_from_json, label_to_json
 
 
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"t_us": -1, "state": State.NO_BALL}, "impossible time"),
-        ({"t_us": 2**63, "state": State.NO_BALL}, "impossible time"),
-        ({"t_us": 1, "state": State.VISIBLE}, "without a position"),
-        ({"t_us": 1, "state": State.PARTLY_OCCLUDED, "x_px": 1.0}, "half a position"),
-        ({"t_us": 1, "state": State.NO_BALL, "x_px": 1.0, "y_px": 1.0}, "no ball"),
-        ({"t_us": 1, "state": State.VISIBLE, "x_px": math.nan, "y_px": 1.0}, "not finite"),
-        ({"t_us": 1, "state": State.VISIBLE, "x_px": 1.0, "y_px": 1.0, "r_px": 0.0}, "radius"),
-        ({"t_us": 1, "state": State.VISIBLE, "x_px": 1.0, "y_px": 1.0, "covariance_px2": (1, 2, 1)}, "covariance"),
+        ({"t_us": -1, "state": LabelState.NO_BALL}, "impossible time"),
+        ({"t_us": 2**63, "state": LabelState.NO_BALL}, "impossible time"),
+        ({"t_us": 1, "state": LabelState.VISIBLE}, "without a position"),
+        ({"t_us": 1, "state": LabelState.PARTLY_OCCLUDED, "x_px": 1.0}, "half a position"),
+        ({"t_us": 1, "state": LabelState.NO_BALL, "x_px": 1.0, "y_px": 1.0}, "no ball"),
+        ({"t_us": 1, "state": LabelState.VISIBLE, "x_px": math.nan, "y_px": 1.0}, "not finite"),
+        ({"t_us": 1, "state": LabelState.VISIBLE, "x_px": 1.0, "y_px": 1.0, "r_px": 0.0}, "radius"),
+        ({"t_us": 1, "state": LabelState.VISIBLE, "x_px": 1.0, "y_px": 1.0, "covariance_px2": (1, 2, 1)}, "covariance"),
     ],
 )
 def test_an_impossible_label_is_refused_with_its_time(values: dict, message: str) -> None:
@@ -33,8 +33,8 @@ def test_an_empty_window_is_refused() -> None:
         Provenance(window_us=(5, 5))
 
 
-@pytest.mark.parametrize("state", [State.OCCLUDED, State.OUT_OF_FRAME])
-def test_hidden_balls_may_have_a_position_or_none(state: State) -> None:
+@pytest.mark.parametrize("state", [LabelState.OCCLUDED, LabelState.OUT_OF_FRAME])
+def test_hidden_balls_may_have_a_position_or_none(state: LabelState) -> None:
     assert Label(t_us=0, state=state).x_px is None
     assert Label(t_us=0, state=state, x_px=-50.0, y_px=3.0).x_px == -50.0
     assert not state.seen
@@ -42,7 +42,7 @@ def test_hidden_balls_may_have_a_position_or_none(state: State) -> None:
 
 @pytest.mark.parametrize("key", ["t_us", "state", "source", "by", "at_us", "tool"])
 def test_a_record_without_a_field_is_an_error_that_names_it(key: str) -> None:
-    values = label_to_json(Label(t_us=3, state=State.NO_BALL))
+    values = label_to_json(Label(t_us=3, state=LabelState.NO_BALL))
     del values[key]
     with pytest.raises(LabelError, match=key):
         label_from_json(values)
@@ -53,6 +53,6 @@ def test_a_record_without_a_field_is_an_error_that_names_it(key: str) -> None:
     [{"t_us": 1.5}, {"x": "3"}, {"state": "gone"}, {"cov": [1, 2]}, {"window_us": [1]}, {"at_us": None}, {"r": True}],
 )
 def test_a_record_with_a_wrong_value_is_an_error(change: dict) -> None:
-    values = label_to_json(Label(t_us=3, state=State.VISIBLE, x_px=1.0, y_px=2.0))
+    values = label_to_json(Label(t_us=3, state=LabelState.VISIBLE, x_px=1.0, y_px=2.0))
     with pytest.raises(LabelError):
         label_from_json({**values, **change})

@@ -10,7 +10,7 @@ from core.detection import Detection
 from core.events import Events, SensorSize, Window
 from labels.agreement import measure_agreement
 from labels.arrays import LabelArrays, label_arrays
-from labels.model import Label, Provenance, Source, State
+from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.score import LEAD_IN_WINDOWS, answers_at, motion_of, score_labels
 
 SENSOR = SensorSize(1280, 720)
@@ -38,10 +38,10 @@ class KnownDetector:
         return Detection(t_us, t_us * 1e-3 * V_PX_PER_MS + self._ahead_px, 100.0, 5.0)
 
 
-def ball(t_us: int, source: Source = Source.BY_HAND, dy: float = 0.0) -> Label:
+def ball(t_us: int, source: PositionSource = PositionSource.BY_HAND, dy: float = 0.0) -> Label:
     return Label(
         t_us=t_us,
-        state=State.VISIBLE,
+        state=LabelState.VISIBLE,
         x_px=t_us * 1e-3 * V_PX_PER_MS,
         y_px=100.0 + dy,
         provenance=Provenance(source=source),
@@ -76,9 +76,9 @@ def test_misses_and_false_balls_are_counted_by_hand() -> None:
     labels = label_arrays(
         [
             *(ball(t) for t in (10_000, 12_000, 14_000, 16_000)),
-            Label(t_us=18_000, state=State.NO_BALL),
-            Label(t_us=20_000, state=State.OUT_OF_FRAME),
-            Label(t_us=22_000, state=State.OCCLUDED, x_px=44.0, y_px=100.0),
+            Label(t_us=18_000, state=LabelState.NO_BALL),
+            Label(t_us=20_000, state=LabelState.OUT_OF_FRAME),
+            Label(t_us=22_000, state=LabelState.OCCLUDED, x_px=44.0, y_px=100.0),
         ]
     )
     everything = score(KnownDetector(blind_us=[12_000, 20_000]), labels)[0]
@@ -96,7 +96,9 @@ def test_unchecked_times_are_never_negatives() -> None:
 
 
 def test_sources_are_scored_apart() -> None:
-    labels = label_arrays([*(ball(t, Source.SNAPPED, dy=2.5) for t in (10_000, 14_000)), ball(12_000, Source.ACCEPTED)])
+    labels = label_arrays(
+        [*(ball(t, PositionSource.SNAPPED, dy=2.5) for t in (10_000, 14_000)), ball(12_000, PositionSource.ACCEPTED)]
+    )
     by_name = {row.group: row for row in score(KnownDetector(), labels)}
     assert set(by_name) == {"all", "by hand", "accepted"}
     assert by_name["by hand"].median_px == pytest.approx(2.5)
@@ -135,13 +137,13 @@ def test_nothing_labelled_is_no_score() -> None:
 
 def test_agreement_of_two_annotators_by_hand() -> None:
     first = label_arrays(
-        [*(ball(t) for t in range(0, 20_000, 2000)), Label(t_us=20_000, state=State.NO_BALL), ball(99_000)]
+        [*(ball(t) for t in range(0, 20_000, 2000)), Label(t_us=20_000, state=LabelState.NO_BALL), ball(99_000)]
     )
     second = label_arrays(
         [
             *(ball(t, dy=1.0) for t in range(0, 18_000, 2000)),
-            Label(t_us=18_000, state=State.NO_BALL),
-            Label(t_us=20_000, state=State.NO_BALL),
+            Label(t_us=18_000, state=LabelState.NO_BALL),
+            Label(t_us=20_000, state=LabelState.NO_BALL),
         ]
     )
     found = measure_agreement(first, second)
@@ -159,7 +161,7 @@ def test_the_noise_of_one_annotator_comes_out_of_two_looks() -> None:
     def look() -> LabelArrays:
         noise = rng.normal(0, 0.5, (len(times), 2))
         return label_arrays(
-            Label(t_us=t, state=State.VISIBLE, x_px=100 + float(dx), y_px=50 + float(dy))
+            Label(t_us=t, state=LabelState.VISIBLE, x_px=100 + float(dx), y_px=50 + float(dy))
             for t, (dx, dy) in zip(times, noise, strict=True)
         )
 

@@ -3,17 +3,17 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pytest
 
-from core.evaluation import WindowAnswers
+from core.metrics import WindowAnswers
 from labels.arrays import LabelArrays, label_arrays
-from labels.model import Label, State
+from labels.model import Label, LabelState
 from labels.score import TOLERANCES_PX, score_groups
 from labels.score_picture import TOLERANCES, measure_curves, score_svg
 
 
 def example() -> tuple[WindowAnswers, LabelArrays]:
     """Ten balls, of which eight are answered with growing errors, and two empty times, of which one is answered."""
-    balls = [Label(t_us=1000 * k, state=State.VISIBLE, x_px=100.0 + 10 * k, y_px=50.0) for k in range(10)]
-    labels = label_arrays([*balls, *(Label(t_us=20_000 + 1000 * k, state=State.NO_BALL) for k in range(2))])
+    balls = [Label(t_us=1000 * k, state=LabelState.VISIBLE, x_px=100.0 + 10 * k, y_px=50.0) for k in range(10)]
+    labels = label_arrays([*balls, *(Label(t_us=20_000 + 1000 * k, state=LabelState.NO_BALL) for k in range(2))])
     u = np.array([100.0 + 10 * k + 0.9 * k for k in range(8)] + [np.nan, np.nan, 7.0, np.nan])
     v = np.where(np.isnan(u), np.nan, 50.0)
     none = np.zeros(12, np.int32)
@@ -43,4 +43,10 @@ def test_the_picture_has_a_dot_for_each_error_and_is_proper_xml() -> None:
 def test_nothing_answered_and_nothing_labelled_are_pictures_too() -> None:
     empty = np.zeros(0)
     answers = WindowAnswers(empty.astype(int), empty.astype(int), empty, empty, empty, empty.astype(np.int32))
-    ET.fromstring(score_svg(measure_curves(answers, label_arrays(())), "nothing"))
+    curves = measure_curves(answers, label_arrays(()))
+    assert np.isnan(curves.precision).all() and np.isnan(curves.recall).all() and curves.errors_px.shape == (0, 2)
+    assert curves.precision.shape == curves.recall.shape == TOLERANCES.shape
+    svg = score_svg(curves, "nothing", noise_px=float("nan"))
+    names = [element.tag.rsplit("}")[-1] for element in ET.fromstring(svg).iter()]
+    assert "polyline" not in names and "circle" not in names and "path" in names
+    assert "nothing" in svg and "nan" not in svg

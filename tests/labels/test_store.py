@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from core.errors import LabelError
-from labels.model import Label, Provenance, Source, State
+from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.records import pack_line
-from labels.shelf import LabelShelf
 from labels.store import LabelStore, Layer, find_layers
+from labels.store_registry import LabelStoreRegistry
 
 UUID = "9f3c-1"
 
 
-def ball(t_us: int, x: float = 10.0, y: float = 20.0, state: State = State.VISIBLE) -> Label:
+def ball(t_us: int, x: float = 10.0, y: float = 20.0, state: LabelState = LabelState.VISIBLE) -> Label:
     return Label(t_us=t_us, state=state, x_px=x, y_px=y)
 
 
@@ -26,13 +26,13 @@ def open_store(folder: Path, annotator: str = "anna") -> LabelStore:
 def test_labels_are_there_after_a_restart_to_the_last_bit(tmp_path: Path) -> None:
     label = Label(
         t_us=123_456_789,
-        state=State.PARTLY_OCCLUDED,
+        state=LabelState.PARTLY_OCCLUDED,
         x_px=0.1 + 0.2,
         y_px=-1 / 3,
         r_px=7.25,
         covariance_px2=(0.01, 0.002, 0.02),
         provenance=Provenance(
-            source=Source.CORRECTED,
+            source=PositionSource.CORRECTED,
             annotator="Åsa",
             made_at_us=5,
             tool="t 1",
@@ -65,7 +65,7 @@ def test_columns_are_sorted_snapshots_that_follow_every_change(tmp_path: Path) -
         before = store.labels()
         store.put(ball(20, x=99.0))
         store.delete(10)
-        store.put(Label(t_us=5, state=State.NO_BALL))
+        store.put(Label(t_us=5, state=LabelState.NO_BALL))
         after = store.labels()
     np.testing.assert_array_equal(before.t_us, (10, 20, 30))
     np.testing.assert_array_equal(before.x_px, (10.5, 20.5, 30.5))
@@ -87,11 +87,11 @@ def test_many_changes_at_once_give_the_same_columns_as_one_by_one(tmp_path: Path
 
 def test_unchecked_is_the_absence_of_a_label_and_not_a_negative(tmp_path: Path) -> None:
     with open_store(tmp_path) as store:
-        store.put(Label(t_us=10, state=State.NO_BALL))
+        store.put(Label(t_us=10, state=LabelState.NO_BALL))
         store.put(ball(20))
         progress = store.progress([10, 20, 30, 40])
         assert (progress.total, progress.checked, progress.unchecked) == (4, 2, 2)
-        assert dict(progress.by_state) == {State.NO_BALL: 1, State.VISIBLE: 1}
+        assert dict(progress.by_state) == {LabelState.NO_BALL: 1, LabelState.VISIBLE: 1}
         assert store.at(30) is None
         assert store.next_unchecked([10, 20, 30, 40], after_us=30) == 40
         assert store.next_unchecked([10, 20, 30, 40], after_us=40) == 30
@@ -134,7 +134,7 @@ def test_a_change_that_changes_nothing_writes_nothing(tmp_path: Path) -> None:
 
 
 def test_annotators_and_cameras_do_not_see_each_other(tmp_path: Path) -> None:
-    shelf = LabelShelf(tmp_path)
+    shelf = LabelStoreRegistry(tmp_path)
     shelf.store(UUID, "left", "anna").put(ball(1))
     shelf.store(UUID, "left", "../bob.blind").put(ball(2))
     shelf.store(UUID, "left", "anna", blind=True).put(ball(3))
@@ -155,12 +155,24 @@ def test_annotators_and_cameras_do_not_see_each_other(tmp_path: Path) -> None:
 
 
 def test_a_shelf_gives_everybody_the_same_store(tmp_path: Path) -> None:
-    shelf = LabelShelf(tmp_path)
+    shelf = LabelStoreRegistry(tmp_path)
     assert shelf.store(UUID, "left", "anna") is shelf.store(UUID, "left", "anna")
     with pytest.raises(LabelError, match="another program is writing"):
         open_store(tmp_path)
     shelf.close()
     open_store(tmp_path).close()
+
+
+def test_the_last_user_of_a_shelf_closes_it_and_the_next_opens_it_again(tmp_path: Path) -> None:
+    shelf = LabelStoreRegistry(tmp_path)
+    for _ in range(2):
+        shelf.acquire()
+        shelf.acquire()
+        store = shelf.store(UUID, "left", "anna")
+        shelf.release()
+        assert shelf.store(UUID, "left", "anna") is store
+        shelf.release()
+        open_store(tmp_path).close()
 
 
 def test_a_layer_can_be_read_while_it_is_written_but_not_changed(tmp_path: Path) -> None:

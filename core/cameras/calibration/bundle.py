@@ -181,7 +181,7 @@ def _slopes(rig: Rig, ps: Array, xys: Array, focals_px: Array) -> Array:
 
 
 def _determinants(a: Array) -> Array:
-    """Of (N, 3, 3); numpy's own take five times as long over so small ones."""
+    """Determinants of (N, 3, 3); numpy's own take five times as long over so small ones."""
     return (
         a[:, 0, 0] * (a[:, 1, 1] * a[:, 2, 2] - a[:, 1, 2] * a[:, 2, 1])
         - a[:, 0, 1] * (a[:, 1, 0] * a[:, 2, 2] - a[:, 1, 2] * a[:, 2, 0])

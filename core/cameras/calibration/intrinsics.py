@@ -52,7 +52,7 @@ class ViewFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lens:
-    """A fitted lens."""
+    """A lens fitted to pictures of a board."""
 
     camera: Camera
     """Its world is its own frame."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,6 +10,7 @@ import cv2
 from core.cameras.calibration_file import save_calibration
 from core.cameras.camera import Camera
 from core.errors import CalibrationError
+from core.files import replace_file
 
 YAML_SUFFIXES = (".yaml", ".yml")
 
@@ -32,13 +31,7 @@ def save_lens(path: Path, name: str, camera: Camera, *, notes: Mapping[str, floa
     storage.write("distortion_coefficients", camera.distortion[None])
     for key, value in (notes or {}).items():
         storage.write(key, value)
-    text = storage.releaseAndGetString()
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
+        replace_file(path, storage.releaseAndGetString().encode(), durable=False)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
         raise CalibrationError("cannot write the calibration", got=error.strerror, where=path) from error

@@ -32,7 +32,7 @@ class CameraFit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RigCalibration:
-    """What came out."""
+    """What the calibration of a rig gives."""
 
     fits: dict[str, CameraFit]
     t_us: Array

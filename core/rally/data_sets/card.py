@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
 from core.errors import RecordingError
+from core.files import replace_file
 from core.rally.data_sets.facts import RecordingFacts
 from core.rally.data_sets.plan import DataSetPlan, PlannedRecording
 
@@ -25,9 +25,7 @@ def write_card(folder: Path, plan: DataSetPlan, facts: Mapping[str, RecordingFac
     """Write manifest and card of the recordings that are there; returns the manifest."""
     manifest = make_manifest(plan, facts)
     for name, text in ((MANIFEST, json.dumps(manifest, indent=2) + "\n"), (CARD, make_card(manifest))):
-        partial = folder / f".{name}.{os.getpid()}.part"
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, folder / name)
+        replace_file(folder / name, text.encode(), durable=False)
     return manifest
 
 

@@ -10,12 +10,12 @@ import h5py
 import numpy as np
 
 from core.errors import RecordingError
+from core.physics.episode import Case
 from core.rally.data_sets.make import REMARK
 from core.rally.data_sets.plan import PlannedRecording
-from core.rally.recorded_rally import EPISODES, RACKET
+from core.rally.history.recorded_rally import EPISODES, RACKET
 from core.recordings import open_recording
 from core.recordings.reader import FileRecording
-from core.simulation.physics.episode import Case
 from core.simulation.recording import READOUT
 
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 from core.cameras import stereo_preset
+from core.files import replacing
+from core.physics.config import physics_profile
+from core.physics.task import task_profile
 from core.rally.data_sets.plan import PlannedRecording
-from core.rally.link.world import WorldConfig
-from core.rally.robot_recording import record_robot
-from core.simulation import ServeConfig, StereoConfig, simulate_recording
-from core.simulation.physics.config import physics_profile
-from core.simulation.physics.task import task_profile
+from core.rally.data_sets.robot_recording import record_robot
+from core.rally.simulated.world import WorldConfig
+from core.simulation import LaunchConfig, StereoConfig, simulate_recording
 
 REMARK = "data_set"
 """Where the config in a recording says by which settings it was made."""
@@ -44,12 +44,8 @@ def make_recording(
         ConfigError: if there is no such serve.
     """
     partial = partial_path(folder, planned)
-    try:
+    with replacing(recording_path(folder, planned), durable=False, partial=partial):
         _simulate(planned, partial, progress)
-        os.replace(partial, recording_path(folder, planned))
-    except BaseException:
-        partial.unlink(missing_ok=True)
-        raise
 
 
 def _simulate(planned: PlannedRecording, path: Path, progress: Callable[[float], None]) -> None:
@@ -75,7 +71,7 @@ def _simulate(planned: PlannedRecording, path: Path, progress: Callable[[float],
         path,
         stereo,
         cameras,
-        [ServeConfig(speed_mps=speed_mps) for speed_mps in planned.speeds_mps],
+        [LaunchConfig(speed_mps=speed_mps) for speed_mps in planned.speeds_mps],
         seed=planned.seed,
         physics=physics_profile(making.physics),
         frames=making.frames,

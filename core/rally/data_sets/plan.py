@@ -17,9 +17,9 @@ from core.cameras.presets import PLACEMENTS, SENSOR_720
 from core.config import config_to_mapping
 from core.errors import ConfigError
 from core.events import SensorSize
-from core.simulation import SceneConfig, SensorConfig, ServeConfig, scene_named
-from core.simulation.frames import FrameConfig
-from core.simulation.physics.config import Profile, physics_profile
+from core.physics.config import Profile, physics_profile
+from core.simulation import LaunchConfig, SceneConfig, SensorConfig, scene_named
+from core.simulation.frames.frames import FrameConfig
 
 _NAMESPACE: Final = uuid.UUID("5f6f1d3e-53f4-4f0e-8f5b-0d6a2d1c9a70")
 PAPER_SPEEDS_MPS: Final = (5.0, 6.0, 7.0, 8.0, 9.0)
@@ -77,7 +77,7 @@ class PlannedRecording:
         if self.placement not in PLACEMENTS:
             raise ConfigError(f"no placement {self.placement!r}", expected=f"one of {', '.join(PLACEMENTS)}")
         for speed_mps in self.speeds_mps:
-            ServeConfig(speed_mps=speed_mps)
+            LaunchConfig(speed_mps=speed_mps)
         if self.making.scene_config(self.scene).cast == "rally" and self.making.physics != "paper":
             raise ConfigError("a rally of two players flies without air", expected="physics paper", where="scene rally")
 

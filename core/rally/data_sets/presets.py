@@ -7,7 +7,7 @@ from typing import Final
 
 from core.errors import ConfigError
 from core.rally.data_sets.plan import DataSetPlan, Making, PlannedRecording, recording_seed
-from core.simulation.frames import FrameConfig
+from core.simulation.frames.frames import FrameConfig
 
 PAPER7_FRAMES: Final = FrameConfig(rate_hz=30.0, exposure_us=5000)
 PAPER7: Final[tuple[tuple[str, str, tuple[float, ...]], ...]] = (

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import fcntl
 import multiprocessing
 import os
 import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from core.errors import RecordingError
+from core.files import end_with_parent, hold
 from core.rally.data_sets.card import write_card
 from core.rally.data_sets.facts import RecordingFacts, read_facts
 from core.rally.data_sets.make import make_recording, recording_path, remove_partials
@@ -87,23 +86,14 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """The folder, made if need be, for this run alone; the lock goes with the process."""
+def _locked(folder: Path) -> AbstractContextManager[object]:
+    """The folder, made if need be, for this run alone."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        return hold(folder / LOCK)
+    except TimeoutError as error:
+        raise RecordingError("another run is making this data set", where=folder, remedy="wait for its end") from error
     except OSError as error:
         raise RecordingError("cannot make the data set's folder", got=error.strerror, where=folder) from error
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        os.close(descriptor)
-        raise RecordingError("another run is making this data set", where=folder, remedy="wait for its end") from error
-    try:
-        yield
-    finally:
-        os.close(descriptor)
 
 
 def _make_here(
@@ -159,14 +149,7 @@ def _start_worker(shares: list[float]) -> None:
     global _shares
     _shares = shares
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, name="watch-parent", daemon=True).start()
+    end_with_parent()
 
 
 def _work(planned: PlannedRecording, folder: Path, number: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import logging
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -11,33 +12,40 @@ from typing import Final, Literal, Protocol
 
 import zmq
 
-from core.errors import LinkError
+from core.errors import LinkError, NoAnswerError, NotReadyError
+from core.physics.config import PhysicsConfig
 from core.rally.link import messages as m
-from core.simulation.physics.config import PhysicsConfig
 
 logger = logging.getLogger(__name__)
 
 LOST_S: Final = 1.0
 """Without a sign of life for so long, the server counts as lost; it beats ten times a second."""
+SILENT_S: Final = 60.0
+"""So long a server that listens may be silent when hands are shaken: it is being started on a slow machine."""
+ASK_AGAIN_S: Final = 0.2
 SCENE_S: Final = 30.0
 """The answer to a new scene comes when every pixel has its picture: half a second in quiet."""
 Status = Literal["connected", "lost"]
 
 
 class LinkListener(Protocol):
-    """Hears everything in the client's own thread, in order. `hear_session` comes before anything of a session."""
+    """Hears everything in the client's own thread, in order. `on_session` comes before anything of a session."""
 
-    def hear_session(self, welcome: m.Reply) -> None: ...
-    def hear_events(self, batch: m.EventBatch) -> None: ...
-    def hear_state(self, state: m.State) -> None: ...
-    def hear_notice(self, notice: m.Notice) -> None: ...
+    def on_session(self, welcome: m.Reply) -> None: ...
+    def on_events(self, batch: m.EventBatch) -> None: ...
+    def on_state(self, state: m.WorldState) -> None: ...
+    def on_notice(self, notice: m.Notice) -> None: ...
 
 
 class SimulationClient:
     """A connection to a simulation server. It survives the server's end and finds its successor by itself."""
 
-    def __init__(self, address: str, *, timeout_s: float = 3.0) -> None:
-        """Connect and shake hands.
+    def __init__(
+        self, address: str, *, timeout_s: float = 3.0, preparing: Callable[[float], None] = lambda share: None
+    ) -> None:
+        """Connect and shake hands; with a server that is being prepared as soon as it is ready.
+
+        `preparing` hears again and again how far such a server is, 0 to 1.
 
         Raises:
             LinkError: if there is no server, or one of another version.
@@ -58,11 +66,11 @@ class SimulationClient:
         self._last_seq = 0
         self.lost_messages = self.rejected_messages = 0
         """Published messages that never came; messages that came and were no messages."""
-        self.state: m.State | None = None
+        self.state: m.WorldState | None = None
         """The latest."""
         try:
-            self.welcome = self.ask(lambda number: m.Hello(id=number))
-        except LinkError:
+            self.welcome = self._shake_hands(preparing)
+        except BaseException:
             self._drop_socket()
             self._context.destroy(linger=0)
             raise
@@ -82,7 +90,7 @@ class SimulationClient:
     def add_listener(self, listener: LinkListener) -> None:
         """From now on; it hears of the present session at once."""
         with self._lock:
-            listener.hear_session(self.welcome)
+            listener.on_session(self.welcome)
             self._listeners.append(listener)
 
     def remove_listener(self, listener: LinkListener) -> None:
@@ -132,7 +140,7 @@ class SimulationClient:
         return self.ask(lambda number: m.SetNoise(id=number, noise_hz=noise_hz))
 
     def set_scene(self, scene: str) -> m.Reply:
-        """What the cameras look at: a name of `core.simulation.scene.SCENES`."""
+        """What the cameras look at: a name of `core.simulation.scenes.scene.SCENES`."""
         return self.ask(lambda number: m.SetScene(id=number, scene=scene), timeout_s=SCENE_S)
 
     def auto_serve(self, speed_mps: float) -> m.Reply:
@@ -162,12 +170,14 @@ class SimulationClient:
                 reply = m.decode(self._socket.recv(), {"reply": m.Reply})
                 if reply.id not in (0, number):
                     continue
+                if reply.preparing is not None:
+                    raise NotReadyError(reply.error, share=reply.preparing, where=self.address)
                 if not reply.ok:
                     raise LinkError(reply.error, where=self.address)
                 return reply
             self._drop_socket()  # what was sent must not reach a later server
         remedy = "start one with `rallyscope sim-server`"
-        raise LinkError("no answer from a simulation server", where=self.address, remedy=remedy)
+        raise NoAnswerError("no answer from a simulation server", where=self.address, remedy=remedy)
 
     def close(self) -> None:
         """Hang up."""
@@ -176,6 +186,28 @@ class SimulationClient:
         with self._asking:
             self._drop_socket()
             self._context.destroy(linger=0)
+
+    def _shake_hands(self, preparing: Callable[[float], None]) -> m.Reply:
+        """A server that compiles answers so; one that is only just starting on a slow machine at least listens."""
+        silent_until_s = time.monotonic() + SILENT_S
+        while True:
+            try:
+                return self.ask(lambda number: m.Hello(id=number))
+            except NotReadyError as error:
+                preparing(error.share)
+                silent_until_s = time.monotonic() + SILENT_S
+                time.sleep(ASK_AGAIN_S)
+            except NoAnswerError:
+                if time.monotonic() > silent_until_s or not self._somebody_listens():
+                    raise
+
+    def _somebody_listens(self) -> bool:
+        host, _, port = self._commands_address.removeprefix("tcp://").rpartition(":")
+        try:
+            with socket.create_connection((host.strip("[]"), int(port)), timeout=self._timeout_s):
+                return True
+        except OSError:
+            return False
 
     def _drop_socket(self) -> None:
         if self._socket is not None:
@@ -203,7 +235,7 @@ class SimulationClient:
         finally:
             socket.close(0)
 
-    def _dispatch(self, message: m.State | m.EventBatch | m.Notice) -> None:
+    def _dispatch(self, message: m.WorldState | m.EventBatch | m.Notice) -> None:
         if isinstance(message, m.Reply):
             raise LinkError("a reply was published")
         self._heard_s = time.monotonic()
@@ -217,16 +249,16 @@ class SimulationClient:
             if fresh:
                 self.welcome, self._last_seq = welcome, 0
                 for listener in self._listeners:
-                    listener.hear_session(welcome)
+                    listener.on_session(welcome)
             if self._last_seq:
                 self.lost_messages += max(0, message.seq - self._last_seq - 1)
             self._last_seq = message.seq
             for listener in self._listeners:
                 if isinstance(message, m.EventBatch):
-                    listener.hear_events(message)
-                elif isinstance(message, m.State):
-                    listener.hear_state(message)
+                    listener.on_events(message)
+                elif isinstance(message, m.WorldState):
+                    listener.on_state(message)
                 else:
-                    listener.hear_notice(message)
-            if isinstance(message, m.State):
+                    listener.on_notice(message)
+            if isinstance(message, m.WorldState):
                 self.state = message

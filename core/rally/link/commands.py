@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from core.errors import LinkError
 from core.rally.link.bounds import LONGEST_US, WALL_NS
-from core.rally.link.fields import choice, number, optional, vector, whole
-from core.simulation.scene import SCENES
+from core.rally.link.fields import bounded_number, choice, optional, vector, whole
+from core.simulation.scenes.scene import SCENES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,7 +22,7 @@ class Serve:
     """Serve a ball: drawn for a speed, or launched exactly as told. A ball still in play is taken away."""
 
     id: int = whole(0, WALL_NS)
-    speed_mps: float = number(3.0, 9.0, default=5.0)
+    speed_mps: float = bounded_number(3.0, 9.0, default=5.0)
     p_m: tuple[float, ...] | None = optional(vector(3, 5.0))
     v_mps: tuple[float, ...] | None = optional(vector(3, 40.0))
     spin_radps: tuple[float, ...] | None = optional(vector(3, 1500.0))
@@ -77,7 +77,7 @@ class SetSpeed:
     """Simulated seconds per second: below 1 is slow motion."""
 
     id: int = whole(0, WALL_NS)
-    factor: float = number(0.001, 100.0)
+    factor: float = bounded_number(0.001, 100.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +85,7 @@ class SetNoise:
     """Background events per pixel and second."""
 
     id: int = whole(0, WALL_NS)
-    noise_hz: float = number(0.0, 20.0)
+    noise_hz: float = bounded_number(0.0, 20.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +101,7 @@ class AutoServe:
     """Serve again and again at a speed of 3 to 9 m/s; 0 stops."""
 
     id: int = whole(0, WALL_NS)
-    speed_mps: float = number(0.0, 9.0)
+    speed_mps: float = bounded_number(0.0, 9.0)
 
     def __post_init__(self) -> None:
         if 0 < self.speed_mps < 3:

@@ -9,6 +9,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, Final
 
 import numpy as np
@@ -41,7 +42,13 @@ def whole(low: int, high: int, default: object = REQUIRED) -> Any:
     return _field(Spec(read, int), default)
 
 
-def number(low: float, high: float, *, nan: bool = False, default: object = REQUIRED) -> Any:
+def numbered(kind: type[IntEnum]) -> Any:
+    """A member of an enumeration, as its number."""
+    numbers = whole(min(kind), max(kind)).metadata["spec"]
+    return _field(Spec(lambda value, where: kind(numbers.read(value, where)), int), REQUIRED)
+
+
+def bounded_number(low: float, high: float, *, nan: bool = False, default: object = REQUIRED) -> Any:
     """A float in [low, high]; or NaN, where that means unknown."""
     return _field(Spec(lambda value, where: _number(value, low, high, nan, where), float), default)
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.errors import EventsError, LinkError, RallyscopeError
 from core.events import Events, SensorSize
+from core.physics.config import PhysicsConfig
 from core.rally.link.bounds import COMMAND_BYTES, LONGEST_US, MESSAGE_BYTES, MOST_EVENTS, MOST_ROWS, WALL_NS
 from core.rally.link.commands import (
     AimRacket,
@@ -34,11 +35,11 @@ from core.rally.link.commands import (
     SingleStep,
 )
 from core.rally.link.fields import (
+    bounded_number,
     choice,
     column,
     flag,
     listing,
-    number,
     optional,
     read_fields,
     settings,
@@ -49,7 +50,6 @@ from core.rally.link.fields import (
 )
 from core.rally.link.notices import BounceNotice, HitNotice, Notice, OutcomeNotice, ServeNotice
 from core.recordings import BallTruth, PixelTruth
-from core.simulation.physics.config import PhysicsConfig
 
 __all__ = [
     "COMMANDS",
@@ -82,7 +82,7 @@ __all__ = [
     "SetScene",
     "SetSpeed",
     "SingleStep",
-    "State",
+    "WorldState",
     "decode",
     "encode",
 ]
@@ -93,7 +93,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class State:
+class WorldState:
     """Where everything is up to `t_us`: comes last of all that belongs to its stretch, and again while paused."""
 
     session: str = text(64)
@@ -105,11 +105,11 @@ class State:
     phase: str = choice("idle", "serve", "return", "decided")
     """No ball; on its way to the racket; struck; its case is settled but it still rolls."""
     paused: bool = flag()
-    speed_factor: float = number(0.0, 100.0)
-    noise_hz: float = number(0.0, 20.0)
-    auto_serve_mps: float = number(0.0, 9.0)
+    speed_factor: float = bounded_number(0.0, 100.0)
+    noise_hz: float = bounded_number(0.0, 20.0)
+    auto_serve_mps: float = bounded_number(0.0, 9.0)
     """Speed of automatic serves, 0 when off."""
-    real_time_factor: float = number(0.0, 1e6)
+    real_time_factor: float = bounded_number(0.0, 1e6)
     """Simulated per computing time of late: below the speed factor, the machine is too slow."""
     served: int = whole(0, WALL_NS)
     returned: int = whole(0, WALL_NS)
@@ -237,10 +237,12 @@ class Reply:
     cameras: tuple[CameraInfo, ...] = listing(CameraInfo, 16)
     physics: PhysicsConfig | None = optional(settings(PhysicsConfig))
     """How balls fly, bounce and leave the racket. Servers of before it was told have the paper's."""
+    preparing: float | None = optional(bounded_number(0.0, 1.0))
+    """While a server compiles what it needs it obeys nothing, and says here how much of that is done."""
 
 
 KINDS: Final[dict[str, type]] = {
-    "state": State,
+    "state": WorldState,
     "events": EventBatch,
     "serve_notice": ServeNotice,
     "bounce": BounceNotice,

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from core.physics.episode import Case
 from core.rally.link.bounds import LONGEST_US, WALL_NS
-from core.rally.link.fields import number, text, vector, whole
+from core.rally.link.fields import bounded_number, numbered, text, vector, whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,7 +16,7 @@ class ServeNotice:
     session: str = text(64)
     seq: int = whole(0, WALL_NS)
     t_us: int = whole(0, LONGEST_US)
-    speed_mps: float = number(0.0, 100.0)
+    speed_mps: float = bounded_number(0.0, 100.0)
     p_m: tuple[float, ...] = vector(3, 100.0)
     v_mps: tuple[float, ...] = vector(3, 100.0)
     spin_radps: tuple[float, ...] = vector(3, 2000.0)
@@ -29,16 +30,15 @@ class OutcomeNotice:
     seq: int = whole(0, WALL_NS)
     t_us: int = whole(0, LONGEST_US)
     serve_us: int = whole(0, LONGEST_US)
-    speed_mps: float = number(0.0, 100.0)
-    case: int = whole(1, 5)
-    """1 own half, 2 net, 3 out, 4 returned, 5 missed."""
+    speed_mps: float = bounded_number(0.0, 100.0)
+    case: Case = numbered(Case)  # noqa: RUF009 - it declares a field
     arrival: tuple[float, ...] = vector(6, 1000.0, nan=True)
     """Position and velocity of the ball at the hitting plane or the racket, whichever it met first."""
     q_wxyz: tuple[float, ...] = vector(4, 1.001, nan=True)
     """Of the racket when it hit."""
     landing_m: tuple[float, ...] = vector(3, 1000.0, nan=True)
     landing_v_mps: tuple[float, ...] = vector(3, 1000.0, nan=True)
-    net_z_m: float = number(-1000.0, 1000.0, nan=True)
+    net_z_m: float = bounded_number(-1000.0, 1000.0, nan=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,8 +7,8 @@ import time
 import numpy as np
 
 from core.rally.link import messages as m
-from core.rally.link.world import Block, Contact, JudgedBall
-from core.simulation.physics.rally_events import RallyEvent
+from core.rally.simulated.world import Block, JudgedBall, RacketContact
+from core.simulation.episodes.rally_events import RallyEvent
 
 
 def event_batch(block: Block, camera: str, session: str, seq: int) -> m.EventBatch:
@@ -42,7 +42,7 @@ def serve_notice(serve: RallyEvent, session: str, seq: int) -> m.ServeNotice:
     )
 
 
-def contact_notice(contact: Contact, session: str, seq: int) -> m.BounceNotice | m.HitNotice:
+def contact_notice(contact: RacketContact, session: str, seq: int) -> m.BounceNotice | m.HitNotice:
     """The ball touched the table, or was hit."""
     event, t_us = contact.event, round(contact.event.t_s * 1e6)
     p, v = tuple(event.state[:3].tolist()), tuple(event.state[3:6].tolist())
@@ -61,7 +61,7 @@ def outcome_notice(judged: JudgedBall, session: str, seq: int) -> m.OutcomeNotic
         t_us=round(outcome.t_s * 1e6),
         serve_us=round(serve.t_s * 1e6),
         speed_mps=float(np.linalg.norm(serve.state[3:6])),
-        case=int(outcome.case),
+        case=outcome.case,
         arrival=tuple(judged.arrival.tolist()),
         q_wxyz=tuple(judged.q_wxyz.tolist()),
         landing_m=tuple(outcome.landing_m.tolist()),
@@ -70,7 +70,7 @@ def outcome_notice(judged: JudgedBall, session: str, seq: int) -> m.OutcomeNotic
     )
 
 
-def ball_rows(block: Block) -> m.Array:
+def published_ball_rows(block: Block) -> m.Array:
     """(N, 9) position, velocity and spin of a state."""
     ball = block.ball
     return np.concatenate([ball.p_world_m, ball.v_world_mps, ball.spin_radps], axis=1)

@@ -17,14 +17,17 @@ import zmq
 from core.cameras import Camera
 from core.config import check_settings, setting
 from core.errors import LinkError, RallyscopeError
+from core.physics.episode import Case
 from core.rally.link import messages as m
-from core.rally.link.published import ball_rows, contact_notice, event_batch, outcome_notice, serve_notice
-from core.rally.link.world import Block, SimulatedWorld, WorldConfig
-from core.simulation.event_camera import BLOCK_US
-from core.simulation.physics.racket import RacketTarget
-from core.simulation.physics.recorded_serves import RecordedServes
-from core.simulation.readout import ReadoutCounts
-from core.simulation.scene import name_of_scene, scene_named
+from core.rally.link.prepare import prepare_simulation
+from core.rally.link.published import contact_notice, event_batch, outcome_notice, published_ball_rows, serve_notice
+from core.rally.link.responder import KernelProgress, PreparingResponder
+from core.rally.simulated.world import Block, SimulatedWorld, WorldConfig
+from core.simulation.episodes.racket import RacketTarget
+from core.simulation.episodes.recorded_serves import RecordedServes
+from core.simulation.event_cameras.event_camera import BLOCK_US
+from core.simulation.scenes.scene import name_of_scene, scene_named
+from core.simulation.sensor.readout import ReadoutCounts
 
 logger = logging.getLogger(__name__)
 
@@ -62,7 +65,10 @@ def split_address(address: str) -> tuple[str, int]:
 
 
 class SimulationServer:
-    """Publishes on a port and takes commands on the next one. `run` it in the thread that made it."""
+    """Publishes on a port and takes commands on the next one. `run` it in the thread that made it.
+
+    From the moment it has its ports until it runs it answers that it is being prepared.
+    """
 
     def __init__(
         self,
@@ -72,8 +78,11 @@ class SimulationServer:
         *,
         seed: int = 0,
         recorded: RecordedServes | None = None,
+        preparing: KernelProgress = lambda ready, known: None,
     ) -> None:
         """Port 0 takes any two free ports. With `recorded`, the balls that are drawn are of those.
+
+        `preparing` hears, from another thread, how far the compiler is.
 
         Raises:
             LinkError: if the ports cannot be had.
@@ -90,10 +99,21 @@ class SimulationServer:
         except LinkError:
             self._context.destroy(linger=0)
             raise
-        self._start_session(seed)
+        self._responder = PreparingResponder(self._commands, preparing)
+        try:
+            self._start_session(seed)
+        except BaseException:
+            self._hang_up()
+            raise
+
+    def prepare(self) -> None:
+        """Compile all that a rally needs, if this machine has not done so before."""
+        prepare_simulation(self._config.world, self._cameras)
 
     def run(self, stopped: Callable[[], bool]) -> None:
         """Serve until `stopped`; looks at it at least ten times a second."""
+        self._responder.stop()
+        self._anchor()
         try:
             while not stopped():
                 self._turn()
@@ -103,6 +123,10 @@ class SimulationServer:
     def close(self) -> None:
         """Give up the ports."""
         self._world.close()
+        self._hang_up()
+
+    def _hang_up(self) -> None:
+        self._responder.stop()
         self._context.destroy(linger=0)
 
     def _bind(self, address: str) -> str:
@@ -187,19 +211,19 @@ class SimulationServer:
         for contact in block.contacts:
             self._send(contact.event.kind, contact_notice(contact, self._session, self._next()))
         for judged in block.outcomes:
-            self._returned += judged.outcome.case == 4
+            self._returned += judged.outcome.case == Case.RETURNED
             self._send("outcome", outcome_notice(judged, self._session, self._next()))
         self._send("state", self._state(block))
 
-    def _state(self, block: Block | None) -> m.State:
+    def _state(self, block: Block | None) -> m.WorldState:
         world, no_times = self._world, np.empty(0, np.int64)
         readout = functools.reduce(ReadoutCounts.plus, world.readout.values())
-        ball = np.empty((0, 9)) if block is None else ball_rows(block)
+        ball = np.empty((0, 9)) if block is None else published_ball_rows(block)
         if not world.ball_is_visible:
             phase = "idle"
         else:
             phase = "decided" if not world.pending else "return" if world.struck else "serve"
-        return m.State(
+        return m.WorldState(
             session=self._session,
             seq=self._next(),
             wall_ns=time.time_ns(),

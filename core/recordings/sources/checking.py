@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.recordings.layout import MAX_TIME_US
-from core.recordings.sources.source import Columns, Report
+from core.recordings.sources.source import Columns, DecodeReport
 
 _JITTER_US: Final = 1000
 """Steps back up to this are the disorder of a read-out or a network; the event gets the time of the one before it."""
@@ -21,12 +21,12 @@ STREAM_PAUSE_US: Final = 600_000_000
 _STRAY_EVENTS: Final = 64
 
 
-def check_stream(parts: Iterable[Columns], sensor: SensorSize, report: Report, *, where: str) -> Iterator[Events]:
+def check_stream(parts: Iterable[Columns], sensor: SensorSize, report: DecodeReport, *, where: str) -> Iterator[Events]:
     """Events of a binary stream up to the first that cannot be true; the report says where that was."""
     return _check(parts, sensor, report, where, longest_pause_us=STREAM_PAUSE_US, refuse=False)
 
 
-def check_table(parts: Iterable[Columns], sensor: SensorSize, report: Report, *, where: str) -> Iterator[Events]:
+def check_table(parts: Iterable[Columns], sensor: SensorSize, report: DecodeReport, *, where: str) -> Iterator[Events]:
     """Events of a table, which nobody sorts behind the user's back.
 
     Raises:
@@ -36,7 +36,13 @@ def check_table(parts: Iterable[Columns], sensor: SensorSize, report: Report, *,
 
 
 def _check(
-    parts: Iterable[Columns], sensor: SensorSize, report: Report, where: str, *, longest_pause_us: int, refuse: bool
+    parts: Iterable[Columns],
+    sensor: SensorSize,
+    report: DecodeReport,
+    where: str,
+    *,
+    longest_pause_us: int,
+    refuse: bool,
 ) -> Iterator[Events]:
     first_us: int | None = None
     latest_us = 0

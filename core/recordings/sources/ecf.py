@@ -8,8 +8,8 @@ checked at every step: -1 instead of a position means a damaged chunk.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from core.jit import njit
 from core.recordings.sources.source import Columns
 
 
@@ -43,7 +43,7 @@ def decode_ecf(chunk: bytes) -> Columns:
     return Columns(t, x, y, on)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _little(data, at, size):
     value = np.uint64(0)
     for i in range(size):
@@ -51,7 +51,7 @@ def _little(data, at, size):
     return np.int64(value)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _decode_times(data, at, t):
     """Bytes (step << 4 | count); count 15: it follows in 16 bits; step 15: four bits of a longer step, low first."""
     now = _little(data, at, 8)
@@ -82,7 +82,7 @@ def _decode_times(data, at, t):
     return at
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _decode_rows(data, at, y):
     """16-bit words (row << 5 | count); count 31: it follows in 16 bits."""
     done = 0
@@ -104,7 +104,7 @@ def _decode_rows(data, at, y):
     return at
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _decode_masked_columns(data, at, x):
     """16-bit words (column << 5 | which of the next five columns follow, nearest first)."""
     done = 0
@@ -123,7 +123,7 @@ def _decode_masked_columns(data, at, x):
     return at
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _decode_polarities(data, at, on):
     """Bytes (polarity << 7 | count); count 127: it follows in 16 bits."""
     done = 0
@@ -144,7 +144,7 @@ def _decode_polarities(data, at, on):
     return at
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _decode_packed_columns(data, at, x, on):
     """Four values (column << 1 | polarity) of 12 bits in three 16-bit words."""
     for first in range(0, len(x), 4):
@@ -159,7 +159,7 @@ def _decode_packed_columns(data, at, x, on):
     return at
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _decode_packed(data, at, x, y, on):
     """Four values (row << 12 | column << 1 | polarity) of 24 bits in three 32-bit words."""
     for first in range(0, len(x), 4):

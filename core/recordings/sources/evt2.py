@@ -8,15 +8,13 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
 
+from core.jit import njit
 from core.recordings.sources.evt_time import IGNORE, STOP, TIME_HIGH, judge_time_high, next_time_high
 
 EVENT_OFF: Final = 0x0
 EVENT_ON: Final = 0x1
 EXT_TRIGGER: Final = 0xA
-OTHERS: Final = 0xE
-CONTINUED: Final = 0xF
 
 _SECOND: Final = 1_000_000 // 64
 _MASK: Final = 0xFFFFFFF
@@ -41,7 +39,7 @@ def _start_state(first: int) -> np.ndarray:
     return state
 
 
-@njit(cache=True, nogil=True)
+@njit
 def _step_time(words, i, value, state, type_shift, value_shift):
     """Take in a coarse time; returns 0 for a plain step, 1 for a jump, 2 for the end of what can be trusted."""
     high = state[_HIGH]
@@ -59,9 +57,9 @@ def _step_time(words, i, value, state, type_shift, value_shift):
     return 1 if ((value - high) & _MASK) > _SECOND else 0
 
 
-@njit(cache=True, nogil=True)
+@njit
 def decode_evt2(words, state, width, height, t, x, y, on, trigger_t, trigger_on, trigger_id):
-    """As `decode_evt3`: returns (words used, events, triggers, damage)."""
+    """Decode EVT2 words as `decode_evt3` does its own: returns (words used, events, triggers, damage)."""
     last_t = state[_LAST_T]
     base_t = state[_EPOCH] + (state[_HIGH] << 6)
     events, triggers, damage = 0, 0, 0
@@ -101,9 +99,9 @@ def decode_evt2(words, state, width, height, t, x, y, on, trigger_t, trigger_on,
     return i, events, triggers, damage
 
 
-@njit(cache=True, nogil=True)
+@njit
 def decode_evt21(words, state, width, height, t, x, y, on, trigger_t, trigger_on, trigger_id):
-    """As `decode_evt3`: returns (words used, events, triggers, damage)."""
+    """Decode EVT2.1 words as `decode_evt3` does its own: returns (words used, events, triggers, damage)."""
     last_t = state[_LAST_T]
     base_t = state[_EPOCH] + (state[_HIGH] << 6)
     events, triggers, damage = 0, 0, 0

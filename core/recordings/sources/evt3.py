@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
 
+from core.jit import njit
 from core.recordings.sources.evt_time import IGNORE, STOP, TIME_HIGH, judge_time_high, next_time_high
 
 ADDR_Y: Final = 0x0
@@ -42,8 +42,10 @@ def start_state(words: np.ndarray) -> np.ndarray:
     return state
 
 
-@njit(cache=True, nogil=True)
-def decode_evt3(words, state, width, height, t, x, y, on, trigger_t, trigger_on, trigger_id):
+@njit
+def decode_evt3(  # noqa: C901 (one branch for each kind of word, in the order of how often they come)
+    words, state, width, height, t, x, y, on, trigger_t, trigger_on, trigger_id
+):
     """Decode until the words or the room for events or triggers run out, or the first damage.
 
     Returns (words used, events, triggers, damage): damage 0 none, 1 word, 2 column, 3 row, 4 time.

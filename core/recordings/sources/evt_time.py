@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
+
+from core.jit import njit
 
 TIME_HIGH: Final = 8
 
@@ -18,7 +19,7 @@ IGNORE: Final = 1
 STOP: Final = 2
 
 
-@njit(cache=True, nogil=True)
+@njit
 def next_time_high(words, start, type_shift, value_shift, mask):
     """The value of the first coarse time word from `start` on, or -1."""
     for i in range(start, len(words)):
@@ -28,7 +29,7 @@ def next_time_high(words, start, type_shift, value_shift, mask):
     return np.int64(-1)
 
 
-@njit(cache=True, nogil=True)
+@njit
 def judge_time_high(words, at, value, current, type_shift, value_shift, mask, second):
     """Whether to believe the coarse time `value` of word `at` after `current`.
 

@@ -20,7 +20,7 @@ from core.events import SensorSize
 from core.recordings.sources.checking import check_stream
 from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import read_prophesee_header
-from core.recordings.sources.source import Columns, EventSource, Report
+from core.recordings.sources.source import Columns, DecodeReport, EventSource
 
 _WORKER: Final = Path(__file__).with_name("faery_worker.py")
 _SILENCE_S: Final = 60
@@ -88,11 +88,11 @@ def _ask(path: Path, kind: str) -> _Info:
 
 def _decoder(
     path: Path, kind: str, track: int, started: Iterator[tuple[bytes, bytes]] | None
-) -> Callable[[Report], Iterator[Columns]]:
+) -> Callable[[DecodeReport], Iterator[Columns]]:
     """Decodes the track; the first time with the worker that was `started` already."""
     workers = [] if started is None else [started]
 
-    def decode(report: Report) -> Iterator[Columns]:
+    def decode(report: DecodeReport) -> Iterator[Columns]:
         size, done = max(1, path.stat().st_size), 0
         messages = workers.pop() if workers else _messages(path, kind, track)
         for message, content in messages:
@@ -158,7 +158,7 @@ def _signed(t: NDArray[np.uint64]) -> NDArray[np.int64]:
     return t.view(np.int64)
 
 
-def _add_triggers(content: bytes, report: Report) -> None:
+def _add_triggers(content: bytes, report: DecodeReport) -> None:
     """Sources 1 to 3 of AEDAT4 are a rising edge, a falling edge and a pulse on the signal input."""
     count = len(content) // 9
     t, source = np.frombuffer(content, "<u8", count), np.frombuffer(content, np.uint8, count, 8 * count)

@@ -31,11 +31,12 @@ MEMORY_BYTES = 4 << 30
 
 
 def main(kind: str, path: str, track: int | None) -> None:
+    """Decode one file and send its events over standard output; a failure is sent, too."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     try:
         {"dat": _decode_dat, "es": _decode_es, "aedat4": _decode_aedat4}[kind](path, track)
         _send(b"Z")
-    except BaseException as error:  # a panic of Rust is no Exception
+    except BaseException as error:  # noqa: BLE001 (a panic of Rust is no Exception)
         _send(b"X", " ".join(str(error).split()).encode())
     os._exit(0)  # decoders that failed may abort when they are taken down
 

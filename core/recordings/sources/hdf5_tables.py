@@ -22,8 +22,8 @@ from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.checking import check_table
 from core.recordings.sources.hdf5_errors import UNREADABLE, explain
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, EventSource, Report
-from core.recordings.sources.table_columns import addresses, times_us
+from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.table_columns import addresses_from_column, times_us
 
 _ROWS: Final = 1 << 18
 _DSEC_SENSOR: Final = SensorSize(640, 480)
@@ -62,7 +62,7 @@ def _open_columns(
 
     def rows(file: h5py.File, first: int, last: int) -> Columns:
         t, x, y, p = (dataset_at(group_at(file, group), name)[first:last] for name in names)
-        return Columns(times_us(t) + offset_us, addresses(x), addresses(y), p > 0)
+        return Columns(times_us(t) + offset_us, addresses_from_column(x), addresses_from_column(y), p > 0)
 
     count = lengths[names[0]]
     stated = _stated_sensor(file, group)
@@ -82,7 +82,7 @@ def _open_mvsec(path: Path, davis: h5py.Group, sensor: SensorSize | None) -> lis
 
         def rows(file: h5py.File, first: int, last: int, side: str = side) -> Columns:
             x, y, t, p = np.asarray(dataset_at(group_at(file, f"davis/{side}"), "events")[first:last]).T
-            return Columns(times_us(t), addresses(x), addresses(y), p > 0)
+            return Columns(times_us(t), addresses_from_column(x), addresses_from_column(y), p > 0)
 
         sources.append(_source(path, side, "MVSEC HDF5", sensor or _MVSEC_SENSOR, rows, len(dataset)))
     if not sources:
@@ -105,7 +105,7 @@ def _source(path: Path, name: str, label: str, sensor: SensorSize | None, rows: 
     return make_source(path, name, label, sensor, lambda report: _decode(path, rows, count, report), check_table)
 
 
-def _decode(path: Path, rows: Rows, count: int, report: Report) -> Iterator[Columns]:
+def _decode(path: Path, rows: Rows, count: int, report: DecodeReport) -> Iterator[Columns]:
     _load_filters()
     first = 0
     with h5py.File(path, "r") as file:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from core.events import Events, SensorSize
-from core.recordings.sources.source import Columns, EventSource, Report
+from core.recordings.sources.source import Columns, DecodeReport, EventSource
 
 _USUAL: Final = tuple(
     SensorSize(*size)
@@ -17,10 +17,10 @@ _LARGEST_PX: Final = 8192
 
 
 class Check(Protocol):
-    """`check_stream` or `check_table`."""
+    """A check of a source: `check_stream` or `check_table`."""
 
     def __call__(
-        self, parts: Iterable[Columns], sensor: SensorSize, report: Report, *, where: str
+        self, parts: Iterable[Columns], sensor: SensorSize, report: DecodeReport, *, where: str
     ) -> Iterator[Events]: ...
 
 
@@ -29,13 +29,13 @@ def make_source(
     name: str,
     label: str,
     sensor: SensorSize | None,
-    decode: Callable[[Report], Iterator[Columns]],
+    decode: Callable[[DecodeReport], Iterator[Columns]],
     check: Check,
 ) -> EventSource:
     """The camera `name` of a file whose columns `decode` finds."""
-    size = sensor or _assume_sensor(decode(Report()))
+    size = sensor or _assume_sensor(decode(DecodeReport()))
 
-    def read(report: Report) -> Iterator[Events]:
+    def read(report: DecodeReport) -> Iterator[Events]:
         if sensor is None:
             report.notes.append(f"{path.name} does not name its sensor size; {size} is assumed from the events.")
         return check(decode(report), size, report, where=path.name)

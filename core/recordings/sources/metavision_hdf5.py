@@ -17,7 +17,7 @@ from core.recordings.sources.checking import check_stream
 from core.recordings.sources.ecf import decode_ecf
 from core.recordings.sources.hdf5_errors import UNREADABLE, explain
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, EventSource, Report
+from core.recordings.sources.source import Columns, DecodeReport, EventSource
 
 _ECF_FILTER: Final = 0x8ECF
 _ROWS: Final = 1 << 18
@@ -43,7 +43,7 @@ def _geometry(file: h5py.File) -> SensorSize | None:
     return SensorSize(int(width), int(height)) if width.isdigit() and height.isdigit() else None
 
 
-def _decode(path: Path, report: Report) -> Iterator[Columns]:
+def _decode(path: Path, report: DecodeReport) -> Iterator[Columns]:
     with h5py.File(path, "r") as file:
         done, total = 0, 1
         try:
@@ -89,7 +89,7 @@ def _columns(records: NDArray) -> Columns:
     return Columns(records["t"].astype(np.int64), records["x"], records["y"], records["p"] > 0)
 
 
-def _read_triggers(dataset: h5py.Dataset, report: Report) -> None:
+def _read_triggers(dataset: h5py.Dataset, report: DecodeReport) -> None:
     if not len(dataset) or not {"p", "t", "id"} <= set(dataset.dtype.names or ()):
         return
     try:

@@ -18,8 +18,8 @@ from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.checking import check_table
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, EventSource, Report
-from core.recordings.sources.table_columns import addresses, counts_seconds, find_columns, times_us
+from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.table_columns import addresses_from_column, counts_seconds, find_columns, times_us
 from core.recordings.sources.table_order import guess_columns
 
 _ROWS: Final = 1 << 18
@@ -39,7 +39,7 @@ def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     return [make_source(path, "camera", "NumPy", sensor or stated, lambda report: _parts(columns, report), check_table)]
 
 
-def _parts(columns: Columns, report: Report) -> Iterator[Columns]:
+def _parts(columns: Columns, report: DecodeReport) -> Iterator[Columns]:
     count = len(columns.t_us)
     for first in range(0, count, _ROWS):
         yield Columns(*(column[first : first + _ROWS] for column in columns))
@@ -81,5 +81,5 @@ def _columns(arrays: dict[str, NDArray], seconds: bool | None) -> Columns:
     for name in ("x", "y"):
         if arrays[name].dtype.kind not in "iuf":
             raise ValueError(f"column {name} is of type {arrays[name].dtype}")
-    x, y = (addresses(arrays[name]) for name in ("x", "y"))
+    x, y = (addresses_from_column(arrays[name]) for name in ("x", "y"))
     return Columns(times_us(arrays["t"], seconds=seconds), x, y, arrays["p"] > 0)

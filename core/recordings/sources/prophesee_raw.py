@@ -21,7 +21,7 @@ from core.recordings.hdf5 import read_only
 from core.recordings.sources.evt2 import decode_evt2, decode_evt21, start_state_evt2, start_state_evt21
 from core.recordings.sources.evt3 import IGNORED, decode_evt3, start_state
 from core.recordings.sources.prophesee_header import PropheseeHeader, read_prophesee_header
-from core.recordings.sources.source import EventSource, Report
+from core.recordings.sources.source import DecodeReport, EventSource
 
 _BLOCK_BYTES: Final = 1 << 20
 _ROOM_EVENTS: Final = 1 << 18
@@ -73,7 +73,7 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
     _refuse_text(path, header)
     chosen, size = version, sensor
 
-    def read(report: Report) -> Iterator[Events]:
+    def read(report: DecodeReport) -> Iterator[Events]:
         return _decode(path, header, _FORMATS[chosen], size, report)
 
     return [EventSource("camera", f"Prophesee {version}", sensor, read)]
@@ -88,7 +88,9 @@ def _refuse_text(path: Path, header: PropheseeHeader) -> None:
         raise RecordingError("no events could be read: text follows the header", where=path)
 
 
-def _decode(path: Path, header: PropheseeHeader, kind: _Format, sensor: SensorSize, report: Report) -> Iterator[Events]:
+def _decode(
+    path: Path, header: PropheseeHeader, kind: _Format, sensor: SensorSize, report: DecodeReport
+) -> Iterator[Events]:
     state: NDArray | None = None
     done = header.size_bytes
     with path.open("rb") as file:
@@ -118,7 +120,7 @@ def _decode(path: Path, header: PropheseeHeader, kind: _Format, sensor: SensorSi
 
 
 def _decode_part(
-    words: NDArray, state: NDArray, kind: _Format, sensor: SensorSize, report: Report
+    words: NDArray, state: NDArray, kind: _Format, sensor: SensorSize, report: DecodeReport
 ) -> tuple[Events, int, int]:
     """As many events as there is room for: memory stays bounded, whatever the words expand to."""
     t = np.empty(_ROOM_EVENTS, np.int64)

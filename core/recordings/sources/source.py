@@ -23,7 +23,7 @@ class Columns(NamedTuple):
 
 
 @dataclass(slots=True)
-class Report:
+class DecodeReport:
     """What a decoder says beside its events; it grows while they are read."""
 
     share: float = 0.0
@@ -46,6 +46,6 @@ class EventSource:
     format: str
     """For people: "Prophesee EVT3"."""
     sensor: SensorSize
-    read: Callable[[Report], Iterator[Events]]
+    read: Callable[[DecodeReport], Iterator[Events]]
     """Sorted events in consecutive parts on the source's own clock. It tells the report how far it is, and if it has
     to stop early, why."""

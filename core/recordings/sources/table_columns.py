@@ -34,7 +34,7 @@ def times_us(t: NDArray, *, seconds: bool | None = None) -> NDArray[np.int64]:
     return np.rint(scaled).astype(np.int64)
 
 
-def addresses(column: NDArray) -> NDArray[np.int64]:
+def addresses_from_column(column: NDArray) -> NDArray[np.int64]:
     """Whole pixel addresses; -1, which is on no sensor, for what is no number."""
     if column.dtype.kind == "f":
         column = np.where(np.abs(column) < 2**31, column, -1)

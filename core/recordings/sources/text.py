@@ -20,8 +20,8 @@ from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.checking import check_table
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, EventSource, Report
-from core.recordings.sources.table_columns import addresses, counts_seconds, find_columns, times_us
+from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.table_columns import addresses_from_column, counts_seconds, find_columns, times_us
 from core.recordings.sources.table_order import TableOrder, guess_columns
 
 _LINES: Final = 100_000
@@ -81,7 +81,7 @@ def _find_layout(path: Path) -> _Layout:
     return _Layout(separator, skip + 1, TableOrder(places, seconds))
 
 
-def _decode(path: Path, layout: _Layout, report: Report) -> Iterator[Columns]:
+def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[Columns]:
     size = max(1, path.stat().st_size)
     width = max(4, max(layout.order.places.values()) + 1)
     number = layout.skip
@@ -112,7 +112,7 @@ def _is_cut_short(line: str, table: NDArray, order: TableOrder) -> bool:
 
 def _columns(table: NDArray, order: TableOrder) -> Columns:
     t, x, y, p = (table[:, order.places[name]] for name in ("t", "x", "y", "p"))
-    return Columns(times_us(t, seconds=order.seconds), addresses(x), addresses(y), p > 0)
+    return Columns(times_us(t, seconds=order.seconds), addresses_from_column(x), addresses_from_column(y), p > 0)
 
 
 def _parse(lines: list[str], separator: str | None, width: int) -> tuple[NDArray[np.float64], int]:

@@ -31,7 +31,7 @@ class MovingBodies(Protocol):
 
     @property
     def parts(self) -> Array:
-        """(P, PART_COLUMNS)."""
+        """All parts at a time, as rows (P, PART_COLUMNS)."""
         ...
 
     def ends(self, t_s: Array) -> Array:

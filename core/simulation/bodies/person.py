@@ -37,7 +37,8 @@ class Clothes:
 
 def person_parts(clothes: Clothes, *, with_racket: bool) -> Array:
     """(16 or 14, PART_COLUMNS): head, hair, trunk, hips; upper arms, forearms, thighs, shins and shoes in pairs;
-    grip and blade."""
+    grip and blade.
+    """
     cloth, limb = clothes.texture, 0.5 * clothes.texture
     rows = [
         rod(0.085, 0.095, clothes.skin, texture=0.25, stripes_per_m=14.0, bands=2.0),
@@ -56,7 +57,7 @@ def person_parts(clothes: Clothes, *, with_racket: bool) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Player:
+class PlayerBody:
     """A person with a racket."""
 
     motion: RacketMotion
@@ -70,7 +71,7 @@ class Player:
 
     @property
     def parts(self) -> Array:
-        """(16, PART_COLUMNS)."""
+        """The parts of the body, as rows (16, PART_COLUMNS)."""
         return person_parts(self.clothes, with_racket=True)
 
     def ends(self, t_s: Array) -> Array:

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.simulation.background import LOG_LIGHT
-from core.simulation.bodies.looks import TILE_PX, draw_tile, near_tile
+from core.jit import njit
 from core.simulation.bodies.parts import PART_COLUMNS, MovingBodies, probe_bodies
 from core.simulation.bodies.shading import (
     BEFORE_NET,
@@ -22,10 +20,12 @@ from core.simulation.bodies.shading import (
     light_among,
     posed_parts,
 )
+from core.simulation.bodies.tile_updates import TILE_PX, draw_tile, near_tile
 from core.simulation.bodies.view import edge_and_ambient
-from core.simulation.scene import SceneConfig
-from core.simulation.shading import UNTOUCHED, pixel_seen
-from core.simulation.view import view_numbers
+from core.simulation.scenes.background import LOG_LIGHT
+from core.simulation.scenes.block_view import view_numbers
+from core.simulation.scenes.scene import SceneConfig
+from core.simulation.scenes.shading import UNTOUCHED, pixel_seen
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class BodyPicture:
         _render(self._maps, self._layers, self._view, ball, racket, see_racket, out)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _draw_all(shape, maps, layers, posed, circles, scene, ball_m, view):
     here, found = np.empty(len(posed), np.int64), np.empty((PARTS_IN_PIXEL, 3))
     wide, high = (shape[0] + TILE_PX - 1) // TILE_PX, (shape[1] + TILE_PX - 1) // TILE_PX
@@ -71,7 +71,7 @@ def _draw_all(shape, maps, layers, posed, circles, scene, ball_m, view):
             draw_tile(tile, shape, maps, layers, posed, circles, here, found, scene, ball_m, view)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _render(maps, layers, view, ball, racket, see_racket, out):
     for pixel in range(len(out)):
         seen = pixel_seen(maps, pixel)

@@ -1,19 +1,18 @@
 """The light of bodies in a pixel, and how ball, net and robot's racket lie before, between and behind them.
 
-Each pixel with bodies has two layers over the room of `core.simulation.background`: what is nearer to the camera than
-the ball, and what is farther. So a ball passes behind an arm and before a trunk in one pixel, edges included.
+Each pixel with bodies has two layers over the room of `core.simulation.scenes.background`: what is nearer to the camera
+than the ball, and what is farther. So a ball passes behind an arm and before a trunk in one pixel, edges included.
 """
 
 from __future__ import annotations
 
 import math
 
-import numba as nb
-
-from core.simulation.background import DEPTH_M, LIGHT, LOG_LIGHT, NET_COVER, NET_LIGHT, RAY_X, RAY_Y
+from core.jit import njit
 from core.simulation.bodies.parts import BANDS, BLADE, KIND, RADIUS_A, RADIUS_B, REFLECTANCE, STRIPES_PER_M, TEXTURE
-from core.simulation.racket_shape import racket_gap
-from core.simulation.shading import UNTOUCHED, ball_cover, pixel_light, racket_cover, smooth_step
+from core.simulation.scenes.background import DEPTH_M, LIGHT, LOG_LIGHT, NET_COVER, NET_LIGHT, RAY_X, RAY_Y
+from core.simulation.scenes.racket_shape import racket_gap
+from core.simulation.scenes.shading import UNTOUCHED, ball_cover, pixel_light, racket_cover, smooth_step
 
 NEAR_COVER, NEAR_LIGHT, NEAR_M, FAR_COVER, FAR_LIGHT, FAR_M, BEFORE_NET, LOG_TOTAL = range(8)
 """Columns of a pixel's layers: cover, light weighted by the cover, and camera z of the bodies before the ball; the same
@@ -24,7 +23,7 @@ PARTS_IN_PIXEL = 6
 """Parts that can be seen through one another's edges in one pixel; farther ones are left out."""
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def posed_parts(ends, parts, edge, rows):
     """Write `POSED_COLUMNS` numbers of every part at one instant: what its pixels have in common.
 
@@ -49,7 +48,7 @@ def posed_parts(ends, parts, edge, rows):
             row[14], row[15] = parts[index, BANDS], 0.0
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def part_light(rows, index, x, y, length2, edge, ambient, view):
     """(share of the pixel that a part covers, light there, camera z); `length2` is x^2 + y^2 + 1."""
     row = rows[index]
@@ -82,14 +81,14 @@ def part_light(rows, index, x, y, length2, edge, ambient, view):
     return cover, light, z
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def _wave(phase):
     """Between -1 and 1, once up and down per unit; close to a sine and much quicker."""
     u = 2.0 * (phase - math.floor(phase))
     return 4.0 * u * (1.0 - u) if u < 1.0 else 4.0 * (u - 1.0) * (u - 2.0)
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def draw_layers(maps, layers, pixel, posed, here, count, found, scene, ball_m, view):
     """Write the layers of a pixel; `here[:count]` are the parts that may be seen there, `found` is room to sort them.
 
@@ -140,7 +139,7 @@ def draw_layers(maps, layers, pixel, posed, here, count, found, scene, ball_m, v
     layers[pixel, LOG_TOTAL] = math.log(light) if seen else maps[pixel, LOG_LIGHT]
 
 
-@nb.njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def light_among(seen, layers, pixel, view, ball, racket, see_ball, see_shadow, see_racket):
     """Like `pixel_light`, for a pixel with bodies: ball and robot's racket among its two layers."""
     x, y, depth_m, log_light = seen[RAY_X], seen[RAY_Y], seen[DEPTH_M], seen[LOG_LIGHT]

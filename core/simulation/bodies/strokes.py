@@ -19,7 +19,7 @@ RECOVER_S: Final = 0.50
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stroke:
+class PlayerStroke:
     """The blade meets the ball."""
 
     t_s: float
@@ -36,7 +36,7 @@ class RacketMotion:
     """
 
     def __init__(
-        self, home_m: Array, forward: Array, side: Array, strokes: Sequence[Stroke], cycle_s: float | None
+        self, home_m: Array, forward: Array, side: Array, strokes: Sequence[PlayerStroke], cycle_s: float | None
     ) -> None:
         up = np.array([0.0, 0.0, 1.0])
         ready = home_m + 0.45 * forward + 0.22 * side + 0.12 * up
@@ -75,7 +75,9 @@ class RacketMotion:
         return values[:, :3], normals, values[:, 6:]
 
 
-def practice(home_m: Array, forward: Array, side: Array, cycle_s: float, rng: np.random.Generator) -> list[Stroke]:
+def practice(
+    home_m: Array, forward: Array, side: Array, cycle_s: float, rng: np.random.Generator
+) -> list[PlayerStroke]:
     """Strokes without a ball, every 1.1 to 2 s, ending before the cycle does."""
     strokes, t_s = [], 0.6 + rng.uniform(0.0, 0.8)
     while t_s < cycle_s - 2.0:
@@ -83,6 +85,6 @@ def practice(home_m: Array, forward: Array, side: Array, cycle_s: float, rng: np
         p = home_m + (0.50 + rng.uniform(-0.1, 0.1)) * forward + (0.42 + across) * side
         p[2] = height
         normal = forward + rng.uniform(-0.2, 0.4) * np.array([0.0, 0.0, 1.0])
-        strokes.append(Stroke(t_s, p, normal / np.linalg.norm(normal)))
+        strokes.append(PlayerStroke(t_s, p, normal / np.linalg.norm(normal)))
         t_s += rng.uniform(1.1, 2.0)
     return strokes

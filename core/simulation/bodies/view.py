@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.simulation.bodies.looks import LOOK_PX, REST_PX, TILE_PX
 from core.simulation.bodies.parts import PART_COLUMNS, BodyProbes, MovingBodies, probe_bodies, steps_of_fastest
-from core.simulation.scene import SceneConfig
+from core.simulation.bodies.tile_updates import REST_PX, TILE_PX, UPDATE_PX
+from core.simulation.scenes.scene import SceneConfig
 
 PROBES: Final = 11
 """Instants in a block between which bodies move evenly: in a millisecond a swing bends by 10 um."""
@@ -21,8 +21,8 @@ NOWHERE: Final = -1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TileLooks:
-    """Which tiles of a picture have to be drawn again; `core.simulation.bodies.looks` changes it in place."""
+class TileUpdates:
+    """Which tiles of a picture have to be drawn again; `core.simulation.bodies.tile_updates` changes it in place."""
 
     looked: NDArray[np.float64]
     """(P, 2, 3) circles of every part at its last look."""
@@ -34,12 +34,12 @@ class TileLooks:
     """(1,) how many are."""
 
     @staticmethod
-    def none_yet(shape: tuple[int, int], parts: int) -> TileLooks:
+    def none_yet(shape: tuple[int, int], parts: int) -> TileUpdates:
         """Nothing was ever looked at in a picture of so many columns and rows."""
         looked = np.full((parts, 2, 3), NOWHERE)
         looked[:, :, 2] = -1.0
         count = -(-shape[0] // TILE_PX) * -(-shape[1] // TILE_PX)
-        return TileLooks(looked, np.zeros(count, np.bool_), np.zeros(count, np.int64), np.zeros(1, np.int64))
+        return TileUpdates(looked, np.zeros(count, np.bool_), np.zeros(count, np.int64), np.zeros(1, np.int64))
 
 
 def edge_and_ambient(camera: Camera, scene: SceneConfig) -> tuple[float, float]:
@@ -56,12 +56,12 @@ class BodyView:
         self.parts = np.empty((0, PART_COLUMNS)) if bodies is None else bodies.parts
         self.scene = edge_and_ambient(camera, scene)
         self.layers: NDArray[np.float32] = np.zeros((shape[0] * shape[1], 8), np.float32)
-        self._looks = TileLooks.none_yet(shape, len(self.parts))
+        self._looks = TileUpdates.none_yet(shape, len(self.parts))
         self._tile_us = np.full(len(self._looks.marks), -1.0)
 
     @property
     def looks(self) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-        """Circles at each part's last look, then the tiles to look at, see `core.simulation.bodies.looks`."""
+        """Circles at each part's last look, then the tiles to look at, see `core.simulation.bodies.tile_updates`."""
         looks = self._looks
         return looks.looked, looks.marks, looks.tiles, looks.listed, self._tile_us
 
@@ -77,4 +77,4 @@ class BodyView:
             return 0
         if np.abs(probes.circles - self._looks.looked).max() < REST_PX:
             return 0
-        return steps_of_fastest(probes, LOOK_PX)
+        return steps_of_fastest(probes, UPDATE_PX)

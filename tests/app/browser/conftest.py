@@ -1,7 +1,6 @@
 """A running app and a headless Chromium that looks at it."""
 
 import io
-import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -13,11 +12,12 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
-from app.library import Library
-from app.server import Lab
+from app.modes.watch.commands import ShowSpace
+from app.server import App
 from app.session import Session
-from app.watch.commands import ShowSpace
-from app.workspace import Workspace
+from app.shared.library import Library
+from app.shared.workspace import Workspace
+from tests.ensure_chromium import find_chromium
 
 FLAGS = [
     "--headless",
@@ -37,7 +37,7 @@ CANVAS = (slice(0, 495), slice(0, 870))
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Browser]:
-    binary = os.environ.get("RALLYSCOPE_CHROMIUM") or shutil.which("chromium")
+    binary = find_chromium()
     if binary is None:
         pytest.skip("no Chromium here; see tests/ensure_chromium.py")
     with sync_playwright() as playwright:
@@ -49,7 +49,7 @@ def chromium() -> Iterator[Browser]:
 class Window:
     """One browser window, with the session that the app keeps for it."""
 
-    def __init__(self, page: Page, lab: Lab, *, in_space: bool = False, dpr: float = 1) -> None:
+    def __init__(self, page: Page, lab: App, *, in_space: bool = False, dpr: float = 1) -> None:
         self.page = page
         before = set(lab.sessions)
         page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr={dpr:g}")
@@ -101,11 +101,7 @@ class Window:
         """(720, 1280, 3) RGB of the window, also kept as a file to look at."""
         hide = "document.querySelectorAll('.mantine-Notification-root').forEach(note => note.style.display = 'none')"
         self.page.evaluate(hide)
-        data = self.page.screenshot(timeout=60_000)
-        ARTIFACTS.mkdir(exist_ok=True)
-        (ARTIFACTS / f"{name}.png").write_bytes(data)
-        with Image.open(io.BytesIO(data)) as image:
-            return np.asarray(image.convert("RGB"))
+        return save_screenshot(self.page, name)
 
     def wait_for_pixels(self, name: str, there: Callable[[np.ndarray], bool]) -> np.ndarray:
         """The first screenshot for which `there(canvas)` holds; textures arrive some frames after their message."""
@@ -115,6 +111,15 @@ class Window:
                 return canvas
             self.page.wait_for_timeout(300)
         raise AssertionError(f"the picture never became what was expected; see {ARTIFACTS / name}.png")
+
+
+def save_screenshot(page: Page, name: str) -> np.ndarray:
+    """(H, W, 3) RGB of a page, also kept as a file to look at."""
+    data = page.screenshot(timeout=60_000)
+    ARTIFACTS.mkdir(exist_ok=True)
+    (ARTIFACTS / f"{name}.png").write_bytes(data)
+    with Image.open(io.BytesIO(data)) as image:
+        return np.asarray(image.convert("RGB"))
 
 
 def wait_for(condition: Callable[[], object], what: str, timeout_s: float = 30.0) -> None:
@@ -131,22 +136,22 @@ def count_like(canvas: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 6
 
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory, serve_recording: Path) -> Iterator[Lab]:
+def lab(tmp_path_factory: pytest.TempPathFactory, serve_recording: Path) -> Iterator[App]:
     workspace = Workspace(tmp_path_factory.mktemp("workspace"))
     shutil.copy(serve_recording, workspace.recording_path("serve"))
     workspace.recording_path("broken").write_bytes(b"this is no recording")
-    lab = Lab(workspace, Library(workspace), "serve", host="127.0.0.1", port=0)
+    lab = App(workspace, Library(workspace), "serve", host="127.0.0.1", port=0)
     yield lab
     lab.stop()
 
 
 @pytest.fixture
-def workspace(lab: Lab) -> Workspace:
-    return lab.workspace
+def workspace(lab: App) -> Workspace:
+    return lab.services.workspace
 
 
 @pytest.fixture
-def window(chromium: Browser, lab: Lab) -> Iterator[Window]:
+def window(chromium: Browser, lab: App) -> Iterator[Window]:
     page = chromium.new_page(viewport={"width": 1280, "height": 720})
     window = Window(page, lab)
     yield window
@@ -156,7 +161,7 @@ def window(chromium: Browser, lab: Lab) -> Iterator[Window]:
 
 
 @pytest.fixture
-def dense_window(chromium: Browser, lab: Lab, request: pytest.FixtureRequest) -> Iterator[Window]:
+def dense_window(chromium: Browser, lab: App, request: pytest.FixtureRequest) -> Iterator[Window]:
     """On a screen with `request.param` device pixels for a CSS pixel."""
     page = chromium.new_page(viewport={"width": 1000, "height": 600}, device_scale_factor=request.param)
     yield Window(page, lab, dpr=request.param)
@@ -164,7 +169,7 @@ def dense_window(chromium: Browser, lab: Lab, request: pytest.FixtureRequest) ->
 
 
 @pytest.fixture
-def other_window(chromium: Browser, lab: Lab) -> Iterator[Window]:
+def other_window(chromium: Browser, lab: App) -> Iterator[Window]:
     page = chromium.new_page(viewport={"width": 1280, "height": 720})
     yield Window(page, lab)
     page.close()
@@ -175,7 +180,7 @@ def open_window(chromium: Browser) -> Callable:
     """Opens a browser window on any app, closed at the end of its `with`."""
 
     @contextmanager
-    def open_one(lab: Lab, *, in_space: bool = False) -> Iterator[Window]:
+    def open_one(lab: App, *, in_space: bool = False) -> Iterator[Window]:
         page = chromium.new_page(viewport={"width": 1280, "height": 720})
         try:
             yield Window(page, lab, in_space=in_space)
@@ -193,3 +198,8 @@ def _wait_for() -> Callable:
 @pytest.fixture(name="count_like")
 def _count_like() -> Callable:
     return count_like
+
+
+@pytest.fixture(name="save_screenshot")
+def _save_screenshot() -> Callable:
+    return save_screenshot

@@ -16,11 +16,11 @@ import numpy as np
 from conftest import FLAGS, Window, wait_for
 from playwright.sync_api import sync_playwright
 
-from app.library import Library
-from app.server import Lab
-from app.watch.live import LIVE, LiveRally
-from app.watch.simulation_process import SimulationProcess
-from app.workspace import Workspace
+from app.server import App
+from app.shared.library import Library
+from app.shared.live_rally import LIVE, LiveRally
+from app.shared.simulation_process import SimulationProcess
+from app.shared.workspace import Workspace
 
 
 def measure_alone(seconds: float, sensor: str) -> None:
@@ -50,7 +50,7 @@ def measure_shown(seconds: float) -> None:
         process = SimulationProcess("--auto-serve", "5")
         live = LiveRally(process.wait(), process=process)
         workspace = Workspace(Path(folder))
-        lab = Lab(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
+        lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
         browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=FLAGS)
         window = Window(browser.new_page(viewport={"width": 1280, "height": 720}), lab, in_space=True)
         world = window.session.world

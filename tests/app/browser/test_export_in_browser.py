@@ -5,12 +5,10 @@ import sys
 
 import pytest
 
-from app.export.exporter import exporter_of
-
 pytestmark = pytest.mark.browser
 
 
-def test_a_part_of_a_recording_becomes_a_rerun_file_that_can_be_downloaded(window, workspace, wait_for, tmp_path):
+def test_a_part_of_a_recording_becomes_a_rerun_file_that_can_be_downloaded(window, lab, workspace, wait_for, tmp_path):
     page = window.page
     window.press("Export")
     wait_for(lambda: window.state.mode == "Export", "the mode")
@@ -20,7 +18,7 @@ def test_a_part_of_a_recording_becomes_a_rerun_file_that_can_be_downloaded(windo
     page.keyboard.press("Enter")
     page.wait_for_timeout(500)
     page.locator("button", has_text="Export").last.click()
-    exporter = exporter_of(workspace)
+    exporter = lab.services.exporter
     wait_for(lambda: exporter.files(), "the file", 90)
     (made,) = exporter.files()
     assert made.name == "serve-1.rrd" and list(workspace.exports.iterdir()) == [workspace.exports / made.name]

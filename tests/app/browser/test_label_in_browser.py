@@ -1,11 +1,13 @@
 """Label, in a real browser. The screenshots are kept under test-artifacts/."""
 
 import math
+import threading
 
 import pytest
 
-from app.plane import FOV_RAD, UNIT
-from labels.model import Source, State
+from app.modes.label.plan import plan_at
+from app.views.image_view import FOV_RAD, UNIT
+from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer
 
 pytestmark = pytest.mark.browser
@@ -19,6 +21,17 @@ class Labelling:
         self.window, self._wait_for = window, wait_for
         self.mode = window.session._modes["Label"]
         self.page = window.page
+        self._sent = self._arrived = 0
+        mark = window.session.client.gui.add_command(
+            "Test: all before this has arrived", hotkey="home", modifier="shift"
+        )
+
+        @mark.on_trigger
+        async def _(_) -> None:
+            window.session.later(self._count)
+
+    def _count(self) -> None:
+        self._arrived += 1
 
     @property
     def work(self):
@@ -26,11 +39,31 @@ class Labelling:
 
     def settle(self, t_us: int | None = None) -> None:
         """Until everything is saved, and what is shown is what was asked for last."""
-        work = self.work
+        saved, work = threading.Event(), self.work
+        self.arrive()
+        later = lambda _: self.window.session.later(saved.set)  # noqa: E731 - behind the answers to all earlier acts
+        work.desk.look(work.layer, later, later)
+        self._wait_for(saved.is_set, "the desk")
         self._wait_for(lambda: t_us is None or work.t_us == t_us, f"the cursor to reach {t_us}")
-        self._wait_for(lambda: not work.desk.waiting and not self.mode._pictures.busy, "the desk and the pictures")
-        self.page.wait_for_timeout(100)
-        self._wait_for(lambda: work.on_screen and not self.mode._pictures.busy, "the picture of the cursor")
+        self._wait_for(self._shows_what_it_should, "the picture of the cursor")
+
+    def arrive(self) -> None:
+        """Until what the hand did so far has come from the browser to the app's loop."""
+        self._sent += 1
+        self.page.keyboard.press("Shift+Home")
+        self._wait_for(lambda: self._arrived == self._sent, "the keys to arrive")
+
+    def _shows_what_it_should(self) -> bool:
+        mode, seen, answers = self.mode, threading.Event(), []
+
+        def compare() -> None:
+            plan = plan_at(mode._scene(self.window.state), self.work.t_us, mode._centre)
+            answers.append(mode._shown is not None and mode._shown.plan == plan and self.work.on_screen)
+            seen.set()
+
+        self.window.session.later(compare)
+        assert seen.wait(30)
+        return answers[0] and not mode._pictures.busy
 
     def screen(self, x_px: float, y_px: float) -> tuple[float, float]:
         """CSS pixels of a sensor point in the large picture."""
@@ -126,11 +159,11 @@ def test_a_click_makes_a_label_that_is_on_the_disk(labelling, workspace) -> None
     labelling.click(*labelling.screen(x, y))
     labelling.settle()
     labelling.window.screenshot("label")
-    labelling.page.keyboard.press("8")
+    labelling.keys("8")
     labelling.settle()
     labelling.window.screenshot("label-zoom")
     label = labelling.label(BALL_US)
-    assert label.provenance.source is Source.SNAPPED and label.state is State.VISIBLE
+    assert label.provenance.source is PositionSource.SNAPPED and label.state is LabelState.VISIBLE
     assert math.dist((label.x_px, label.y_px), (x, y)) < 0.8
     layer = Layer(work.recording.uuid, "left", work.view.annotator)
     assert LabelStore.read(workspace.labels, layer).at(BALL_US) == label
@@ -145,11 +178,11 @@ def test_keys_do_everything_and_all_of_it_can_be_undone(labelling, wait_for) -> 
     labelling.settle()
     label = labelling.label(BALL_US)
     assert (label.x_px, label.y_px) == pytest.approx((first.x_px - 0.5, first.y_px + 0.25))
-    assert label.r_px == pytest.approx(first.r_px + 0.25) and label.provenance.source is Source.BY_HAND
+    assert label.r_px == pytest.approx(first.r_px + 0.25) and label.provenance.source is PositionSource.BY_HAND
     labelling.keys("n", "c", "Shift+V", "n", "x")
     labelling.settle(BALL_US + 6000)
-    assert labelling.label(BALL_US + 2000).state is State.PARTLY_OCCLUDED
-    assert labelling.label(BALL_US + 4000).state is State.NO_BALL
+    assert labelling.label(BALL_US + 2000).state is LabelState.PARTLY_OCCLUDED
+    assert labelling.label(BALL_US + 4000).state is LabelState.NO_BALL
     labelling.keys(*"z" * 8)
     labelling.settle(BALL_US)
     assert labelling.label(BALL_US) == first and not labelling.label(BALL_US + 4000)
@@ -186,7 +219,7 @@ def test_a_drag_gives_centre_and_radius(labelling, wait_for) -> None:
     label = labelling.label(BALL_US)
     pixel = 1 / labelling.zoom
     assert math.dist((label.x_px, label.y_px), (x, y)) < pixel and abs(label.r_px - 9.5) < 2 * pixel
-    assert label.provenance.source is Source.BY_HAND
+    assert label.provenance.source is PositionSource.BY_HAND
 
 
 def test_clicks_land_where_they_are_aimed_at_every_zoom(labelling) -> None:
@@ -208,8 +241,9 @@ def test_proposals_are_accepted_by_key_and_by_segment(labelling, wait_for) -> No
     labelling.keys("Space")
     labelling.settle(BALL_US + 2000)
     accepted = labelling.label(BALL_US)
-    assert accepted.provenance.source is Source.ACCEPTED and accepted.provenance.detector.startswith("auto#")
+    assert accepted.provenance.source is PositionSource.ACCEPTED and accepted.provenance.detector.startswith("auto#")
     labelling.keys("r")
+    labelling.settle()
     assert work.here.draft(BALL_US + 2000) is None
     labelling.keys("n")
     labelling.settle(BALL_US + 4000)

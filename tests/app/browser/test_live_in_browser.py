@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.library import Library
-from app.server import Lab
-from app.watch.live import LIVE, LiveRally
-from app.watch.simulation_process import SimulationProcess
-from app.workspace import Workspace
+from app.server import App
+from app.shared.library import Library
+from app.shared.live_rally import LIVE, LiveRally
+from app.shared.simulation_process import SimulationProcess
+from app.shared.workspace import Workspace
 from core.rally.link import messages as m
 from core.recordings import open_recording
 
@@ -20,13 +20,13 @@ TABLE_RGB = (15, 50, 105)
 
 
 @pytest.fixture(scope="module")
-def live_lab(tmp_path_factory: pytest.TempPathFactory, serve_recording: Path) -> Iterator[Lab]:
+def live_lab(tmp_path_factory: pytest.TempPathFactory, serve_recording: Path) -> Iterator[App]:
     workspace = Workspace(tmp_path_factory.mktemp("live"))
     shutil.copy(serve_recording, workspace.recording_path("serve"))
     process = SimulationProcess("--auto-serve", "5", "--seed", "3")
     live = LiveRally(process.wait(), process=process)
     live.client.set_speed(0.5)  # so that a busy machine is no part of the test
-    lab = Lab(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
+    lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
     yield lab
     lab.stop()
 
@@ -38,8 +38,8 @@ def live_window(chromium, live_lab, open_window, wait_for):
         yield window
 
 
-def rally_of(lab: Lab) -> LiveRally:
-    return lab.rallies.live
+def rally_of(lab: App) -> LiveRally:
+    return lab.services.rallies.live
 
 
 def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for, count_like) -> None:
@@ -86,10 +86,10 @@ def test_what_is_recorded_opens_again_and_shows_the_same(live_window, live_lab, 
     recording = open_recording(path)
     assert recording.duration_us > 500_000 and recording.ball is not None
     recording.close()
-    wait_for(lambda: path.stem in live_window.session.library.names(), "it to be listed")
+    wait_for(lambda: path.stem in live_window.session.services.library.names(), "it to be listed")
     live_window.session.open_recording(path.stem)
     wait_for(lambda: live_window.state.recording == path.stem, "it to open")
-    following = live_lab.rallies.of(live_window.session.recording)
+    following = live_lab.services.rallies.of(live_window.session.recording)
     wait_for(lambda: following.followed == 1.0, "the chain to follow it", 60)
     seen = [following.history.at(t, {}).picture for t in range(0, following.history.followed_us, 20_000)]
     assert any(picture.ball is not None for picture in seen)
@@ -144,4 +144,4 @@ def test_a_simulation_that_ends_is_said_and_the_rest_goes_on(live_window, live_l
     live_window.page.get_by_text("lost, ").wait_for(timeout=10_000)
     live_window.session.open_recording("serve")
     wait_for(lambda: live_window.state.recording == "serve", "a recording to open all the same")
-    assert isinstance(rally.state, m.State)
+    assert isinstance(rally.state, m.WorldState)

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from app.modes.train import TrainMode
-from app.train.run_state import RunState
-from app.train.trainer import Trainer, trainer_of
-from app.workspace import Workspace
+from app.modes.train.mode import TrainMode
+from app.server import App
+from app.shared.training.run_state import RunState
+from app.shared.training.trainer import Trainer
 
 pytestmark = pytest.mark.browser
 GREEN, ORANGE, BLUE_TABLE = (40, 230, 90), (255, 140, 40), (18, 62, 120)
@@ -20,8 +20,8 @@ PATIENT_S = 90.0
 
 
 @pytest.fixture
-def trainer(workspace: Workspace, wait_for) -> Iterator[Trainer]:
-    trainer = trainer_of(workspace)
+def trainer(lab: App, wait_for) -> Iterator[Trainer]:
+    trainer = lab.services.trainer
     yield trainer
     trainer.ask("stop")
     wait_for(lambda: trainer.active() is None, "the training to end", PATIENT_S)
@@ -53,6 +53,11 @@ def start(window, name: str, balls: int) -> None:
 
 def newest(trainer: Trainer) -> RunState:
     return trainer.runs()[0]
+
+
+def shows(mode: TrainMode, name: str) -> bool:
+    """Whether the curves are those of this run: until it is chosen they are of the one before it."""
+    return mode._view is not None and mode._view.run is not None and mode._view.run.name == name
 
 
 def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Trainer, wait_for, count_like) -> None:
@@ -103,7 +108,7 @@ def test_a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Tra
 def test_a_killed_training_is_reported_with_its_log_and_resumed(window, trainer: Trainer, wait_for) -> None:
     mode = enter(window)
     start(window, "kill-me", 2000)
-    wait_for(lambda: mode.details is not None and mode.details.evaluations, "a checkpoint", PATIENT_S)
+    wait_for(lambda: shows(mode, "kill-me") and mode.details.evaluations, "a checkpoint", PATIENT_S)
     status = newest(trainer).status
     assert status is not None and newest(trainer).name == "kill-me"
     os.kill(status.pid, signal.SIGKILL)
@@ -130,7 +135,7 @@ def test_a_browser_that_closes_changes_nothing_and_another_sees_the_same(
     page.close()
     wait_for(lambda: other.session not in lab.sessions, "the browser to be gone")
     mode = window.session._modes["Train"]
-    wait_for(lambda: mode.details is not None and mode.details.episodes_done > 0, "the other to see it")
+    wait_for(lambda: shows(mode, "shared") and mode.details.episodes_done > 0, "the other to see it")
     done = mode.details.episodes_done
     wait_for(lambda: mode.details.episodes_done > done + 20, "the training to go on")
     assert other_mode is not mode and newest(trainer).name == "shared"

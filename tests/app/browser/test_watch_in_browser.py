@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.state import ClientState
+from app.state.client_state import ClientState
 
 pytestmark = pytest.mark.browser
 YELLOW, ORANGE, BLUE = (255, 225, 60), (255, 150, 50), (80, 150, 255)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from app.cli import main
-from core.simulation.physics import draw_serves
-from core.simulation.physics.ball_states import KEYS
-from core.simulation.physics.task import task_profile
+from core.physics.ball_states import KEYS
+from core.physics.task import task_profile
+from core.simulation.episodes import draw_serves
 
 
 @pytest.fixture

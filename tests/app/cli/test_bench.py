@@ -28,7 +28,7 @@ def test_json_is_what_the_bench_returns(monkeypatch, capsys) -> None:
 
 
 def test_a_bench_that_is_not_there_yet_says_so(monkeypatch, capsys) -> None:
-    monkeypatch.setattr(bench, "HOMES", ("core.events",))  # where no bench will ever be
+    monkeypatch.setitem(bench.BENCHES, "prediction", "core.events.bench_prediction")  # will never be
     assert main(["bench", "prediction"]) == 2
     assert "not built yet" in capsys.readouterr().err
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from app.cli import main
+from core.bench.calibration.swept_ball import BallSwing, click_corners, seen_by
 from core.cameras import load_calibration, save_calibration, stereo_preset
-from core.evaluation.swept_ball import BallSwing, click_corners, seen_by
-from core.simulation import ServeConfig, StereoConfig, simulate_recording
+from core.simulation import LaunchConfig, StereoConfig, simulate_recording
 
 CAMERAS = stereo_preset("side")
 
@@ -70,7 +70,7 @@ def test_without_json_a_person_reads_what_to_do(sweep: Path, capsys) -> None:
 
 def test_events_of_a_few_serves_calibrate_the_cameras_that_saw_them(tmp_path: Path, capsys) -> None:
     path, out = tmp_path / "serves.h5", tmp_path / "rig.toml"
-    serves = [ServeConfig(speed_mps=speed, yaw_spread_deg=8.0) for speed in (4.0, 6.0, 5.0)]
+    serves = [LaunchConfig(speed_mps=speed, yaw_spread_deg=8.0) for speed in (4.0, 6.0, 5.0)]
     lenses = {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in CAMERAS.items()}
     simulate_recording(path, StereoConfig(), CAMERAS, serves, seed=5)
     for name, lens in lenses.items():

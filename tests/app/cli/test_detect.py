@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from app.cli import main
+from core.bench.detection.simulated_streams import simulate_flights
 from core.config import replace_setting, save_config
 from core.detection import auto_config
-from core.evaluation.simulated_streams import simulate_flights
 from core.recordings import RecordingWriter
 
 

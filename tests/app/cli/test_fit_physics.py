@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from app.cli import main
-from core.simulation.physics.fit_flights import simulate_flight, with_constants
+from core.physics.fit_flights import simulate_flight, with_constants
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from app.cli.main import main
 from core.events import Events
 from core.recordings import RecordingWriter
-from labels.model import Label, State
+from labels.model import Label, LabelState
 from labels.store import LabelStore
 from labels.trials.clips import MIDDLE_US, SENSOR, draw_clip
 
@@ -38,7 +38,7 @@ def data(tmp_path: Path, clip) -> Path:
         for step in range(-4, 5):
             t_us = MIDDLE_US + step * 1000
             vx, vy = (clip.v_px_per_ms * step).tolist()
-            store.put(Label(t_us=t_us, state=State.VISIBLE, x_px=x + vx, y_px=y + vy, r_px=9.0))
+            store.put(Label(t_us=t_us, state=LabelState.VISIBLE, x_px=x + vx, y_px=y + vy, r_px=9.0))
     return folder
 
 
@@ -108,7 +108,7 @@ def test_a_detector_is_scored_against_the_labels(
     assert everything["at"][3]["recall"] > 0.5
     assert report["annotator_noise"] is None
     with LabelStore.open(data / "labels", UUID, "left", "anna", blind=True) as blind:
-        blind.put(Label(t_us=MIDDLE_US, state=State.VISIBLE, x_px=160.0, y_px=120.0))
+        blind.put(Label(t_us=MIDDLE_US, state=LabelState.VISIBLE, x_px=160.0, y_px=120.0))
     code, text, _ = call(capsys, "score", *common(recording, data))
     assert code == 0
     assert "the annotator's own noise: median" in text

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from app.cli import main
-from core.simulation.physics.config import physics_profile
-from core.simulation.physics.fit_flights import simulate_flight
+from core.physics.config import physics_profile
+from core.physics.fit_flights import simulate_flight
 
 GRAVITY = 9.81
 

@@ -11,7 +11,7 @@ import pytest
 from app.cli import main
 from core.cameras import stereo_preset
 from core.events import SensorSize
-from core.learning.run_files import read_lines, seed_files
+from core.learning.runs.run_files import read_lines, seed_files
 from core.rally.link.server import ServerConfig, SimulationServer
 
 SHORT = ["--agent", "landing-model", "--state-source", "truth"]

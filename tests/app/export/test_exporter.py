@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from app.export.exporter import Exporter, ExportState
-from app.export.frozen import freeze
 from app.export.selection import Span
 from app.export.unfinished import check_cancelled, unfinished_file
-from app.workspace import Workspace
+from app.modes.export.frozen import freeze
+from app.shared.workspace import Workspace
 from core.errors import CommandError
 from core.recordings import open_recording
 

@@ -58,8 +58,13 @@ def test_a_binned_canvas_draws_at_the_same_sensor_points() -> None:
 
 def test_shapes_far_outside_do_not_overflow() -> None:
     canvas = Canvas(Region(0, 0, 16, 12))
-    canvas.draw_polygon([(-1e9, 0), (1e9, 5), (1e9, 9e9)], Ink.HULL)
     canvas.write(1e9, -1e9, "far", Ink.TEXT)
+    assert (canvas.image == Ink.OUTSIDE).all(), "no text, no ground for one"
+    canvas.draw_polygon([(-1e9, 4.0), (1e9, 4.0), (1e9, 9e9)], Ink.HULL)
+    found = lit(canvas, Ink.HULL)
+    rows = (4.0 + 0.5) * canvas.scale
+    assert np.abs(found[:, 1] - rows).max() < 2, "the side through the picture, and nothing of the others"
+    assert np.unique(found[:, 0]).size == canvas.image.shape[1], "from edge to edge"
 
 
 def test_a_zoomed_region_is_centred_and_has_the_sensor_s_shape() -> None:

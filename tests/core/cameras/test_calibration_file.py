@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from core.cameras import Camera, load_calibration, save_calibration, stereo_preset
+from core.cameras.calibration_values import CalibrationNode, read_numbers
 from core.errors import CalibrationError
 from core.geometry import invert_transform, look_at, make_transform
 
@@ -273,3 +274,12 @@ def test_a_pose_in_the_world_is_the_left_cameras(tmp_path: Path) -> None:
         {"image_width": 8, "image_height": 8, "K": LEFT.K, "D": np.zeros((1, 4)), "T_world_camera": T},
     )
     assert load_calibration(path)["camera"].T_world_camera == pytest.approx(T)
+
+
+def test_lists_of_up_to_64_rows_or_columns_are_read_and_no_longer_ones() -> None:
+    for rows, columns in ((1, 64), (64, 2)):
+        assert read_numbers(CalibrationNode({"K": [[1.0] * columns] * rows}, "a.yaml"), "K").size == rows * columns
+    assert read_numbers(CalibrationNode({"K": [1.0] * 64}, "a.yaml"), "K").shape == (64,)
+    for long in ([1.0] * 65, [[1.0] * 65], [[1.0]] * 65):
+        with pytest.raises(CalibrationError):
+            read_numbers(CalibrationNode({"K": long}, "a.yaml"), "K")

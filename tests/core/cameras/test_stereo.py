@@ -1,3 +1,4 @@
+import cv2
 import numpy as np
 import pytest
 
@@ -5,7 +6,7 @@ from core.cameras import Camera, StereoRig, TriangulationConfig, stereo_preset
 from core.cameras.stereo import interpolate_pixels
 from core.errors import CalibrationError
 from core.events import SensorSize
-from core.geometry import look_at
+from core.geometry import invert_transform, look_at
 
 
 def points(count: int = 200, seed: int = 0) -> np.ndarray:
@@ -87,6 +88,56 @@ def test_the_covariance_is_that_of_many_noisy_looks(sigma_px: float) -> None:
     whitened = np.linalg.solve(np.linalg.cholesky(claimed), measured)
     whitened = np.linalg.solve(np.linalg.cholesky(claimed), whitened.T)
     np.testing.assert_allclose(whitened, np.eye(3), atol=0.06)
+
+
+CROOKED = np.array([-0.2, 0.06, 0.02, -0.015, -0.01])
+"""A lens that is mounted askew: tangential terms ten times as large as usual."""
+
+
+def crooked_cameras() -> dict[str, Camera]:
+    K = np.array([[900.0, 0, 640], [0, 905.0, 360], [0, 0, 1]])
+    places = {"left": (-1.2, 1.7, 1.1), "right": (-1.1, -1.8, 1.3), "top": (-0.9, 0.3, 2.5)}
+    lenses = {"left": CROOKED, "right": CROOKED * [1, 1, -1, 1, 1], "top": CROOKED * [1, 1, 0, -2, 1]}
+    return {
+        name: Camera(SensorSize(1280, 720), K, lenses[name], look_at(place, (-0.5, 0.05, 0.2)))
+        for name, place in places.items()
+    }
+
+
+def opencv_pixels(cameras: dict[str, Camera], ps: np.ndarray) -> np.ndarray:
+    parts = []
+    for camera in cameras.values():
+        T_camera_world = invert_transform(camera.T_world_camera)
+        seen = cv2.projectPoints(
+            ps, cv2.Rodrigues(T_camera_world[:3, :3])[0], T_camera_world[:3, 3], camera.K, camera.distortion
+        )
+        parts.append(seen[0].reshape(-1, 2))
+    return np.stack(parts, axis=1)
+
+
+def test_lenses_that_are_mounted_askew_are_those_of_opencv() -> None:
+    ps = points(60)
+    cameras = crooked_cameras()
+    found = StereoRig(cameras).triangulate(opencv_pixels(cameras, ps))
+    np.testing.assert_allclose(found.ps_world_m, ps, atol=1e-8)
+    assert found.residuals_px.max() < 1e-5
+
+
+def test_the_covariance_is_what_each_pixel_moves_the_point_by() -> None:
+    # Where the rays meet in one point, that is exact: sigma^2 times the sum of the squared derivatives by the pixels.
+    cameras = crooked_cameras()
+    rig = StereoRig(cameras, TriangulationConfig(sigma_px=0.7))
+    ps = points(8, seed=4)
+    uvs = opencv_pixels(cameras, ps)
+    expected = np.zeros((8, 3, 3))
+    for camera in range(3):
+        for axis in range(2):
+            step = np.zeros((3, 2))
+            step[camera, axis] = 1e-3
+            slope = (rig.triangulate(uvs + step).ps_world_m - rig.triangulate(uvs - step).ps_world_m) / 2e-3
+            expected += 0.7**2 * slope[:, :, None] * slope[:, None, :]
+    found = rig.triangulate(uvs).covariances_m2
+    np.testing.assert_allclose(found, expected, atol=1e-5 * expected.max())
 
 
 def test_one_point_is_a_row_of_many_and_is_gated() -> None:

@@ -80,5 +80,9 @@ def test_other_sensor_sizes_can_follow(make, make_scene, make_flight) -> None:
     detector = make()
     for sensor in (SensorSize(64, 1), SensorSize(1, 64), SensorSize(333, 217)):
         detector.reset()
-        for window in make_scene(noise_hz=300, duration_us=8000, sensor=sensor).windows():
-            detector.step(window)
+        windows = make_scene(noise_hz=300, duration_us=8000, sensor=sensor).windows()
+        found = [detector.step(window) for window in windows]
+        fresh = make()
+        assert found == [fresh.step(window) for window in windows], "nothing of the other sensor is left"
+        for one in found:
+            assert one is None or (0 <= one.u_px < sensor.width_px and 0 <= one.v_px < sensor.height_px)

@@ -3,7 +3,7 @@ import pytest
 
 from core.config import replace_setting
 from core.detection import ReferenceDetector, TrackState, auto_config, paper_config, trace_window
-from core.detection.fast_cluster import grid_labels
+from core.detection.fast.cluster import grid_labels
 from core.events import Events, SensorSize, Window
 
 STAGES = ["roi", "denoise", "cluster", "polarity", "geometry", "localise"]

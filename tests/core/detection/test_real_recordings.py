@@ -8,7 +8,7 @@ import pytest
 from core.config import load_config
 from core.detection import DetectorConfig, FastDetector, TrackState, auto_config, trace_window
 from core.detection.window import windows_between
-from core.evaluation import run_detector
+from core.metrics import run_detector
 from core.recordings import open_recording
 
 ROOT = Path(__file__).parents[3]

@@ -5,7 +5,7 @@ from core.cameras import Camera
 from core.events import SensorSize
 from core.geometry import look_at
 from core.simulation import SensorConfig
-from core.simulation.flight import Flight
+from core.simulation.flights.ball_path import ParabolicPath
 
 QUIET = SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0)
 """Only what the light does."""
@@ -19,9 +19,9 @@ def small_camera() -> Camera:
 
 
 @pytest.fixture(scope="session")
-def crossing() -> Flight:
+def crossing() -> ParabolicPath:
     """A ball that crosses the small camera's picture at 4 m/s, in it from the start and at the end."""
     position, velocity = np.array([[0.08, 0.0, 0.2]]), np.array([[-4.0, 0.0, 0.0]])
-    return Flight(
+    return ParabolicPath(
         np.array([-0.2]), position - 4.0 * 0.2 * np.array([[-1.0, 0, 0]]), velocity, np.zeros((1, 3)), 1.0, 0.0
     )

@@ -8,25 +8,25 @@ from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings import open_recording
 from core.simulation import (
+    LaunchConfig,
     SensorConfig,
-    ServeConfig,
     StereoConfig,
-    draw_serves,
+    draw_serve_series,
     ensure_demo,
     pixel_truth,
     simulate_recording,
     simulate_stereo,
     truth_times,
 )
-from core.simulation.bodies import make_bodies
-from core.simulation.frames import FrameConfig
+from core.simulation.bodies import make_actors
+from core.simulation.frames.frames import FrameConfig
 
 CAMERAS = stereo_preset()
 SMALL = stereo_preset(sensor=SensorSize(320, 240))
 
 
 def test_the_truth_is_linear_enough_between_its_samples() -> None:
-    flights = draw_serves([ServeConfig(speed_mps=9.0), ServeConfig(speed_mps=3.0)], np.random.default_rng(0))
+    flights = draw_serve_series([LaunchConfig(speed_mps=9.0), LaunchConfig(speed_mps=3.0)], np.random.default_rng(0))
     end_us = int(flights.end_s * 1e6)
     truth = pixel_truth(CAMERAS["left"], flights, truth_times(flights, 0, end_us))
     fine_us = np.arange(0, end_us, 137)
@@ -59,7 +59,7 @@ def test_the_leading_edge_of_the_events_lies_on_the_truth(serve_recording) -> No
 def test_a_recording_holds_events_truth_and_how_it_was_made(tmp_path) -> None:
     path = tmp_path / "made.h5"
     shares: list[float] = []
-    made = simulate_recording(path, StereoConfig(), SMALL, [ServeConfig()], seed=3, progress=shares.append)
+    made = simulate_recording(path, StereoConfig(), SMALL, [LaunchConfig()], seed=3, progress=shares.append)
     with_file = open_recording(path)
     try:
         assert with_file.duration_us == made.duration_us and made.finished
@@ -72,7 +72,7 @@ def test_a_recording_holds_events_truth_and_how_it_was_made(tmp_path) -> None:
         with_file.close()
     assert shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
     with pytest.raises(RecordingError, match="exists"):
-        simulate_recording(path, StereoConfig(), SMALL, [ServeConfig()], seed=3)
+        simulate_recording(path, StereoConfig(), SMALL, [LaunchConfig()], seed=3)
 
 
 def test_a_cancelled_recording_keeps_what_there_is(tmp_path) -> None:
@@ -82,7 +82,7 @@ def test_a_cancelled_recording_keeps_what_there_is(tmp_path) -> None:
         calls.append(None)
         return len(calls) > 10
 
-    made = simulate_recording(path, StereoConfig(), SMALL, [ServeConfig()], seed=3, cancelled=cancelled)
+    made = simulate_recording(path, StereoConfig(), SMALL, [LaunchConfig()], seed=3, cancelled=cancelled)
     assert not made.finished and made.duration_us == 100_000
     recording = open_recording(path)
     assert recording.duration_us == 100_000 and sum(s.event_count for s in recording.cameras.values()) > 0
@@ -110,18 +110,18 @@ def test_a_demo_that_fails_leaves_nothing_behind(tmp_path) -> None:
 
 def test_a_scene_with_people_hides_the_ball_in_the_truth_too(tmp_path) -> None:
     """The head passes between the left camera and the ball of a rally's scene at some time; nobody does in `ball`."""
-    flights = draw_serves([ServeConfig(speed_mps=3.0)] * 8, np.random.default_rng(3))
+    flights = draw_serve_series([LaunchConfig(speed_mps=3.0)] * 8, np.random.default_rng(3))
     times_us = truth_times(flights, 0, int(flights.end_s * 1e6))
     camera = CAMERAS["left"]
     alone = pixel_truth(camera, flights, times_us).visible
-    among = pixel_truth(camera, flights, times_us, make_bodies("head", 0)).visible
+    among = pixel_truth(camera, flights, times_us, make_actors("head", 0)).visible
     assert 0 < (alone & ~among).sum() < 0.5 * alone.sum() and not (among & ~alone).any()
 
 
 def test_pictures_change_nothing_in_the_events_and_lie_beside_them(tmp_path) -> None:
-    serves, frames = [ServeConfig(speed_mps=9.0)], FrameConfig(rate_hz=40.0)
+    serves, frames = [LaunchConfig(speed_mps=9.0)], FrameConfig(rate_hz=40.0)
     made = simulate_recording(tmp_path / "a.h5", StereoConfig(), SMALL, serves, seed=3, frames=frames, threads=1)
-    flights = draw_serves(serves, np.random.default_rng(3))
+    flights = draw_serve_series(serves, np.random.default_rng(3))
     found: dict[str, list[np.ndarray]] = {name: [] for name in SMALL}
     for chunk in simulate_stereo(StereoConfig(), SMALL, flights, seed=3):  # the way of recordings before there were any
         for name, events in chunk.events.items():
@@ -139,6 +139,6 @@ def test_pictures_change_nothing_in_the_events_and_lie_beside_them(tmp_path) -> 
 
 
 def test_without_pictures_there_are_none(tmp_path) -> None:
-    made = simulate_recording(tmp_path / "a.h5", StereoConfig(), SMALL, [ServeConfig(speed_mps=9.0)], seed=3)
+    made = simulate_recording(tmp_path / "a.h5", StereoConfig(), SMALL, [LaunchConfig(speed_mps=9.0)], seed=3)
     with open_recording(made.path) as recording:
         assert made.frames == 0 and not recording.frames

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from core.errors import ConfigError
-from core.simulation.physics.config import physics_profile
-from core.simulation.physics.fit_flights import simulate_flight
+from core.physics.config import physics_profile
+from core.physics.fit_flights import simulate_flight
 from core.table import BALL_RADIUS_M, REAL_DRAG, REAL_FRICTION, REAL_RESTITUTION, TABLE_WIDTH_M
 from core.trajectory import FilterConfig, FilterPredictor, filter_for
-from core.trajectory.ball_kernel import LIFT, TOUCHES, fly, touches
+from core.trajectory.ball_filter import TYPICAL, BallFilter
+from core.trajectory.ball_kernel import LIFT, TOUCHES, fly_and_bounce, touches
+from core.trajectory.filter_kernel import ProcessNoise, move
 
 START = np.array([1.2, 0.1, 0.30, -5.0, 0.2, 1.0, 20.0, -80.0, 40.0])
 REAL = np.array([REAL_DRAG.value, REAL_RESTITUTION.value, REAL_FRICTION.value, 0.0, 0.0])
@@ -18,7 +20,7 @@ REAL = np.array([REAL_DRAG.value, REAL_RESTITUTION.value, REAL_FRICTION.value, 0
 def path(state: np.ndarray, t_s: np.ndarray, magnus: float = 0.10) -> np.ndarray:
     states, s, now = [], state.copy(), 0.0
     for t in t_s:
-        fly(s, t - now, LIFT * magnus)
+        fly_and_bounce(s, t - now, LIFT * magnus)
         now = t
         states.append(s.copy())
     return np.array(states)
@@ -199,6 +201,58 @@ def test_an_observation_may_bring_its_own_covariance_and_a_lead_that_lasts_is_no
         sigmas.append(np.sqrt(off @ np.linalg.solve(predictor.covariance[:3, :3], off)))
     assert sigmas[0] > 5, "taken for the truth"
     assert sigmas[1] < 2
+
+
+def test_a_flight_is_as_likely_as_its_points_from_the_eighth_on() -> None:
+    t_s, truth = fly_up(np.concatenate([START, REAL]), 0.05)
+    noise = 1e-6 * np.eye(3)
+    config = FilterConfig(adapt_points=0)
+    begun = [BallFilter(config, 0, truth[0, :3], noise, restless=restless, odds=0.25) for restless in (False, True)]
+    assert [one.log_odds for one in begun] == [np.log(0.25)] * 2
+    assert begun[0].unrest == ProcessNoise(LIFT * config.magnus, config.air_noise, config.bounce_noise_mps, 0.0, 0.15)
+    assert begun[1].unrest[1:3] == (config.restless_air, config.restless_bounce_mps)
+    one, gained = begun[0], []
+    for t, p in zip(t_s[1:], truth[1:, :3], strict=True):
+        state, cov = one.state.copy(), one.covariance.copy()
+        move(state, cov, round(1e6 * t) * 1e-6 - one.t_us * 1e-6, one.unrest)
+        S, miss = cov[:3, :3] + noise, p - state[:3]
+        before = one.log_odds
+        one.take(round(1e6 * t), p, noise)
+        gained.append(one.log_odds - before)
+        if len(gained) >= TYPICAL:
+            likelihood = -0.5 * (miss @ np.linalg.solve(S, miss) + np.log(np.linalg.det(S)))
+            assert gained[-1] == pytest.approx(likelihood, abs=1e-6)
+    assert not any(gained[: TYPICAL - 1]) and all(gained[TYPICAL - 1 :])
+
+
+def test_points_that_do_not_fit_are_counted_until_one_does() -> None:
+    _, truth = fly_up(np.concatenate([START, REAL]), 0.03)
+    one = BallFilter(FilterConfig(), 0, truth[0, :3], 1e-6 * np.eye(3), restless=False, odds=1.0)
+    strays = []
+    for k in range(1, 30):
+        one.take(1000 * k, truth[k, :3] + (0.5 if k in (20, 21, 22, 25) else 0.0), 1e-6 * np.eye(3))
+        strays.append(one.strays)
+    assert strays[18:] == [0, 1, 2, 3, 0, 0, 1, 0, 0, 0, 0]
+
+
+def test_the_scale_of_the_noise_begins_with_what_was_said_and_is_bounded() -> None:
+    one = BallFilter(FilterConfig(adapt_points=8), 0, np.zeros(3), np.eye(3), restless=False, odds=1.0)
+    np.testing.assert_array_equal(one.noise_scales, 1.0)
+    one._tally[:] = [[24.0, -8.0, 1e9], [8.0, 0.0, 0.0]]
+    np.testing.assert_allclose(one.noise_scales, [(8 + 24) / 16, 0.01, 100.0])
+
+
+def test_the_first_spread_is_what_the_configuration_says() -> None:
+    config = FilterConfig(ahead_m=0.003)
+    noise = np.array([[2e-6, 1e-6, 0.0], [1e-6, 3e-6, 0.0], [0.0, 0.0, 4e-6]])
+    one = BallFilter(config, 0, np.array([1.0, 2.0, 3.0]), noise, restless=False, odds=1.0)
+    np.testing.assert_allclose(one.covariance[:3, :3], noise + 9e-6 * np.eye(3))
+    sigmas = [10.0] * 3 + [config.spin_sigma_radps] * 3
+    sigmas += [config.drag_sigma, config.restitution_sigma, config.friction_sigma, config.table_sigma_m, 0.003]
+    rest = one.covariance[3:, 3:]
+    np.testing.assert_allclose(rest, np.diag(np.square(sigmas)))
+    expected = [1.0, 2.0, 3.0, -4.0, 0, 0, 0, 0, 0, config.drag, config.restitution, config.friction, 0.0, 0.0]
+    np.testing.assert_array_equal(one.state, expected)
 
 
 def test_strays_are_left_out_and_a_ball_elsewhere_begins_anew() -> None:

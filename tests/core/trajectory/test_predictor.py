@@ -2,10 +2,12 @@ import numpy as np
 import pytest
 
 from core.errors import ConfigError
-from core.simulation.physics import TaskConfig, draw_serves, fly_serves
-from core.simulation.physics.simulate import sample_serves
+from core.physics import TaskConfig
+from core.simulation.episodes import draw_serves, fly_serves
+from core.simulation.episodes.closed_form import sample_serves
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 from core.trajectory import PaperPredictor, PaperPredictorConfig, Prediction, predict_arrivals, predictor_for
+from core.trajectory.prediction import _one_sigma_moves
 
 LAUNCH = np.array([1.5, 0.2, 0.35])
 VELOCITY = np.array([-5.0, -0.1, 0.6])
@@ -239,3 +241,37 @@ def test_with_friction_the_flight_off_the_table_is_that_of_the_simulated_table(s
         np.testing.assert_allclose(found.p_world_m, truth[:3], atol=0.002)
         np.testing.assert_allclose(found.v_world_mps, truth[3:6], atol=0.01)
         assert found.t_s == pytest.approx(arrivals.t_s[number], abs=0.001)
+
+
+def test_points_that_waited_for_the_bounce_to_be_noticed_may_complete_a_prediction_at_once() -> None:
+    t_us = np.arange(0, 400_000, 1000)
+    ps, bounce_s, _ = ideal_flight(t_us * 1e-6)
+    predictor = PaperPredictor(PaperPredictorConfig(spacing_ms=5.0, bounce_rise_m=0.08))
+    for t, p in zip(t_us, ps, strict=True):
+        found = predictor.add(int(t), p)
+        if predictor.bounces_us:
+            break
+    assert t > 1e6 * bounce_s + 25_000, "a rise of 8 cm takes as long as five observations"
+    assert found is not None and found is predictor.latest
+    assert (found.stage, found.t_us) == ("post", t)
+
+
+def test_the_order_of_points_is_kept_where_a_bounce_leaves_none_of_them() -> None:
+    t_us = np.arange(0, 400_000, 5000)
+    ps, bounce_s, _ = ideal_flight(t_us * 1e-6)
+    predictor = PaperPredictor(PaperPredictorConfig(bounce_guard_ms=30.0))
+    for t, p in zip(t_us, ps, strict=True):
+        predictor.add(int(t), p)
+        if predictor.bounces_us:
+            break
+    assert 0 < t - 1e6 * bounce_s < 30_000, "noticed while it is guarded: no point is left"
+    with pytest.raises(ConfigError, match="not in order"):
+        predictor.add(int(t), p)
+    predictor.add(int(t) + 5000, p)
+
+
+def test_what_a_sigma_moves_is_half_the_way_between_its_neighbours_or_all_of_the_way_to_the_one_that_there_is() -> None:
+    values = np.array([10.0, 13.0, 9.0, np.nan, 8.5, 10.5, np.nan, np.nan, np.nan, 7.0, 7.0])
+    np.testing.assert_allclose(_one_sigma_moves(values), [2.0, 1.5, 0.5, 0.0, 0.0])
+    pairs = np.column_stack([values, -values])
+    np.testing.assert_allclose(_one_sigma_moves(pairs)[:, 1], [-2.0, -1.5, -0.5, 0.0, 0.0])

@@ -5,13 +5,13 @@ import pytest
 
 from labels.arrays import LabelArrays, label_arrays
 from labels.assist.curve import CurveConfig, find_breaks, interpolate, split_segments
-from labels.model import Label, State
+from labels.model import Label, LabelState
 from labels.trials.assistance import try_interpolation
 
 
 def along(t_us: np.ndarray, x: np.ndarray, y: np.ndarray) -> LabelArrays:
     return label_arrays(
-        Label(t_us=int(t), state=State.VISIBLE, x_px=float(a), y_px=float(b), r_px=5.0 + 1e-5 * float(t))
+        Label(t_us=int(t), state=LabelState.VISIBLE, x_px=float(a), y_px=float(b), r_px=5.0 + 1e-5 * float(t))
         for t, a, b in zip(t_us, x, y, strict=True)
     )
 
@@ -54,10 +54,10 @@ def test_a_break_that_a_person_marks_is_not_crossed() -> None:
     np.testing.assert_array_equal(curve.covered, (False, False, False, True))
 
 
-@pytest.mark.parametrize("state", [State.NO_BALL, State.OCCLUDED, State.OUT_OF_FRAME])
-def test_nothing_is_made_up_while_the_ball_is_not_seen(state: State) -> None:
+@pytest.mark.parametrize("state", [LabelState.NO_BALL, LabelState.OCCLUDED, LabelState.OUT_OF_FRAME])
+def test_nothing_is_made_up_while_the_ball_is_not_seen(state: LabelState) -> None:
     t = np.arange(0, 200_000, 10_000)
-    labels = [Label(t_us=int(k), state=State.VISIBLE, x_px=k * 1e-3, y_px=0.0) for k in t]
+    labels = [Label(t_us=int(k), state=LabelState.VISIBLE, x_px=k * 1e-3, y_px=0.0) for k in t]
     keys = label_arrays([*labels, Label(t_us=95_000, state=state)])
     curve = interpolate(keys, [85_000, 92_000, 97_000, 105_000])
     np.testing.assert_array_equal(curve.covered, (True, False, False, True))

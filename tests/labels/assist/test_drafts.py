@@ -13,7 +13,7 @@ from labels.assist import (
     label_from_snap,
     labels_from_curve,
 )
-from labels.model import Label, Source, State
+from labels.model import Label, LabelState, PositionSource
 
 CAMERAS = stereo_preset("side")
 T = np.arange(0, 200_000, 20_000)
@@ -27,7 +27,7 @@ def path(t_us: np.ndarray) -> np.ndarray:
 def labels_of(name: str, t_us: np.ndarray) -> LabelArrays:
     circles = ball_circles(CAMERAS[name], path(t_us))
     return label_arrays(
-        Label(t_us=int(t), state=State.VISIBLE, x_px=float(u), y_px=float(v), r_px=float(r))
+        Label(t_us=int(t), state=LabelState.VISIBLE, x_px=float(u), y_px=float(v), r_px=float(r))
         for t, u, v, r in zip(t_us, circles.u_px, circles.v_px, circles.r_px, strict=True)
     )
 
@@ -37,14 +37,14 @@ def test_a_snap_becomes_a_label_that_says_so() -> None:
     label = label_from_snap(snap, window_us=(4000, 6000), rendering="count", time_spent_ms=800)
     assert (label.t_us, label.x_px, label.y_px, label.r_px) == (5000, 10.5, 20.5, 7.0)
     assert label.covariance_px2 == (0.01, 0.0, 0.02)
-    assert (label.provenance.source, label.provenance.window_us) == (Source.SNAPPED, (4000, 6000))
+    assert (label.provenance.source, label.provenance.window_us) == (PositionSource.SNAPPED, (4000, 6000))
 
 
 def test_an_interpolation_becomes_labels_only_where_it_is_covered() -> None:
     curve = interpolate(labels_of("left", T), [10_000, 30_000, 500_000])
     labels = labels_from_curve(curve)
     assert [label.t_us for label in labels] == [10_000, 30_000]
-    assert all(label.provenance.source is Source.INTERPOLATED for label in labels)
+    assert all(label.provenance.source is PositionSource.INTERPOLATED for label in labels)
     assert labels[0].covariance_px2 is not None and labels[0].covariance_px2[0] > 0
 
 
@@ -69,5 +69,5 @@ def test_cameras_that_were_labelled_at_different_instants_are_compared_through_t
 
 
 def test_a_label_without_a_ball_has_nothing_to_agree_with() -> None:
-    absent = label_arrays([Label(t_us=0, state=State.NO_BALL)])
+    absent = label_arrays([Label(t_us=0, state=LabelState.NO_BALL)])
     assert np.isnan(check_labels(CAMERAS["left"], absent, CAMERAS["right"], labels_of("right", T)).residual_px).all()

@@ -12,7 +12,7 @@ from labels.assist.blind import is_blind_sample, next_blind
 from labels.assist.propose import Proposals, accept, detector_name, propose, steady_segment
 from labels.assist.residual import residual_of_neighbours
 from labels.assist.review import QueueConfig, review_queue
-from labels.model import Label, Provenance, Source, State
+from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore, Layer
 from labels.trials.assistance import try_queue
 from labels.trials.clips import MIDDLE_US, SENSOR, draw_clip
@@ -21,7 +21,7 @@ T = np.arange(0, 60_000, 2000)
 
 
 def straight(**changes: Label) -> LabelArrays:
-    labels = {int(t): Label(t_us=int(t), state=State.VISIBLE, x_px=100 + t * 2e-3, y_px=50.0) for t in T}
+    labels = {int(t): Label(t_us=int(t), state=LabelState.VISIBLE, x_px=100 + t * 2e-3, y_px=50.0) for t in T}
     labels.update({label.t_us: label for label in changes.values()})
     return label_arrays(labels.values())
 
@@ -37,7 +37,7 @@ def test_good_labels_are_not_queued() -> None:
 
 
 def test_a_label_off_the_path_comes_first_and_says_why() -> None:
-    off = Label(t_us=20_000, state=State.VISIBLE, x_px=140.0, y_px=62.0)
+    off = Label(t_us=20_000, state=LabelState.VISIBLE, x_px=140.0, y_px=62.0)
     queue = review_queue(straight(off=off))
     assert queue[0].t_us == 20_000
     assert queue[0].reason == "12.0 px off the path of its neighbours"
@@ -45,15 +45,15 @@ def test_a_label_off_the_path_comes_first_and_says_why() -> None:
 
 
 def test_a_ball_that_is_missing_once_or_there_once_is_queued() -> None:
-    missing = Label(t_us=20_000, state=State.NO_BALL)
+    missing = Label(t_us=20_000, state=LabelState.NO_BALL)
     assert "no ball at this time only" in review_queue(straight(missing=missing))[0].reason
-    absent = [Label(t_us=int(t), state=State.NO_BALL) for t in T if t != 20_000]
-    lonely = label_arrays([*absent, Label(t_us=20_000, state=State.VISIBLE, x_px=1.0, y_px=1.0)])
+    absent = [Label(t_us=int(t), state=LabelState.NO_BALL) for t in T if t != 20_000]
+    lonely = label_arrays([*absent, Label(t_us=20_000, state=LabelState.VISIBLE, x_px=1.0, y_px=1.0)])
     assert [(item.t_us, item.reason) for item in review_queue(lonely)] == [(20_000, "a ball at this time only")]
 
 
 def test_the_detector_speaks_against_labels() -> None:
-    nowhere = straight(**{f"l{t}": Label(t_us=t, state=State.NO_BALL) for t in (20_000, 22_000, 24_000)})
+    nowhere = straight(**{f"l{t}": Label(t_us=t, state=LabelState.NO_BALL) for t in (20_000, 22_000, 24_000)})
     reasons = {item.t_us: item.reason for item in review_queue(nowhere, proposals=detections())}
     assert all("detector sees a ball" in reasons[t] for t in (20_000, 22_000, 24_000))
     silent = review_queue(straight(), proposals=detections(T[:20]))
@@ -107,7 +107,7 @@ def test_an_accepted_proposal_says_so() -> None:
     label = accept(detections(), 3, time_spent_ms=120)
     assert (label.t_us, label.x_px, label.r_px) == (6000, 112.0, 6.0)
     assert label.provenance == Provenance(
-        source=Source.ACCEPTED, detector="d", window_us=(4000, 6000), time_spent_ms=120
+        source=PositionSource.ACCEPTED, detector="d", window_us=(4000, 6000), time_spent_ms=120
     )
     assert label.covariance_px2 == (0.01, 0.0, 0.01)
 
@@ -167,12 +167,12 @@ def test_one_in_twenty_labels_is_asked_for_again_the_oldest_first(tmp_path: Path
         assert next_blind(first, second) is None
         times = chosen[:3]
         for age, t in enumerate(reversed(times)):
-            first.put(Label(t_us=t, state=State.NO_BALL, provenance=Provenance(made_at_us=age + 1)))
-        first.put(Label(t_us=next(t for t in range(99) if t not in chosen), state=State.NO_BALL))
+            first.put(Label(t_us=t, state=LabelState.NO_BALL, provenance=Provenance(made_at_us=age + 1)))
+        first.put(Label(t_us=next(t for t in range(99) if t not in chosen), state=LabelState.NO_BALL))
         assert next_blind(first, second) == times[2]
         assert next_blind(first, second, recent_us=[times[2]]) == times[1]
-        second.put(Label(t_us=times[2], state=State.NO_BALL))
-        second.put(Label(t_us=times[1], state=State.NO_BALL))
+        second.put(Label(t_us=times[2], state=LabelState.NO_BALL))
+        second.put(Label(t_us=times[1], state=LabelState.NO_BALL))
         assert next_blind(first, second) == times[0]
-        second.put(Label(t_us=times[0], state=State.NO_BALL))
+        second.put(Label(t_us=times[0], state=LabelState.NO_BALL))
         assert next_blind(first, second) is None

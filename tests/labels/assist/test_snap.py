@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.events import Events, SensorSize
-from core.simulation.sensor import SensorConfig
+from core.simulation.sensor.sensor import SensorConfig
 from labels.assist.snap import snap
 from labels.trials.assistance import try_snap
 from labels.trials.clips import MIDDLE_US, SENSOR, Clip, draw_clip

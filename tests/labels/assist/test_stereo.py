@@ -2,12 +2,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from core.cameras import ball_circles, stereo_preset
+from core.table import GRAVITY_MPS2
 from labels.arrays import label_arrays
-from labels.assist.flight import fit_flight
+from labels.assist.curve import NOT_COVERED
+from labels.assist.flight import FittedFlight, curve_of_flight, fit_flight
 from labels.assist.stereo import check_stereo, epipolar_curve, nearest_on_curve
-from labels.model import Label, State
+from labels.model import Label, LabelState
 from labels.trials.assistance import try_stereo_flags
 
 CAMERAS = stereo_preset("side")
@@ -57,11 +60,12 @@ def test_errors_across_the_epipolar_line_are_flagged_and_good_labels_are_not() -
     assert trial.flagged_along < 0.1  # nothing can see those: the trial says so
 
 
-def labels_of(camera, t_us: np.ndarray, points: np.ndarray):
+def labels_of(camera, t_us: np.ndarray, points: np.ndarray, off_px: np.ndarray | None = None):
     circles = ball_circles(camera, points)
+    uvs = np.column_stack([circles.u_px, circles.v_px]) + (0.0 if off_px is None else off_px)
     return label_arrays(
-        Label(t_us=int(t), state=State.VISIBLE, x_px=float(u), y_px=float(v))
-        for t, u, v in zip(t_us, circles.u_px, circles.v_px, strict=True)
+        Label(t_us=int(t), state=LabelState.VISIBLE, x_px=float(u), y_px=float(v))
+        for t, (u, v) in zip(t_us, uvs, strict=True)
     )
 
 
@@ -81,6 +85,63 @@ def test_a_flight_is_found_from_keyframes_of_both_cameras_even_at_different_time
     truth = ball_circles(LEFT, path(wanted))
     assert np.hypot(seen[:, 0] - truth.u_px, seen[:, 1] - truth.v_px).max() < 0.5
     assert np.abs(seen[:, 2] - truth.r_px).max() < 0.1
+
+
+def flown(t_s: np.ndarray, start: np.ndarray, drag_per_m: float, spin_per_s: np.ndarray) -> np.ndarray:
+    """(N, 3) positions by another integrator, from the law: drag against the velocity, Magnus across it, gravity."""
+
+    def rates(_: float, s: np.ndarray) -> np.ndarray:
+        v = s[3:]
+        return np.concatenate([v, -drag_per_m * np.linalg.norm(v) * v + np.cross(spin_per_s, v) - [0, 0, GRAVITY_MPS2]])
+
+    there = solve_ivp(rates, (0.0, float(t_s[-1]) + 1e-9), start, "DOP853", t_eval=t_s, rtol=1e-11, atol=1e-12)
+    return there.y[:3].T
+
+
+START = np.array([0.6, 0.2, 0.3, -5.5, -0.3, 1.6])
+DRAG_PER_M, SPIN_PER_S = 0.17, np.array([0.3, -1.1, 0.8])
+
+
+def test_a_flight_of_known_air_is_the_solution_of_its_equation_of_motion() -> None:
+    t_us = np.concatenate([np.arange(0, 12_000, 500), np.arange(12_000, 400_000, 7_300)])
+    flight = FittedFlight(0, 400_000, np.concatenate([START, [DRAG_PER_M], SPIN_PER_S]), 0.0)
+    np.testing.assert_allclose(flight.at(t_us), flown(t_us * 1e-6, START, DRAG_PER_M, SPIN_PER_S), atol=1e-8)
+
+
+def test_drag_and_spin_are_read_off_labels_of_both_cameras() -> None:
+    t = np.arange(0, 380_000, 5_000)
+    path = flown(t * 1e-6, START, DRAG_PER_M, SPIN_PER_S)
+    flight = fit_flight((LEFT, RIGHT), (labels_of(LEFT, t, path), labels_of(RIGHT, t, path)))
+    assert flight is not None and flight.residual_px < 0.2
+    # What is believed of them beforehand draws a little: drag 0.112 +- 0.06, spin 0 +- 1.
+    assert flight.values[6] == pytest.approx(DRAG_PER_M, abs=0.006)
+    np.testing.assert_allclose(flight.values[7:], SPIN_PER_S, atol=0.1)
+    np.testing.assert_allclose(flight.values[:6], START, atol=0.03)
+    np.testing.assert_allclose(flight.at(t), path, atol=0.0015)
+
+
+def test_where_labels_say_nothing_of_them_drag_and_spin_are_what_balls_have() -> None:
+    # Over 30 ms the air moves the ball by half a millimetre, and labels err by a pixel, which is two.
+    t = np.arange(0, 40_000, 10_000)
+    path = flown(t * 1e-6, START, 0.112, np.zeros(3))
+    for seed in range(3):
+        off = np.random.default_rng(seed).normal(0, 1.0, (2, 4, 2))
+        flight = fit_flight((LEFT, RIGHT), (labels_of(LEFT, t, path, off[0]), labels_of(RIGHT, t, path, off[1])))
+        assert flight is not None
+        assert flight.values[6] == pytest.approx(0.112, abs=0.03)
+        np.testing.assert_allclose(flight.values[7:], 0.0, atol=0.7)
+
+
+def test_a_flight_is_seen_between_its_first_and_last_label_and_nowhere_else() -> None:
+    flight = FittedFlight(1000, 200_000, np.concatenate([START, [DRAG_PER_M], SPIN_PER_S]), 0.8)
+    curve = curve_of_flight(flight, LEFT, [999, 1000, 100_000, 200_000, 200_001])
+    assert np.isfinite(curve.x_px).tolist() == [False, True, True, True, False]
+    assert curve.segment.tolist() == [NOT_COVERED, 0, 0, 0, NOT_COVERED]
+    np.testing.assert_allclose(curve.sigma_px[1:4], 0.8)
+    circles = ball_circles(LEFT, flight.at([1000, 100_000, 200_000]))
+    np.testing.assert_allclose(curve.x_px[1:4], circles.u_px)
+    np.testing.assert_allclose(curve.r_px[1:4], circles.r_px)
+    assert curve_of_flight(flight, LEFT, [1000], keyframe_sigma_px=1.5).sigma_px[0] == 1.5
 
 
 @pytest.mark.parametrize("count", [0, 2])

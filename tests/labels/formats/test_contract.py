@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from labels.formats import FORMATS, ExportOptions, Format, ImportContext, LabelSet
-from labels.model import Label, Provenance, State
+from labels.formats import FORMATS, ExportOptions, ImportContext, LabelFormat, LabelSet
+from labels.model import Label, LabelState, Provenance
 from labels.trials.damage import damage_and_read
 
 WORST_ERROR_PX = {
@@ -27,11 +27,11 @@ KEEPS_STATES = ("voc", "coco", "cvat", "csv", "hdf5")
 
 
 @pytest.fixture(params=sorted(FORMATS))
-def kind(request: pytest.FixtureRequest) -> Format:
+def kind(request: pytest.FixtureRequest) -> LabelFormat:
     return FORMATS[request.param]
 
 
-def target(kind: Format, folder: Path) -> Path:
+def target(kind: LabelFormat, folder: Path) -> Path:
     return folder / "labels.h5" if kind.name == "hdf5" else folder / "größe 1"
 
 
@@ -44,7 +44,7 @@ def without_provenance(label: Label) -> Label:
 
 
 def test_whole_balls_come_back_where_they_were(
-    kind: Format, balls: LabelSet, context: ImportContext, tmp_path: Path
+    kind: LabelFormat, balls: LabelSet, context: ImportContext, tmp_path: Path
 ) -> None:
     written = kind.write(balls, target(kind, tmp_path), ExportOptions())
     assert written.files and all(file.is_file() for file in written.files)
@@ -65,7 +65,7 @@ def test_whole_balls_come_back_where_they_were(
 
 
 def test_odd_labels_are_kept_or_their_loss_is_told(
-    kind: Format, odd: LabelSet, context: ImportContext, tmp_path: Path
+    kind: LabelFormat, odd: LabelSet, context: ImportContext, tmp_path: Path
 ) -> None:
     written = kind.write(odd, target(kind, tmp_path), ExportOptions())
     imported = kind.read(target(kind, tmp_path), context)
@@ -87,7 +87,7 @@ def test_odd_labels_are_kept_or_their_loss_is_told(
         ]
 
 
-def test_the_same_labels_give_the_same_bytes(kind: Format, odd: LabelSet, tmp_path: Path) -> None:
+def test_the_same_labels_give_the_same_bytes(kind: LabelFormat, odd: LabelSet, tmp_path: Path) -> None:
     if kind.name == "hdf5":  # HDF5 stores no times here, so even its bytes agree
         first, second = (tmp_path / name / "labels.h5" for name in "ab")
     else:
@@ -99,7 +99,7 @@ def test_the_same_labels_give_the_same_bytes(kind: Format, odd: LabelSet, tmp_pa
 
 
 def test_no_labels_at_all_are_a_legal_export(
-    kind: Format, balls: LabelSet, context: ImportContext, tmp_path: Path
+    kind: LabelFormat, balls: LabelSet, context: ImportContext, tmp_path: Path
 ) -> None:
     empty = dataclasses.replace(balls, labels=())
     kind.write(empty, target(kind, tmp_path), ExportOptions())
@@ -107,7 +107,7 @@ def test_no_labels_at_all_are_a_legal_export(
 
 
 def test_nothing_to_read_is_a_rejection_that_names_the_place(
-    kind: Format, context: ImportContext, tmp_path: Path
+    kind: LabelFormat, context: ImportContext, tmp_path: Path
 ) -> None:
     imported = kind.read(tmp_path / "nowhere", context)
     assert imported.labels == ()
@@ -115,14 +115,14 @@ def test_nothing_to_read_is_a_rejection_that_names_the_place(
     assert str(imported.rejections[0]).startswith(f"{tmp_path / 'nowhere'}:1: ")
 
 
-def test_a_read_only_place_is_a_clear_error(kind: Format, odd: LabelSet) -> None:
+def test_a_read_only_place_is_a_clear_error(kind: LabelFormat, odd: LabelSet) -> None:
     from core.errors import LabelError
 
     with pytest.raises(LabelError, match="cannot write"):
         kind.write(odd, target(kind, Path("/proc/nowhere")), ExportOptions())
 
 
-def test_damaged_files_never_crash_an_import_nor_lose_a_label_silently(kind: Format, tmp_path: Path) -> None:
+def test_damaged_files_never_crash_an_import_nor_lose_a_label_silently(kind: LabelFormat, tmp_path: Path) -> None:
     result = damage_and_read(kind, 50, np.random.default_rng(7), tmp_path / "damaged")
     assert (result.crashes, result.silent_drops, result.nameless) == (0, 0, 0), result.first_problem
     assert result.rejected > 5
@@ -160,4 +160,4 @@ def test_unvisited_pictures_have_no_file_and_no_row(balls: LabelSet, tmp_path: P
         imported = format_.read(target(format_, tmp_path / name), ImportContext(balls.sensor))
         assert len(imported.labels) == len(balls.labels), name
         assert written.files
-    assert State.NO_BALL in {label.state for label in balls.labels}
+    assert LabelState.NO_BALL in {label.state for label in balls.labels}

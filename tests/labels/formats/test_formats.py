@@ -15,7 +15,7 @@ from core.events import Events, SensorSize
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelSet
 from labels.formats.pictures import draw_events
 from labels.formats.safe_xml import XmlError, parse_xml
-from labels.model import Label, State
+from labels.model import Label, LabelState
 
 SENSOR = SensorSize(1280, 720)
 FRAMES = ImportContext(SENSOR, np.arange(10) * 10_000, origin="file")
@@ -54,7 +54,7 @@ def test_tennis_rows_name_their_pictures(tmp_path: Path) -> None:
 
 
 def test_tracknet_refuses_unchecked_pictures_and_says_how_to_leave_them_out(tmp_path: Path) -> None:
-    label = Label(t_us=1000, state=State.NO_BALL)
+    label = Label(t_us=1000, state=LabelState.NO_BALL)
     labels = LabelSet("u", "left", "anna", SENSOR, (label,), frames_us=(1000, 2000))
     with pytest.raises(LabelError, match=r"1 pictures.*unchecked.*2000 us.*--unchecked drop"):
         FORMATS["tracknet"].write(labels, tmp_path, ExportOptions())
@@ -147,7 +147,7 @@ def test_labels_in_a_recording_leave_the_rest_of_it_alone(tmp_path: Path) -> Non
     with h5py.File(path, "w") as file:
         file.attrs["uuid"] = "rec-1"
         file["cameras/left/events/t"] = np.arange(100)
-    labels = LabelSet("rec-1", "left", "anna", SENSOR, (Label(t_us=5, state=State.VISIBLE, x_px=1.0, y_px=2.0),))
+    labels = LabelSet("rec-1", "left", "anna", SENSOR, (Label(t_us=5, state=LabelState.VISIBLE, x_px=1.0, y_px=2.0),))
     for _ in range(2):  # the second time it replaces what is there
         FORMATS["hdf5"].write(labels, path, ExportOptions())
     FORMATS["hdf5"].write(dataclasses.replace(labels, camera="right"), path, ExportOptions())

@@ -19,7 +19,7 @@ from pycocotools.cocoeval import COCOeval
 
 from labels.formats import FORMATS, ExportOptions, LabelSet
 from labels.formats.exchange import picture_name
-from labels.model import Label, State
+from labels.model import Label, LabelState
 
 
 def seen(labels: LabelSet) -> list[Label]:
@@ -40,7 +40,7 @@ def test_labelimg_reads_our_boxes_within_a_rounding(balls: LabelSet, tmp_path: P
         centres.append(np.mean(shapes[0][1], axis=0) - 0.5)
     error = np.array(centres) - truth(balls)[:, :2]
     assert np.hypot(*error.T).max() <= 0.71
-    no_ball = next(label for label in balls.labels if label.state is State.NO_BALL)
+    no_ball = next(label for label in balls.labels if label.state is LabelState.NO_BALL)
     assert PascalVocReader(str(tmp_path / f"{picture_name(balls.camera, no_ball.t_us)}.xml")).get_shapes() == []
 
 
@@ -48,7 +48,7 @@ def test_our_rounding_has_no_bias_when_labelimg_reads_it(balls: LabelSet, tmp_pa
     rng = np.random.default_rng(12)
     places = rng.uniform((30, 30, 2), (1250, 690, 12), (1000, 3))
     labels = tuple(
-        Label(t_us=t, state=State.VISIBLE, x_px=float(x), y_px=float(y), r_px=float(r))
+        Label(t_us=t, state=LabelState.VISIBLE, x_px=float(x), y_px=float(y), r_px=float(r))
         for t, (x, y, r) in enumerate(places)
     )
     files = FORMATS["voc"].write(dataclasses.replace(balls, labels=labels), tmp_path, ExportOptions()).files
@@ -58,7 +58,7 @@ def test_our_rounding_has_no_bias_when_labelimg_reads_it(balls: LabelSet, tmp_pa
 
 def test_our_xml_is_byte_for_byte_what_labelimg_writes(tmp_path: Path, odd: LabelSet) -> None:
     labels = tuple(
-        Label(t_us=t_us, state=State.VISIBLE, x_px=x, y_px=100.5, r_px=r)
+        Label(t_us=t_us, state=LabelState.VISIBLE, x_px=x, y_px=100.5, r_px=r)
         for t_us, (x, r) in enumerate(((200.5, 8.0), (3.5, 4.0), (1275.5, 4.0)))
     )
     ours = dataclasses.replace(odd, labels=labels)

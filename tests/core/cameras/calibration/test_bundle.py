@@ -57,6 +57,62 @@ def test_the_information_of_points_is_the_inverse_of_their_scatter() -> None:
     np.testing.assert_allclose(np.cov(found.T), expected, rtol=0.15, atol=0.05 * expected.max())
 
 
+CLOCKS = np.array([False] * 13 + [True] + [False])
+"""Only the second camera's clock may change."""
+
+
+def moving(noise_px: float, offset_us: float, seed: int = 0) -> Sightings:
+    """A point on a circle, seen by a second camera whose clock is ahead by `offset_us`."""
+    rng = np.random.default_rng(seed)
+    t_us = np.arange(0, 8_000_000, 20_000)
+    noise = rng.normal(0, noise_px / 1000.0, (len(t_us), 2, 2))
+
+    def place(t: np.ndarray) -> np.ndarray:
+        angle = 6e-6 * t
+        return np.column_stack([-0.5 + 0.4 * np.cos(angle), 0.3 * np.sin(angle), 0.3 + 0.2 * np.sin(2 * angle)])
+
+    def sample(offsets_us: np.ndarray, lead_px: float) -> np.ndarray:
+        # At the moment t of the first clock the second one shows t + offset; the picture then is that of `offset_us`.
+        at = [t_us + offsets_us[0], t_us + offsets_us[1] - offset_us]
+        local = [camera.to_camera(place(t)) for camera, t in zip(CAMERAS.values(), at, strict=True)]
+        return np.stack([p[:, :2] / p[:, 2:] for p in local], axis=1) + noise
+
+    return Sightings(t_us, sample, FOCALS)
+
+
+def test_clocks_are_found_by_what_moves_with_the_standard_deviation_of_many_sweeps() -> None:
+    found, claimed = [], []
+    for seed in range(40):
+        adjusted = adjust(moving(0.5, 2500.0, seed), RIG, CLOCKS, lambda rig: np.empty(0))
+        found.append(adjusted.rig.offsets_us[1])
+        claimed.append(1e3 * np.sqrt(adjusted.covariance[13, 13]))
+        assert adjusted.rig.offsets_us[0] == 0 and np.count_nonzero(adjusted.covariance) == 1
+    assert abs(np.mean(found) - 2500.0) < 4 * np.std(found) / np.sqrt(40)
+    assert 0.75 < np.std(found) / np.mean(claimed) < 1.33
+
+
+def test_a_clock_and_a_place_that_trade_for_each_other_are_so_correlated() -> None:
+    # What moves along x only: a later picture is the same as a camera farther back along x.
+    t_us = np.arange(0, 400_000, 2_000)
+
+    def sample(offsets_us: np.ndarray, lead_px: float) -> np.ndarray:
+        parts = []
+        for camera, offset in zip(CAMERAS.values(), offsets_us, strict=True):
+            s = (t_us + offset) * 1e-6
+            ps = np.column_stack([-1.0 + 2.0 * s, 0 * s, 0.3 + 0 * s])
+            local = camera.to_camera(ps)
+            parts.append(local[:, :2] / local[:, 2:])
+        rng = np.random.default_rng(5)
+        return np.stack(parts, axis=1) + rng.normal(0, 0.3 / 1000, (len(t_us), 2, 2))
+
+    free = np.zeros(15, bool)
+    free[[10, 13]] = True
+    sightings = Sightings(t_us, sample, FOCALS)
+    adjusted = adjust(sightings, RIG, free, lambda rig: 1e3 * (rig.ps[1, :1] - RIG.ps[1, :1]))
+    a, b = adjusted.covariance[10, 10], adjusted.covariance[13, 13]
+    assert adjusted.covariance[10, 13] / np.sqrt(a * b) < -0.5, "2 mm farther back is 1 ms later at 2 m/s"
+
+
 def test_outliers_are_left_out_and_what_is_held_has_no_variance() -> None:
     _, xys = seen(0.3)
     xys[::20, 1, 1] += 0.03

@@ -49,6 +49,18 @@ def test_scale_and_vertical_come_out_in_any_frame_and_unit(drag_per_m: float) ->
     assert np.degrees(np.arccos(found.up @ R[:, 2])) < 0.3
 
 
+def test_standard_deviations_of_scale_and_vertical_are_honest() -> None:
+    scales, tilts = [], []
+    for seed in range(30):
+        t_us, ps = flights(6, 0.002, seed=seed)
+        found = measure_gravity(t_us, ps, np.broadcast_to(INFORMATION, (len(ps), 3, 3)), drag_per_m=0.0)
+        scales.append((found.metres_per_unit - 1) / found.sigma_relative)
+        tilts.append(found.up[:2] / found.sigma_up_rad)  # along each of two axes
+    # Of a normal distribution half is within 0.674; now and then a bounce is not noticed, which is in no sigma.
+    assert 0.4 < np.median(np.abs(scales)) < 1.05
+    assert 0.52 < np.median(np.abs(tilts)) < 0.86
+
+
 def test_air_that_is_forgotten_is_seen_in_the_scale() -> None:
     t_us, ps = flights(10, 0.001, drag_per_m=0.155)
     information = np.broadcast_to(INFORMATION, (len(ps), 3, 3))

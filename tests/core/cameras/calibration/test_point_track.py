@@ -51,6 +51,13 @@ def test_directions_are_along_the_motion_and_none_where_it_is_not_known() -> Non
     assert not found[5].any() and not motion_directions(PointTrack.of([0, 1000], [[1, 1], [1, 1]])).any()
 
 
+def test_all_of_a_clean_run_stays_but_two_sightings_at_each_end() -> None:
+    track = line(20)
+    cleaned = clean_track(PointTrack.of(track.t_us, track.uvs_px + np.random.default_rng(0).normal(0, 0.01, (20, 2))))
+    assert cleaned.t_us.tolist() == track.t_us[2:-2].tolist()
+    np.testing.assert_allclose(cleaned.uvs_px, track.uvs_px[2:-2], atol=0.05)
+
+
 def test_stray_sightings_go_and_good_ones_stay() -> None:
     track = line(200)
     rng = np.random.default_rng(0)

@@ -43,3 +43,11 @@ def test_too_few_common_sightings_are_refused_with_their_number() -> None:
     second[12:] = np.nan
     with pytest.raises(CalibrationError, match="expected 30 common sightings or more, got 12"):
         guess_relative_pose(first, lambda at: second, np.zeros(1), 1000.0)
+
+
+def test_thirty_common_sightings_are_enough_and_one_less_is_not() -> None:
+    first, second = seen(30)
+    found = guess_relative_pose(first, lambda at: second, np.zeros(1), 1000.0)
+    np.testing.assert_allclose(found.T_first_second[:3, :3], T_LEFT_RIGHT[:3, :3], atol=1e-4)
+    with pytest.raises(CalibrationError, match="got 29"):
+        guess_relative_pose(first[:29], lambda at: second[:29], np.zeros(1), 1000.0)

@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.bench.calibration.swept_ball import BallSwing, click_corners, seen_by
 from core.cameras import Camera, stereo_preset
 from core.cameras.calibration.point_track import PointTrack
 from core.cameras.calibration.rig import RigConfig, calibrate_rig
@@ -11,10 +12,9 @@ from core.cameras.calibration.rig_result import RigCalibration
 from core.cameras.calibration.scale import Scale
 from core.cameras.calibration.table_corners import Clicks
 from core.errors import CalibrationError
-from core.evaluation.swept_ball import BallSwing, click_corners, seen_by
 from core.geometry import invert_transform, look_at
-from core.simulation.serve import ServeConfig
-from core.simulation.serves import draw_serves
+from core.simulation.flights.flight_series import draw_serve_series
+from core.simulation.flights.serve import LaunchConfig
 
 CAMERAS = stereo_preset("side")
 LENSES = {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in CAMERAS.items()}
@@ -52,6 +52,15 @@ def off_mm(found: RigCalibration, path) -> np.ndarray:
     """Distances of the points from where the ball was."""
     true = path.at(found.t_us * 1e-6).p_world_m
     return 1e3 * np.linalg.norm(found.ps_world_m - true, axis=1)[found.used]
+
+
+def off_relative_mm(found: RigCalibration, path) -> np.ndarray:
+    """The same in the first camera's frame."""
+    first = next(iter(found.cameras.values()))
+    T_found, T_true = invert_transform(first.T_world_camera), invert_transform(CAMERAS["left"].T_world_camera)
+    true = path.at(found.t_us * 1e-6).p_world_m @ T_true[:3, :3].T + T_true[:3, 3]
+    got = found.ps_world_m @ T_found[:3, :3].T + T_found[:3, 3]
+    return 1e3 * np.linalg.norm(got - true, axis=1)[found.used]
 
 
 @pytest.fixture(scope="module")
@@ -95,8 +104,8 @@ def test_standard_deviations_are_honest() -> None:
 
 @pytest.fixture(scope="module")
 def served():
-    configs = [ServeConfig(speed_mps=speed, yaw_spread_deg=6.0) for speed in (4, 5, 6, 5, 7, 4)]
-    return draw_serves(configs, np.random.default_rng(3))
+    configs = [LaunchConfig(speed_mps=speed, yaw_spread_deg=6.0) for speed in (4, 5, 6, 5, 7, 4)]
+    return draw_serve_series(configs, np.random.default_rng(3))
 
 
 def test_free_flight_tells_the_scale_and_which_way_is_up(served) -> None:
@@ -157,6 +166,20 @@ def test_detections_that_run_ahead_of_the_ball_are_found_out() -> None:
     got, true = relative(found.cameras, "right"), relative(CAMERAS, "right")
     assert np.linalg.norm(got[:3, 3] - true[:3, 3]) < 0.005 and turned_deg(got, true) < 0.06
     assert abs(found.fits["right"].offset_us) < 60
+
+
+def test_the_instants_are_those_of_the_first_camera() -> None:
+    rng = np.random.default_rng(0)
+    swing = BallSwing(3.0)
+    every = {"left": 2000, "right": 6000}
+    tracks = {
+        name: seen_by(camera, swing, rng, noise_px=0.4, every_us=every[name], clock_ahead_us=1700 * (name == "right"))
+        for name, camera in CAMERAS.items()
+    }
+    config = RigConfig(max_offset_ms=3.0, instants=900)
+    found = calibrate_rig(tracks, LENSES, Scale("baseline", 3.5), config=config)
+    assert len(tracks["right"].t_us) < 500 < len(found.t_us) == 900
+    assert np.median(off_relative_mm(found, swing)) < 6.0
 
 
 def test_one_clock_means_no_offset() -> None:

@@ -8,7 +8,7 @@ from core.events import SensorSize
 from core.rally.data_sets import PlannedRecording, plan_data_set, preset_plan
 from core.rally.data_sets.plan import PAPER_SPEEDS_MPS, Making, recording_seed
 from core.rally.data_sets.presets import PAPER7_FRAMES
-from core.simulation.frames import FrameConfig
+from core.simulation.frames.frames import FrameConfig
 
 ONE = PlannedRecording(name="a", scene="ball", placement="side", speeds_mps=(5.0,), robot=True, seed=1)
 

@@ -17,10 +17,10 @@ from core.rally.data_sets import CARD, MANIFEST, DataSetPlan, plan_data_set, pre
 from core.rally.data_sets.make import make_recording, partial_path
 from core.rally.data_sets.plan import Making
 from core.rally.data_sets.run import LOCK
-from core.rally.recorded_rally import EPISODES
+from core.rally.history.recorded_rally import EPISODES
 from core.recordings import open_recording
-from core.simulation import ServeConfig, StereoConfig, simulate_recording
-from core.simulation.frames import FrameConfig
+from core.simulation import LaunchConfig, StereoConfig, simulate_recording
+from core.simulation.frames.frames import FrameConfig
 
 SMALL = Making(sensor=SensorSize(96, 64), frames=FrameConfig(rate_hz=20.0))
 PLAN = plan_data_set(speeds_mps=(8, 9), serves=1, seed=5, making=SMALL)
@@ -107,7 +107,7 @@ def test_a_recording_made_otherwise_is_named_and_nothing_is_touched(made: Path, 
     with pytest.raises(RecordingError, match=r"ball-9mps-side-1.h5: not a whole recording"):
         run_data_set(WITHOUT, tmp_path)
     cameras = stereo_preset(sensor=SensorSize(48, 32))
-    simulate_recording(foreign, StereoConfig(), cameras, [ServeConfig(speed_mps=9.0)], seed=1, overwrite=True)
+    simulate_recording(foreign, StereoConfig(), cameras, [LaunchConfig(speed_mps=9.0)], seed=1, overwrite=True)
     with pytest.raises(RecordingError, match="not made as part of a data set"):
         run_data_set(WITHOUT, tmp_path)
     assert run_data_set(WITHOUT, tmp_path, overwrite=True).made == ("ball-9mps-side-1",)

@@ -10,13 +10,14 @@ import pytest
 
 from core.cameras import stereo_preset
 from core.errors import LinkError
+from core.physics.config import PhysicsConfig, physics_profile
+from core.physics.episode import Case
 from core.rally.link import messages as m
-from core.simulation.physics.config import PhysicsConfig, physics_profile
 
 ALL = m.KINDS | m.COMMANDS
 
 
-def state(**changes: object) -> m.State:
+def state(**changes: object) -> m.WorldState:
     t_us = np.array([0, 500, 1000])
     values = {
         "session": "s",
@@ -38,7 +39,7 @@ def state(**changes: object) -> m.State:
         "racket_t_us": t_us[:2],
         "racket": np.ones((2, 10)),
     }
-    return m.State(**{**values, **changes})
+    return m.WorldState(**{**values, **changes})
 
 
 def batch(**changes: object) -> m.EventBatch:
@@ -82,7 +83,7 @@ def examples() -> list[object]:
             t_us=5,
             serve_us=1,
             speed_mps=5.0,
-            case=5,
+            case=Case.MISSED,
             arrival=(nan,) * 6,
             q_wxyz=(1, 0, 0, 0),
             landing_m=(nan,) * 3,
@@ -117,6 +118,18 @@ def test_every_message_comes_back_as_it_was_sent(message):
             assert before == after
         else:
             np.testing.assert_array_equal(before, after)
+
+
+def test_what_came_of_a_ball_travels_as_its_number() -> None:
+    (notice,) = (message for message in examples() if isinstance(message, m.OutcomeNotice))
+    fields = msgpack.unpackb(m.encode(notice))
+    assert fields["case"] == 5
+    for case in Case:
+        found = m.decode(msgpack.packb(fields | {"case": case.value}), ALL)
+        assert found.case is case
+    for wrong in (0, 6, True, 4.0, "RETURNED", None):
+        with pytest.raises(LinkError, match="case"):
+            m.decode(msgpack.packb(fields | {"case": wrong}), ALL)
 
 
 def test_a_camera_and_its_events_are_rebuilt():

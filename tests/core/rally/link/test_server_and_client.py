@@ -15,9 +15,10 @@ import pytest
 import zmq
 
 from core.errors import LinkError
+from core.physics.config import physics_profile
+from core.physics.episode import Case
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
-from core.simulation.physics.config import physics_profile
 
 
 def start(bind: str = "tcp://127.0.0.1:0", *more: str) -> tuple[subprocess.Popen, str]:
@@ -60,16 +61,16 @@ class Ear:
     def __init__(self) -> None:
         self.welcomes, self.batches, self.states, self.notices = [], [], [], []
 
-    def hear_session(self, welcome):
+    def on_session(self, welcome):
         self.welcomes.append(welcome)
 
-    def hear_events(self, batch):
+    def on_events(self, batch):
         self.batches.append(batch)
 
-    def hear_state(self, state):
+    def on_state(self, state):
         self.states.append(state)
 
-    def hear_notice(self, notice):
+    def on_notice(self, notice):
         self.notices.append(notice)
 
 
@@ -84,7 +85,7 @@ def test_a_served_ball_is_seen_by_both_cameras_and_judged(client):
     client.launch((1.0, 0.5, 0.3), (-5.0, 0.0, 1.0))
     wait_for(lambda: outcomes(ear))
     (outcome,) = outcomes(ear)
-    assert outcome.case == 5  # it passes beside the resting racket
+    assert outcome.case is Case.MISSED  # it passes beside the resting racket
     assert outcome.speed_mps == pytest.approx(np.hypot(5, 1))
     bounce = next(notice for notice in ear.notices if isinstance(notice, m.BounceNotice))
     assert bounce.p_m[2] == pytest.approx(0.02) and bounce.v_mps[2] > 0

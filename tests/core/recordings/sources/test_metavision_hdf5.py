@@ -9,14 +9,14 @@ import pytest
 from core.events import concatenate_events
 from core.recordings.sources import open_sources
 from core.recordings.sources.ecf import decode_ecf
-from core.recordings.sources.source import Report
+from core.recordings.sources.source import DecodeReport
 
 RECORD = np.dtype([("x", "<u2"), ("y", "<u2"), ("p", "<i2"), ("t", "<i8")])
 
 
 def read_all(path):
     (source,) = open_sources(path)
-    report = Report()
+    report = DecodeReport()
     return concatenate_events(list(source.read(report)), source.sensor), report, source
 
 

@@ -10,16 +10,19 @@ from core.errors import RecordingError
 from core.events import Events, SensorSize, concatenate_events
 from core.recordings.sources import open_sources
 from core.recordings.sources.evt2 import decode_evt2, start_state_evt2
-from core.recordings.sources.source import Report
+from core.recordings.sources.evt_time import BELIEVE, IGNORE, STOP, judge_time_high, next_time_high
+from core.recordings.sources.source import DecodeReport
 
 HEADER3 = b"% evt 3.0\n% format EVT3;height=480;width=640\n% geometry 640x480\n% end\n"
 HEADER2 = b"% evt 2.0\n% format EVT2;height=480;width=640\n% end\n"
 HEADER21 = b"% evt 2.1\n% format EVT21;height=480;width=640\n% end\n"
+LARGE = b"% geometry 1280x720\n% end\n"
+"""The sensor of the paper's cameras: columns need eleven bits, rows ten."""
 
 
-def read_all(path, sensor=None) -> tuple[Events, Report]:
+def read_all(path, sensor=None) -> tuple[Events, DecodeReport]:
     (source,) = open_sources(path, sensor)
-    report = Report()
+    report = DecodeReport()
     return concatenate_events(list(source.read(report)), source.sensor), report
 
 
@@ -150,6 +153,155 @@ def test_evt21_sets_up_to_32_pixels_of_a_row_at_once(tmp_path, swapped):
     assert report.triggers[0].channel.tolist() == [2]
 
 
+def evt21_file(tmp_path, words, header=HEADER21):
+    path = tmp_path / "a.raw"
+    path.write_bytes(header + np.array(words, "<u8").tobytes())
+    return path
+
+
+def test_evt3_has_eleven_bits_for_columns_and_rows_and_one_beside_them(tmp_path):
+    words = [
+        0x8001, 0x0000 | 719, 0x2000 | 1279, 0x2800 | 1279,
+        0x0800 | 512, 0x2000 | 1024,  # bit 11 of a row names the camera of a pair, and is no part of the row
+        0x3800 | 1256, 0x4801, 0x5081, 0x4004,  # on: columns 1256 and 1267, 1268 and 1275, 1278
+        0x3000 | 1024, 0x4001,
+    ]  # fmt: skip
+    events, report = read_all(evt3_file(tmp_path, words, b"% evt 3.0\n" + LARGE))
+    assert report.notes == []
+    assert events.x_px.tolist() == [1279, 1279, 1024, 1256, 1267, 1268, 1275, 1278, 1024]
+    assert events.y_px.tolist() == [719, 719] + [512] * 7
+    assert events.on.tolist() == [False, True, False] + [True] * 5 + [False]
+
+
+def test_evt2_and_evt21_have_eleven_bits_for_columns_and_rows(tmp_path):
+    words2 = [8 << 28 | 1, 1 << 28 | 1279 << 11 | 719, 1024 << 11 | 512, 1023 << 11 | 511]
+    events, report = read_all(evt2_file(tmp_path, words2, b"% evt 2.0\n" + LARGE))
+    assert (events.x_px.tolist(), events.y_px.tolist()) == ([1279, 1024, 1023], [719, 512, 511])
+    assert events.on.tolist() == [True, False, False] and report.notes == []
+    words21 = [8 << 60 | 1 << 32, 1 << 60 | 1248 << 43 | 719 << 32 | 1 << 31 | 1, 1024 << 43 | 512 << 32 | 1]
+    events, report = read_all(evt21_file(tmp_path, words21, b"% evt 2.1\n" + LARGE))
+    assert (events.x_px.tolist(), events.y_px.tolist()) == ([1248, 1279, 1024], [719, 719, 512])
+    assert events.on.tolist() == [True, True, False] and report.notes == []
+
+
+def test_fine_times_have_six_bits_in_evt2_and_evt21_and_twelve_in_evt3(tmp_path):
+    fine = [0, 31, 32, 63]
+    two = evt2_file(tmp_path, [8 << 28 | 3] + [t << 22 for t in fine] + [8 << 28 | 4, 0])
+    assert read_all(two)[0].t_us.tolist() == [192, 223, 224, 255, 256]
+    one = evt21_file(tmp_path, [8 << 60 | 3 << 32] + [t << 54 | 1 for t in fine] + [8 << 60 | 4 << 32, 1])
+    assert read_all(one)[0].t_us.tolist() == [192, 223, 224, 255, 256]
+    words = [0x8003, 0x0001] + [word for t in (0, 2047, 2048, 4095) for word in (0x6000 | t, 0x2001)] + [0x8004, 0x2001]
+    assert read_all(evt3_file(tmp_path, words))[0].t_us.tolist() == [12_288, 14_335, 14_336, 16_383, 16_384]
+
+
+def test_fine_times_that_step_back_do_not_turn_time_round(tmp_path):
+    two = [8 << 28 | 3, 40 << 22, 39 << 22, 0xA << 28 | 38 << 22, 41 << 22]
+    events, report = read_all(evt2_file(tmp_path, two))
+    assert events.t_us.tolist() == [232, 232, 233] and report.triggers[0].t_us.tolist() == [232]
+    one = [8 << 60 | 3 << 32, 40 << 54 | 1, 39 << 54 | 1, 0xA << 60 | 38 << 54, 41 << 54 | 1]
+    events, report = read_all(evt21_file(tmp_path, one))
+    assert events.t_us.tolist() == [232, 232, 233] and report.triggers[0].t_us.tolist() == [232]
+    events, _ = read_all(evt3_file(tmp_path, [0x8001, 0x0001, 0x6005, 0x2001, 0x6004, 0x2001, 0x6006, 0x2001]))
+    assert events.t_us.tolist() == [4101, 4101, 4102]
+
+
+SECOND, MASK = 100, 0xFFF
+"""A second in steps of the counter, chosen so that half of the counter is less than ten minutes."""
+
+
+def time_words(*values):
+    return np.array([8 << 12 | value for value in values], np.uint16)
+
+
+@pytest.mark.parametrize(
+    ("current", "value", "following", "verdict"),
+    [
+        (7, 8, 7, BELIEVE),
+        (7, 107, 7, BELIEVE),  # a second is plain, whatever follows
+        (7, 108, 7, IGNORE),  # more is damage if the next goes on from the current one
+        (7, 108, 107, IGNORE),
+        (7, 108, 109, BELIEVE),  # else a pause
+        (7, 108, None, BELIEVE),
+        (7, 7 + 2047, None, BELIEVE),  # up to half of the counter: beyond it, forward could as well be back
+        (7, 7 + 2048, None, STOP),
+        (7, 6, None, STOP),
+        (7, 6, 8, IGNORE),
+        (4000, 4, None, BELIEVE),  # the counter wraps
+        (4095, 98, 4095, BELIEVE),
+        (4094, 1000, None, BELIEVE),  # "nothing follows" is no time
+        (7, 1000, 0, BELIEVE),  # a counter that starts again at 0 is one
+        (4095, 1000, 0, IGNORE),
+    ],
+)
+def test_a_coarse_time_is_judged_by_its_step_and_the_next_one(current, value, following, verdict):
+    words = time_words(value) if following is None else time_words(value, following)
+    assert judge_time_high(words, 0, value, current, 12, 0, MASK, SECOND) == verdict
+
+
+def test_a_pause_of_ten_minutes_is_the_longest():
+    words = np.array([8 << 28], np.uint32)
+    at = [judge_time_high(words, 0, 5 + 600 * SECOND + more, 5, 28, 0, 0xFFFFFFF, SECOND) for more in (0, 1)]
+    assert at == [BELIEVE, STOP]
+
+
+def test_the_next_coarse_time_is_that_of_the_first_such_word():
+    words = np.array([0x8123, 0x2001, 0x8FFF, 0x8004], np.uint16)
+    assert [next_time_high(words, start, 12, 0, 0xFFF) for start in range(5)] == [0x123, 0xFFF, 0xFFF, 4, -1]
+    wide = np.array([1 << 60, 8 << 60 | 0xABCDEF1 << 32 | 0xFFFF], np.uint64)
+    assert next_time_high(wide, 0, 60, 32, 0xFFFFFFF) == 0xABCDEF1
+
+
+@pytest.mark.parametrize("version", [2, 21])
+def test_pauses_wraps_and_damaged_times_of_evt2_and_evt21(tmp_path, version):
+    top, second = 0xFFFFFFF, 1_000_000 // 64
+
+    def read(highs):
+        words = []
+        for high in highs:
+            words += [8 << 28 | high, 1 << 28 | 1] if version == 2 else [8 << 60 | high << 32, 1 << 60 | 1]
+        events, report = read_all((evt2_file if version == 2 else evt21_file)(tmp_path, words))
+        return (events.t_us // 64).tolist(), report.notes
+
+    assert read([5, 5 + second + 1, 5 + second + 2]) == ([5, 5 + second + 1, 5 + second + 2], [])
+    assert read([top, 0, 1]) == ([top, top + 1, top + 2], [])
+    times, notes = read([5, 5 ^ 1 << 27, 6])
+    assert times == [5, 5, 6] and notes == ["a.raw: 1 damaged time words were ignored."]
+    times, notes = read([50, 40, 40])
+    assert times == [50] and "the time jumps back" in notes[0]
+
+
+@pytest.mark.parametrize(("between", "kept"), [(4000, 3), (4200, 3 + 4200)])
+def test_a_jump_in_time_just_before_damage_is_part_of_it(tmp_path, between, kept):
+    wide = 1 << 60 | 700 << 43 | 1
+    jump = 5 + 20_000
+    two = [8 << 28 | 5] + [0] * 3 + [8 << 28 | jump] + [0] * between + [700 << 11]
+    one = [8 << 60 | 5 << 32] + [1] * 3 + [8 << 60 | jump << 32] + [1] * between + [wide]
+    three = [0x8005, 0x0000] + [0x2000] * 3 + [0x8005 + 1000] + [0x2000] * between + [0x2000 | 700]
+    for events, report in (
+        read_all(evt2_file(tmp_path, two)),
+        read_all(evt21_file(tmp_path, one)),
+        read_all(evt3_file(tmp_path, three)),
+    ):
+        assert len(events) == kept and "a column outside the sensor" in report.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [([640 << 11], "a column"), ([480], "a row"), ([639 << 11 | 479], None), ([8 << 28 | 1], "the time jumps back")],
+)
+def test_the_first_impossible_word_of_evt2_and_evt21_ends_the_events(tmp_path, words, reason):
+    two = [8 << 28 | 5, 1 << 28 | 1, *words, 2]
+    wide = [(word >> 28) << 60 | (word & 0xFFFFFFF) << 32 | (word < 8 << 28) for word in two]
+    for events, report in (read_all(evt2_file(tmp_path, two)), read_all(evt21_file(tmp_path, wide))):
+        assert len(events) == (3 if reason is None else 1)
+        assert [reason is not None and reason in note for note in report.notes] == [True] * (reason is not None)
+
+
+def test_an_evt21_word_whose_pixels_leave_the_sensor_ends_the_events_there(tmp_path):
+    events, report = read_all(evt21_file(tmp_path, [8 << 60 | 5 << 32, 638 << 43 | 0b111, 1]))
+    assert events.x_px.tolist() == [638, 639] and "a column outside the sensor" in report.notes[0]
+
+
 def test_what_stands_before_the_first_coarse_time_is_kept(tmp_path):
     early = evt3_file(tmp_path, [0x6005, 0x0001, 0x2001, 0x8001, 0x6001, 0x2001])
     assert read_all(early)[0].t_us.tolist() == [5, 4097]  # software leaves out the coarse time 0
@@ -194,7 +346,7 @@ def test_the_first_impossible_word_ends_the_events_and_the_note_names_its_byte(t
 def test_memory_does_not_grow_with_what_words_expand_to(tmp_path):
     path = evt3_file(tmp_path, [0x8001, 0x0001] + [0x3000, 0x4FFF] * 400_000)
     (source,) = open_sources(path)
-    parts = list(source.read(Report()))
+    parts = list(source.read(DecodeReport()))
     assert sum(map(len, parts)) == 12 * 400_000
     assert max(map(len, parts)) <= 1 << 18
 

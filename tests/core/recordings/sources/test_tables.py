@@ -9,7 +9,7 @@ import pytest
 from core.errors import RecordingError
 from core.events import SensorSize, concatenate_events
 from core.recordings.sources import open_sources
-from core.recordings.sources.source import Report
+from core.recordings.sources.source import DecodeReport
 from core.recordings.sources.table_columns import counts_seconds, times_us
 from core.recordings.sources.table_order import guess_columns
 
@@ -21,7 +21,7 @@ P = np.array([1, 0, 0, 1])
 
 def read_all(path, sensor=None):
     sources = open_sources(path, sensor)
-    report = Report()
+    report = DecodeReport()
     return concatenate_events(list(sources[0].read(report)), sources[0].sensor), report, sources
 
 
@@ -132,7 +132,7 @@ def test_a_stereo_mvsec_file_has_two_cameras_on_one_clock(tmp_path):
             file[f"davis/{side}/events"] = np.stack([X, Y, (T + shift) / 1e6 + 1_500_000_000, P * 2 - 1], axis=1)
     sources = open_sources(path)
     assert [source.name for source in sources] == ["left", "right"]
-    times = [concatenate_events(list(source.read(Report())), source.sensor).t_us for source in sources]
+    times = [concatenate_events(list(source.read(DecodeReport())), source.sensor).t_us for source in sources]
     assert times[0].tolist() == (T + 1_500_000_000_000_000).tolist()
     np.testing.assert_array_equal(times[1] - times[0], 40)
 

@@ -4,7 +4,7 @@ import pytest
 from core.cameras import Camera
 from core.events import SensorSize
 from core.geometry import look_at
-from core.simulation.flight import Flight
+from core.simulation.flights.ball_path import ParabolicPath
 
 
 @pytest.fixture(scope="session")
@@ -15,13 +15,15 @@ def camera() -> Camera:
 
 
 @pytest.fixture(scope="session")
-def crossing() -> Flight:
+def crossing() -> ParabolicPath:
     """A ball that crosses the picture at 4 m/s, in it from the start."""
     start, velocity = np.array([[0.88, 0.0, 0.2]]), np.array([[-4.0, 0.0, 0.0]])
-    return Flight(np.array([-0.2]), start, velocity, np.zeros((1, 3)), 1.0, 0.0)
+    return ParabolicPath(np.array([-0.2]), start, velocity, np.zeros((1, 3)), 1.0, 0.0)
 
 
 @pytest.fixture(scope="session")
-def gone() -> Flight:
+def gone() -> ParabolicPath:
     """No ball."""
-    return Flight(np.array([-1.0]), np.array([[0.0, 50.0, 0.1]]), np.array([[0.0, 1.0, 0.0]]), np.zeros((1, 3)), -0.5)
+    return ParabolicPath(
+        np.array([-1.0]), np.array([[0.0, 50.0, 0.1]]), np.array([[0.0, 1.0, 0.0]]), np.zeros((1, 3)), -0.5
+    )

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from core.simulation.bodies import make_bodies
-from core.simulation.bodies.casts import CYCLE_S
+from core.simulation.bodies import make_actors
+from core.simulation.bodies.actors import CYCLE_S
 from core.simulation.bodies.parts import PART_COLUMNS
 from core.simulation.bodies.person import FLOOR_M, FOREARM_M, SHIN_M, THIGH_M, UPPER_ARM_M
-from core.simulation.bodies.strokes import Stroke
+from core.simulation.bodies.strokes import PlayerStroke
 from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
 TIMES_S = np.linspace(0.0, CYCLE_S, 4001)
@@ -17,7 +17,7 @@ BLADE = 15
 
 @pytest.mark.parametrize("cast", ["person", "two-persons", "rally", "head"])
 def test_every_cast_has_parts_with_finite_ends_that_move(cast) -> None:
-    bodies = make_bodies(cast, 1)
+    bodies = make_actors(cast, 1)
     assert bodies is not None
     ends = bodies.ends(TIMES_S)
     assert bodies.parts.shape == (ends.shape[1], PART_COLUMNS)
@@ -27,7 +27,7 @@ def test_every_cast_has_parts_with_finite_ends_that_move(cast) -> None:
 
 @pytest.mark.parametrize("cast", ["person", "two-persons", "rally"])
 def test_bones_keep_their_lengths(cast) -> None:
-    bodies = make_bodies(cast, 2)
+    bodies = make_actors(cast, 2)
     assert bodies is not None
     lengths = np.linalg.norm(np.diff(bodies.ends(TIMES_S)[:, :14], axis=2)[:, :, 0], axis=2)
     for first, length in ((4, UPPER_ARM_M), (6, FOREARM_M), (8, THIGH_M), (10, SHIN_M)):
@@ -35,7 +35,7 @@ def test_bones_keep_their_lengths(cast) -> None:
 
 
 def test_limbs_hang_together_and_nobody_stands_in_the_table() -> None:
-    bodies = make_bodies("rally", 3)
+    bodies = make_actors("rally", 3)
     assert bodies is not None
     ends = bodies.ends(TIMES_S)
     for player in (ends[:, :16], ends[:, 16:]):
@@ -48,8 +48,8 @@ def test_limbs_hang_together_and_nobody_stands_in_the_table() -> None:
 
 def test_the_blade_meets_the_ball_of_a_rally_and_faces_as_it_should() -> None:
     normal = np.array([-0.9, 0.1, 0.3]) / np.linalg.norm([-0.9, 0.1, 0.3])
-    strokes = [Stroke(1.0 + 1.1 * k, np.array([1.55, 0.1 * k, 0.25]), normal) for k in range(3)]
-    bodies = make_bodies("rally", 1, strokes)
+    strokes = [PlayerStroke(1.0 + 1.1 * k, np.array([1.55, 0.1 * k, 0.25]), normal) for k in range(3)]
+    bodies = make_actors("rally", 1, strokes)
     assert bodies is not None
     ends = bodies.ends(np.array([stroke.t_s for stroke in strokes]))[:, BLADE]
     np.testing.assert_allclose(ends[:, 0], [stroke.p_world_m for stroke in strokes], atol=1e-9)
@@ -58,7 +58,7 @@ def test_the_blade_meets_the_ball_of_a_rally_and_faces_as_it_should() -> None:
 
 
 def test_the_same_seed_gives_the_same_motion_which_repeats_itself() -> None:
-    one, same, other = make_bodies("person", 5), make_bodies("person", 5), make_bodies("person", 6)
+    one, same, other = make_actors("person", 5), make_actors("person", 5), make_actors("person", 6)
     assert one is not None and same is not None and other is not None
     np.testing.assert_array_equal(one.ends(TIMES_S), same.ends(TIMES_S))
     assert np.abs(one.ends(TIMES_S) - other.ends(TIMES_S)).max() > 0.05
@@ -66,7 +66,7 @@ def test_the_same_seed_gives_the_same_motion_which_repeats_itself() -> None:
 
 
 def test_a_swing_is_as_fast_as_a_drive_and_nothing_jumps() -> None:
-    bodies = make_bodies("person", 5)
+    bodies = make_actors("person", 5)
     assert bodies is not None
     t_s = np.arange(0.0, CYCLE_S, 0.002)
     speeds = np.linalg.norm(np.diff(bodies.ends(t_s)[:, :, 0], axis=0), axis=2) / 0.002

@@ -1,0 +1,92 @@
+"""A verb or a module of ours as a child process: what it says is read line by line.
+
+It ends with its parent if it calls `core.files.end_with_parent`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+REMEMBERED_LINES: Final = 20
+NICENESS: Final = 5
+_SHARE = re.compile(r"(\d+) of (?:about )?(\d+)")
+
+
+class ChildProcess:
+    """Starts at once; its output is read on a thread of its own."""
+
+    def __init__(
+        self,
+        *command: str,
+        on_line: Callable[[str], None] = lambda line: None,
+        on_end: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`command` follows `python -m`; `on_line` hears every line of output and errors, `on_end` that it is over."""
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", *command],
+            stdin=subprocess.PIPE,  # ends with this process, however that ends, and so does the child
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+        )
+        self._on_line, self._on_end = on_line, on_end
+        self._said: deque[str] = deque(maxlen=REMEMBERED_LINES)
+        self._reader = threading.Thread(target=self._read, name="child-process", daemon=True)
+        self._reader.start()
+
+    @property
+    def last_words(self) -> str:
+        """The last line that it said."""
+        return self._said[-1] if self._said else "it said nothing"
+
+    def wait(self) -> int:
+        """Wait until it has ended and all that it said was read, and give its exit code."""
+        code = self._process.wait()
+        self._reader.join()
+        return code
+
+    def stop(self) -> None:
+        """End the process, politely first."""
+        self._process.terminate()
+        try:
+            self._process.wait(timeout=5)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            if line.strip():
+                self._said.append(line.strip())
+                self._on_line(line.strip())
+        self._on_end()
+
+
+def give_way() -> None:
+    """In the child: let the page and the browser go first, where the system knows priorities."""
+    if hasattr(os, "nice"):
+        os.nice(NICENESS)
+
+
+def tell_parent(line: str) -> None:
+    """In the child: say a line at once."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def share_in(line: str) -> float | None:
+    """What a line such as "31 of about 75 kernels" says is done, 0 to 1; None if it says nothing of the kind."""
+    found = _SHARE.search(line)
+    if found is None or int(found.group(2)) == 0:
+        return None
+    return min(1.0, int(found.group(1)) / int(found.group(2)))

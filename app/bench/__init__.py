@@ -1,0 +1,1 @@
+"""Benchmarks of the app, and scripted users of it; the only place that imports playwright."""

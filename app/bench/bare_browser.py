@@ -1,0 +1,105 @@
+"""A client of the app that draws nothing: it presses keys and notes when pictures arrive. For measurements."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Final
+
+import msgspec.msgpack
+import zstandard
+from viser._messages import CommandTriggerMessage, Message, ViewerCameraMessage
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from app.server import App
+from app.session import Session
+
+PROTOCOL: Final = "viser-v1.1.1"
+LARGE_PICTURE: Final = "/sheet/0"
+QUIET_S: Final = 0.6
+
+
+class BareBrowser:
+    """Connected as soon as it is made."""
+
+    def __init__(self, port: int) -> None:
+        self._socket: ClientConnection = connect(
+            f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol(PROTOCOL)], max_size=None, compression=None
+        )
+        self.pictures = 0
+        """Large pictures that have arrived."""
+        self._arrived = threading.Condition()
+        self._last_s = 0.0
+        self._commands: dict[str, str] = {}
+        self._send(
+            ViewerCameraMessage(
+                wxyz=(1.0, 0.0, 0.0, 0.0),
+                position=(0.0, 0.0, -5.0),
+                fov=0.8,
+                near=0.01,
+                far=100.0,
+                image_height=720,
+                image_width=880,
+                look_at=(0.0, 0.0, 0.0),
+                up_direction=(0.0, -1.0, 0.0),
+            )
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def wait_session(self, lab: App, timeout_s: float = 60.0) -> Session:
+        """The app's session of this client, with its recording open."""
+        deadline = time.monotonic() + timeout_s
+        while not (lab.sessions and lab.sessions[0].state is not None):
+            if time.monotonic() > deadline:
+                raise TimeoutError("the app did not take this client")
+            time.sleep(0.02)
+        return lab.sessions[0]
+
+    def trigger(self, command: str, timeout_s: float = 30.0) -> None:
+        """Press the key of a command, named as in the palette."""
+        deadline = time.monotonic() + timeout_s
+        while command not in self._commands:
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"no command {command!r}; there is {sorted(self._commands)}")
+            time.sleep(0.02)
+        self._send(CommandTriggerMessage(self._commands[command]))
+
+    def wait_picture(self, timeout_s: float, *, after: int = 0) -> None:
+        """Until more large pictures than `after` have arrived."""
+        with self._arrived:
+            if not self._arrived.wait_for(lambda: self.pictures > after, timeout_s):
+                raise TimeoutError("no picture arrived")
+
+    def wait_quiet(self) -> None:
+        """Until nothing has arrived for a while: the neighbours are ready, too."""
+        time.sleep(QUIET_S)
+        while time.monotonic() - self._last_s < QUIET_S:
+            time.sleep(0.05)
+
+    def close(self) -> None:
+        """Leave the page and end its connection."""
+        self._socket.close()
+        self._reader.join(timeout=5)
+
+    def _send(self, message: Message) -> None:
+        self._socket.send(msgspec.msgpack.encode(message.as_serializable_dict()))
+
+    def _read(self) -> None:
+        unpack = zstandard.ZstdDecompressor()
+        for frame in self._socket:
+            assert isinstance(frame, bytes)
+            length = int.from_bytes(frame[8:16], "little")
+            content = msgspec.msgpack.decode(unpack.decompress(frame[16 : 16 + length]))
+            self._last_s = time.monotonic()
+            for message in content["messages"]:
+                self._take(message)
+
+    def _take(self, message: dict) -> None:
+        if message["type"] == "RegisterCommandMessage":
+            self._commands[message["props"]["label"]] = message["uuid"]
+        elif message.get("name") == LARGE_PICTURE and "_data" in message.get("updates", {}):
+            with self._arrived:
+                self.pictures += 1
+                self._arrived.notify_all()

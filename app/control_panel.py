@@ -1,0 +1,70 @@
+"""All controls of one browser, put together: which panels exist, which of them each mode shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import viser
+
+from app.panels.below_pictures import place_below_pictures
+from app.panels.keys import add_keys
+from app.panels.picture import PicturePanel
+from app.panels.recording_info import RecordingInfo, RecordingInfoPanel
+from app.panels.transport import TransportPanel
+from app.state.client_state import MODES, ClientState
+from app.state.commands import Command, SetMode
+from app.widgets import Choice, Listing
+
+
+class ControlPanelActions(Protocol):
+    """What a browser may ask for beside the commands that only change its state."""
+
+    def open_recording(self, name: str) -> None: ...
+    def reframe(self) -> None: ...
+
+
+class ControlPanel:
+    """Builds the controls once; `show` makes them follow the state."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        send: Callable[[Command], None],
+        send_key: Callable[[Command], None],
+        actions: ControlPanelActions,
+    ) -> None:
+        self._mode = Choice(gui, "Mode", MODES, lambda mode: send(SetMode(mode)))  # type: ignore[arg-type]
+        self._recording = Listing(gui, "Recording", actions.open_recording, hint="Recordings of the workspace")
+        self._transport = TransportPanel(gui, send)
+        self.modes_folder = gui.add_folder(None)
+        """Where the modes put their controls."""
+        self._picture = PicturePanel(gui, send)
+        self._info = RecordingInfoPanel(gui)
+        place_below_pictures(gui, self._info.panel)
+        add_keys(gui, send_key, actions.reframe)
+        # Until a recording is open there is nothing that these could be about.
+        self._transport.folder.visible = self._picture.folder.visible = self._info.panel.visible = False
+
+    def show(self, state: ClientState, now_us: int, *, uses_recording: bool, shows_events: bool) -> None:
+        """Make every control follow the state."""
+        self._recording.visible = self._transport.folder.visible = uses_recording
+        self._picture.folder.visible = uses_recording
+        self._mode.show(state.mode)
+        self._recording.show(state.recording)
+        self._info.panel.visible = shows_events and not state.playhead.live
+        self._transport.show(state, now_us)
+        self._picture.show(state)
+
+    def show_time(self, state: ClientState, now_us: int) -> None:
+        """Only what moves while it plays."""
+        self._transport.show(state, now_us)
+        self._info.show_time(now_us)
+
+    def show_recordings(self, names: tuple[str, ...]) -> None:
+        """Offer these recordings."""
+        self._recording.offer(names)
+
+    def show_info(self, info: RecordingInfo) -> None:
+        """Rates and health of the recording that was opened."""
+        self._info.show_info(info)

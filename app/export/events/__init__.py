@@ -1,0 +1,1 @@
+"""Events and truth in the formats of others: tables, DSEC, EVT3."""

@@ -1,0 +1,178 @@
+"""What moves in the world, in Rerun: the ball, its prediction, the racket, where balls came down."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from app.export.rrd.arena import send_racket_shape
+from app.export.rrd.paths import (
+    BALL,
+    LANDINGS,
+    PREDICTION,
+    RACKET,
+    RACKET_TARGET,
+    TRAIL,
+    WORLD,
+    lengths_of,
+    send,
+    stacked,
+    time_column,
+)
+from app.scene.landing import CASE_NAMES, CASE_RGB
+from core.geometry import xyzw_from_wxyz
+from core.physics.episode import Case
+from core.recordings import BallTruth
+from core.recordings.layout import Rows
+from core.table import BALL_RADIUS_M
+from core.trajectory import Prediction
+
+BALL_RGB = (255, 140, 30)
+TRUTH_RGB = (40, 220, 220)
+BEFORE_RGB = (255, 214, 10)
+AFTER_RGB = (30, 225, 110)
+RECORDED_RGB = (230, 120, 255)
+TARGET_RGB = (255, 90, 10)
+SIGMAS = 2.0
+"""Uncertainties are drawn as ellipsoids of so many standard deviations."""
+LEAST_HALF_SIZE_M = 0.004
+ABOVE_M = 0.004
+EPISODE_US = 1_500_000
+"""A ball is played out after so long."""
+
+
+def send_ball(stream: rr.RecordingStream, t_us: Sequence[int], points: Sequence[NDArray[np.float64] | None]) -> None:
+    """The triangulated ball (3,), a row per window; its trail is the same points, of which a view shows the last."""
+    found = [point for point in points if point is not None]
+    if not found:
+        return
+    seen = [point is not None for point in points]
+    times, positions = time_column(t_us), np.array(found, np.float32)
+    ball = rr.Points3D.columns(
+        positions=positions, radii=[1.3 * BALL_RADIUS_M] * len(found), colors=[BALL_RGB] * len(found)
+    )
+    send(stream, f"{BALL}/triangulated", times, ball.partition(seen))
+    trail = rr.Points3D.columns(positions=positions, radii=[0.008] * len(found), colors=[BALL_RGB] * len(found))
+    send(stream, TRAIL, times, trail.partition(seen))
+
+
+def send_ball_truth(stream: rr.RecordingStream, truth: BallTruth, rows: slice) -> None:
+    """The true ball at its own times."""
+    visible = truth.visible[rows]
+    count = int(visible.sum())
+    if not count:
+        return
+    ball = rr.Points3D.columns(
+        positions=truth.p_world_m[rows][visible].astype(np.float32),
+        radii=[BALL_RADIUS_M] * count,
+        colors=[TRUTH_RGB] * count,
+    )
+    send(stream, f"{BALL}/truth", time_column(truth.t_us[rows]), ball.partition(visible.astype(np.int32)))
+
+
+def send_predictions(stream: rr.RecordingStream, t_us: Sequence[int], predictions: Sequence[Prediction | None]) -> None:
+    """The predicted flight at each time, with the uncertainty of its bounces and of the hit; nothing where none is."""
+    times = time_column(t_us)
+    curves = [None if one is None or len(one.curve_t_s) < 2 else one for one in predictions]
+    shown = [one for one in curves if one is not None]
+    if not shown:
+        return
+    lines = rr.LineStrips3D.columns(
+        strips=[one.curve_ps_world_m.astype(np.float32) for one in shown],
+        colors=[BEFORE_RGB if one.stage == "pre" else AFTER_RGB for one in shown],
+        radii=[0.005] * len(shown),
+    )
+    send(stream, f"{PREDICTION}/flight", times, lines.partition([one is not None for one in curves]))
+    touches = [[] if one is None else [(b.p_world_m, b.sigma_m) for b in one.bounces] for one in predictions]
+    _send_ellipsoids(stream, f"{PREDICTION}/bounce", times, touches, BEFORE_RGB)
+    hits = [
+        [] if one is None or one.hit_plane is None else [(one.hit_plane.p_world_m, one.hit_plane.sigma_m)]
+        for one in predictions
+    ]
+    _send_ellipsoids(stream, f"{PREDICTION}/hit", times, hits, AFTER_RGB)
+
+
+def send_recorded_predictions(stream: rr.RecordingStream, rows: Rows) -> None:
+    """Those that the recording holds: where the ball was expected at the hitting plane."""
+    variances = np.diagonal(rows["cov"][:, :3, :3], axis1=1, axis2=2)
+    sigmas = np.sqrt(np.maximum(variances, 0.0))
+    known = np.isfinite(rows["p_hit_m"].sum(axis=1)).tolist()
+    points = [
+        [(p, np.nan_to_num(sigma))] if ok else [] for p, sigma, ok in zip(rows["p_hit_m"], sigmas, known, strict=True)
+    ]
+    _send_ellipsoids(stream, f"{PREDICTION}/recorded_hit", time_column(rows["t_us"]), points, RECORDED_RGB)
+
+
+def send_racket(stream: rr.RecordingStream, rows: Rows) -> None:
+    """Send the racket's pose at the times of the recording."""
+    send_racket_shape(stream, RACKET, int(rows["t_us"][0]))
+    pose = rr.Transform3D.columns(
+        translation=rows["p_world_m"].astype(np.float32), quaternion=xyzw_from_wxyz(rows["q_world_wxyz"])
+    )
+    send(stream, RACKET, time_column(rows["t_us"]), pose)
+
+
+def send_racket_targets(stream: rr.RecordingStream, rows: Rows) -> None:
+    """Where the racket was sent, and where on the table the ball is to land."""
+    send_racket_shape(stream, RACKET_TARGET, int(rows["t_us"][0]))
+    times = time_column(rows["t_us"])
+    pose = rr.Transform3D.columns(
+        translation=rows["p_world_m"].astype(np.float32), quaternion=xyzw_from_wxyz(rows["q_world_wxyz"])
+    )
+    send(stream, RACKET_TARGET, times, pose)
+    _send_spots(stream, f"{WORLD}/target", times, rows["g"][:, :2], [TARGET_RGB] * len(rows["g"]), None, 0.03)
+
+
+def send_episodes(stream: rr.RecordingStream, rows: Rows) -> None:
+    """Where each ball came down, by its case: from the next serve on, when that is known for certain."""
+    serves_us = rows["serve_us"].astype(np.int64)
+    times = time_column(np.append(serves_us[1:], serves_us[-1] + EPISODE_US))
+    cases = [Case(int(case)) for case in rows["case"]]
+    colours, names = [CASE_RGB[case] for case in cases], [CASE_NAMES[case] for case in cases]
+    _send_spots(stream, LANDINGS, times, rows["f"][:, :2], colours, names, 0.025)
+
+
+def _send_spots(
+    stream: rr.RecordingStream,
+    path: str,
+    times: rr.TimeColumn,
+    spots_m: NDArray[np.float64],
+    colours: Sequence[tuple[int, int, int]],
+    names: Sequence[str] | None,
+    radius_m: float,
+) -> None:
+    known = np.isfinite(spots_m).all(axis=1)
+    if not known.any():
+        return
+    at = np.flatnonzero(known).tolist()
+    columns = rr.Points3D.columns(
+        positions=np.column_stack([spots_m[known], np.full(len(at), ABOVE_M)]).astype(np.float32),
+        colors=[colours[k] for k in at],
+        radii=[radius_m] * len(at),
+        labels=None if names is None else [names[k] for k in at],
+        show_labels=None if names is None else [False] * len(at),
+    )
+    send(stream, path, times, columns.partition(known.astype(np.int32)))
+
+
+def _send_ellipsoids(
+    stream: rr.RecordingStream,
+    path: str,
+    times: rr.TimeColumn,
+    rows: Sequence[Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]],
+    colour: tuple[int, int, int],
+) -> None:
+    count = sum(len(row) for row in rows)
+    if not count:
+        return
+    centres = stacked([np.array([p for p, _ in row]) for row in rows if row], 3)
+    halves = stacked([SIGMAS * np.array([sigma for _, sigma in row]) for row in rows if row], 3)
+    columns = rr.Ellipsoids3D.columns(
+        centers=centres,
+        half_sizes=np.maximum(halves, LEAST_HALF_SIZE_M),
+        colors=[colour] * count,
+    )
+    send(stream, path, times, columns.partition(lengths_of(rows)))

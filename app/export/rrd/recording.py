@@ -1,0 +1,176 @@
+"""A recording as a Rerun file: the rally in 3D, what each camera saw and the detector made of it, and curves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+from app.export.rrd import camera as rrd_camera
+from app.export.rrd import plots as rrd_plots
+from app.export.rrd import rally as rrd_rally
+from app.export.rrd.arena import log_arena, log_cameras
+from app.export.rrd.blueprint import recording_blueprint
+from app.export.rrd.camera_picture import CameraPicture, PictureJob
+from app.export.rrd.file import rerun_file
+from app.export.rrd.paths import picture_path
+from app.export.rrd.picture_pool import PicturePool
+from app.export.selection import DEFAULT_STRIDE_US, Span
+from app.export.steps import ChainStep, follow_span, window_length_us
+from app.export.unfinished import Cancelled, Progress, check_cancelled
+from core.detection.methods import method_config
+from core.rally import ChainConfig
+from core.rally.history.following import is_stereo
+from core.recordings import Recording
+from core.recordings.layout import Rows
+from labels.arrays import LabelArrays
+
+STEPS_PER_PART = 512
+"""Rows are handed to Rerun in parts of so many windows, about a second."""
+SHARE_OF_STEPS = 0.95
+"""Of the time; the rest is optimizing the file."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RrdContents:
+    """What goes into the file."""
+
+    chain: ChainConfig = field(default_factory=ChainConfig)
+    stride_us: int = DEFAULT_STRIDE_US
+    """Time between two pictures; rounded to whole windows of the detector."""
+    pictures: bool = True
+    stages: bool = True
+    """What each stage of the detector saw, on the pictures."""
+    plots: bool = True
+    labels: Mapping[str, LabelArrays] = field(default_factory=dict)
+    """By camera."""
+
+
+def export_rrd(
+    recording: Recording,
+    path: Path,
+    span: Span,
+    contents: RrdContents,
+    *,
+    groups: Callable[[str], Rows | None] = lambda group: None,
+    overwrite: bool = False,
+    progress: Progress = lambda share: None,
+    cancelled: Cancelled = lambda: False,
+) -> Path:
+    """Write the file. `groups` reads further groups of the recording, such as "/racket".
+
+    Raises:
+        CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
+        ExportCancelledError: if `cancelled` said so; there is no file then.
+    """
+    cameras = {name: one.calibration is not None for name, one in recording.cameras.items()}
+    name = f"{recording.uuid}-{span.start_us}-{span.end_us}"
+    blueprint = recording_blueprint(cameras, rewards=contents.plots and groups("/episodes") is not None)
+    with rerun_file(path, blueprint, recording_id=name, overwrite=overwrite, cancelled=cancelled) as stream:
+        _Export(stream, recording, span, contents, groups).write(progress, cancelled)
+    progress(1.0)
+    return path
+
+
+class _Export:
+    """One export on its way."""
+
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        recording: Recording,
+        span: Span,
+        contents: RrdContents,
+        groups: Callable[[str], Rows | None],
+    ) -> None:
+        self._stream, self._recording, self._span, self._contents = stream, recording, span, contents
+        self._groups = groups
+        self._paths = {
+            name: picture_path(name, calibrated=one.calibration is not None) for name, one in recording.cameras.items()
+        }
+        self._detector = method_config(contents.chain.method, contents.chain.detector)
+        self._every = max(1, round(contents.stride_us / window_length_us(contents.chain)))
+        self._steps: list[ChainStep] = []
+        self._pictures: dict[str, list[CameraPicture]] = {name: [] for name in recording.cameras}
+
+    def write(self, progress: Progress, cancelled: Cancelled) -> None:
+        """Everything but the optimizing."""
+        self._write_standing()
+        expected = 0
+        if self._contents.pictures:
+            expected = len(self._paths) * self._span.length_us // (self._every * window_length_us(self._contents.chain))
+        with PicturePool(expected) as pool:
+            steps = follow_span(self._recording, self._span, self._contents.chain, picture_every=self._every)
+            for step in steps:
+                check_cancelled(cancelled)
+                self._take(step, pool)
+                if len(self._steps) >= STEPS_PER_PART:
+                    self._write_part(pool, everything=False)
+                    progress(SHARE_OF_STEPS * (step.end_us - self._span.start_us) / self._span.length_us)
+            self._write_part(pool, everything=True)
+
+    def _write_standing(self) -> None:
+        recording, stream, span = self._recording, self._stream, self._span
+        if any(one.calibration is not None for one in recording.cameras.values()):
+            log_arena(stream, self._contents.chain.predictor.hit_x_m)
+        log_cameras(stream, {name: one.calibration for name, one in recording.cameras.items()})
+        if recording.ball is not None:
+            first, last = np.searchsorted(recording.ball.t_us, (span.start_us, span.end_us))
+            rrd_rally.send_ball_truth(stream, recording.ball, slice(int(first), int(last)))
+        senders = [
+            ("/racket", "t_us", rrd_rally.send_racket),
+            ("/racket_targets", "t_us", rrd_rally.send_racket_targets),
+            ("/predictions", "t_us", rrd_rally.send_recorded_predictions),
+            ("/episodes", "serve_us", rrd_rally.send_episodes),
+        ]
+        if self._contents.plots:
+            senders.append(("/episodes", "serve_us", rrd_plots.send_rewards))
+        for group, clock, write in senders:
+            rows = self._groups(group)
+            if rows is not None:
+                inside = (span.start_us <= rows[clock]) & (rows[clock] < span.end_us)
+                if inside.any():
+                    write(stream, {name: column[inside] for name, column in rows.items()})
+        if self._contents.plots:
+            rrd_plots.log_styles(stream, list(recording.cameras))
+            rrd_plots.send_rates(stream, recording, span)
+        for name, labels in self._contents.labels.items():
+            placed = labels.between(span.start_us, span.end_us)
+            rrd_camera.send_labels(stream, self._paths[name], placed, self._contents.stride_us)
+
+    def _take(self, step: ChainStep, pool: PicturePool) -> None:
+        self._steps.append(step)
+        if step.before is not None and self._contents.pictures:
+            for name, window in step.windows.items():
+                pool.submit(name, PictureJob(window, step.before[name], self._detector, self._contents.stages))
+
+    def _write_part(self, pool: PicturePool, *, everything: bool) -> None:
+        steps, self._steps = self._steps, []
+        if steps:
+            self._write_steps(steps)
+        for name, picture in pool.ready(everything=everything):
+            self._pictures[name].append(picture)
+        for name, pictures in self._pictures.items():
+            if pictures:
+                rrd_camera.send_pictures(self._stream, self._paths[name], pictures, stages=self._contents.stages)
+                self._pictures[name] = []
+
+    def _write_steps(self, steps: list[ChainStep]) -> None:
+        stream, recording = self._stream, self._recording
+        times = [step.end_us for step in steps]
+        if is_stereo(recording):
+            chains = [step.chain for step in steps if step.chain is not None]
+            rrd_rally.send_ball(stream, times, [None if one.point is None else one.point.p_world_m for one in chains])
+            ticks = [step for step in steps if step.before is not None]
+            predictions = [None if one.chain is None else one.chain.prediction for one in ticks]
+            rrd_rally.send_predictions(stream, [one.end_us for one in ticks], predictions)
+        for name, camera in recording.cameras.items():
+            found = [step.detections[name] for step in steps]
+            rrd_camera.send_detections(stream, self._paths[name], times, found)
+            if camera.truth is not None:
+                rrd_camera.send_truth(stream, self._paths[name], camera.truth, np.array(times))
+        if self._contents.plots:
+            rrd_plots.send_step_curves(stream, recording, steps)

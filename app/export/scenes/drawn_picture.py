@@ -1,0 +1,138 @@
+"""PNG and MP4 of a recording: the 3D view as `drawn_scene` draws it, the cameras' event pictures in its corners."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import cv2
+import faery
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from app.export.scenes.drawn_scene import SceneDrawing
+from app.export.scenes.moments import SceneMoment, scene_moments
+from app.export.selection import Span
+from app.export.unfinished import Cancelled, Progress, unfinished_file
+from app.pictures.palette import Ink, palette
+from app.scene.viewpoints import VIEWPOINTS
+from core.errors import CommandError
+from core.events import SensorSize, polarity_image
+from core.rally import ChainConfig
+from core.recordings import CameraStream, Recording
+from core.recordings.layout import Rows
+
+SIZE: Final = SensorSize(1280, 720)
+INSET_PX: Final = 330
+"""Width of a camera's picture."""
+MARGIN_PX: Final = 12
+EVENTS_US: Final = 5_000
+"""A camera's picture shows the events of so long."""
+STRIDE_US: Final = 10_000
+FRAMES_PER_S: Final = 25.0
+"""Of the film: with the default stride a quarter of the real speed."""
+WARM_UP_US: Final = 700_000
+"""The chain runs for so long before a single picture, so that trail and prediction are in it."""
+FOV_RAD: Final = math.radians(33)
+"""The table fills the picture between the insets."""
+COLOURS: Final = palette("orange / blue")
+
+
+def export_mp4(
+    recording: Recording,
+    path: Path,
+    span: Span,
+    chain: ChainConfig,
+    *,
+    stride_us: int = STRIDE_US,
+    groups: Callable[[str], Rows | None] = lambda group: None,
+    overwrite: bool = False,
+    progress: Progress = lambda share: None,
+    cancelled: Cancelled = lambda: False,
+) -> Path:
+    """Write a film, H.264, a frame every `stride_us`, 25 frames a second.
+
+    Raises:
+        CalibrationError: if the ball cannot be found in space.
+        CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
+        ExportCancelledError: if `cancelled` said so; there is no file then.
+    """
+    drawing = _drawing(chain)
+    moments = scene_moments(recording, span, chain, stride_us, groups, progress, cancelled)
+    with unfinished_file(path, overwrite=overwrite) as unfinished:
+        size = (SIZE.width_px, SIZE.height_px)
+        frames = 0
+        with faery.mp4.Encoder(unfinished, size, FRAMES_PER_S, 18.0, "veryfast", "none", "high") as encoder:
+            for moment in moments:
+                encoder.write(_compose(drawing, recording, moment))
+                frames += 1
+        if not frames:
+            raise CommandError("no frame in this part", remedy="take a longer part or a smaller --stride-us")
+    return path
+
+
+def export_png(
+    recording: Recording,
+    path: Path,
+    span: Span,
+    chain: ChainConfig,
+    *,
+    groups: Callable[[str], Rows | None] = lambda group: None,
+    overwrite: bool = False,
+    progress: Progress = lambda share: None,
+    cancelled: Cancelled = lambda: False,
+) -> Path:
+    """Write one picture, of the span's end; the chain has seen what came before it.
+
+    Raises:
+        CalibrationError: if the ball cannot be found in space.
+        CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
+        ExportCancelledError: if `cancelled` said so; there is no file then.
+    """
+    before = Span(max(0, span.end_us - WARM_UP_US), span.end_us)
+    last: SceneMoment | None = None
+    for moment in scene_moments(recording, before, chain, 1, groups, progress, cancelled):
+        last = moment
+    if last is None:
+        raise CommandError("nothing to see in this part", remedy="take a longer one")
+    with unfinished_file(path, overwrite=overwrite) as unfinished:
+        Image.fromarray(_compose(_drawing(chain), recording, last)).save(unfinished, "PNG")
+    return path
+
+
+def _drawing(chain: ChainConfig) -> SceneDrawing:
+    view = replace(VIEWPOINTS["Broadcast"], fov_rad=FOV_RAD)
+    return SceneDrawing(SIZE, view, plane_x_m=chain.predictor.hit_x_m)
+
+
+def _compose(drawing: SceneDrawing, recording: Recording, moment: SceneMoment) -> NDArray[np.uint8]:
+    image = drawing.draw(moment.picture)
+    for number, (name, stream) in enumerate(recording.cameras.items()):
+        inset = _inset(stream, moment.t_us, moment.circles)
+        left = MARGIN_PX if number % 2 == 0 else SIZE.width_px - MARGIN_PX - inset.shape[1]
+        top = MARGIN_PX + number // 2 * (inset.shape[0] + MARGIN_PX)
+        if top + inset.shape[0] <= SIZE.height_px:
+            image[top : top + inset.shape[0], left : left + inset.shape[1]] = inset
+            _write(image, name, (left + 8, top + inset.shape[0] - 10))
+    _write(image, f"{moment.t_us / 1e6:.3f} s", (MARGIN_PX + 4, SIZE.height_px - MARGIN_PX - 4))
+    return image
+
+
+def _inset(stream: CameraStream, t_us: int, circles: Mapping[str, tuple[float, float, float]]) -> NDArray[np.uint8]:
+    """The events before a time, in few pixels, with the circle of the ball that was found."""
+    binning = max(1, round(stream.sensor.width_px / INSET_PX))
+    picture = COLOURS[polarity_image(stream.slice(max(0, t_us - EVENTS_US), t_us), binning=binning)]
+    circle = circles.get(stream.name)
+    if circle is not None:
+        u, v, r = (round(value / binning) for value in circle)
+        cv2.circle(picture, (u, v), max(3, r + 1), COLOURS[Ink.CIRCLE].tolist(), 1, cv2.LINE_AA)
+    cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, picture.shape[0] - 1), (90, 92, 98), 1)
+    return picture
+
+
+def _write(image: NDArray[np.uint8], text: str, at: tuple[int, int]) -> None:
+    cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (220, 220, 220), 1, cv2.LINE_AA)

@@ -1,0 +1,165 @@
+"""Export: write what is open, or a training run, in the formats of other tools."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from app.export.formats import FORMATS, ExportRequest, export
+from app.export.selection import span_of
+from app.export.unfinished import Cancelled, Progress
+from app.modes.export.files_panel import ExportFilesPanel
+from app.modes.export.frozen import freeze
+from app.modes.export.plan_panel import ExportPlan, ExportPlanPanel
+from app.modes.mode import Middle, ModeHost
+from app.shared.live_rally import LiveRally
+from app.state.client_state import ClientState
+from app.widgets import when_clicked
+from core.detection import DetectorConfig
+from core.errors import CommandError
+from core.rally import ChainConfig
+from core.rally.live.ring_recording import RingRecording
+from core.recordings import Recording
+from core.recordings.layout import Rows
+from labels.store import LabelStore, find_layers
+
+LOOK_EVERY_S: Final = 0.3
+OFFER_EVERY_S: Final = 2.0
+LARGEST_DOWNLOAD: Final = 1_000_000_000
+"""Bytes; a download goes through this process's memory."""
+
+
+class ExportMode:
+    """Export as one browser sees it; the export that runs and the files are shared by all."""
+
+    uses_recording = True
+    takes_keys = False
+
+    def __init__(self, host: ModeHost) -> None:
+        self._host = host
+        self._exporter = host.services.exporter
+        self._now_us = 0
+        self._looked_s = self._offered_s = float("-inf")
+        self._folder = host.client.gui.add_folder(None, visible=False)
+        with self._folder:
+            self._plan = ExportPlanPanel(host.client.gui, lambda: self._now_us, host.later)
+            self._files = ExportFilesPanel(host.client.gui)
+        when_clicked(self._files.export, lambda: host.later(self._start))
+        when_clicked(self._files.cancel, self._exporter.cancel)
+        when_clicked(self._files.download, lambda: host.later(self._download))
+
+    @property
+    def middle(self) -> Middle:
+        """The pictures at the cursor: where a part begins and ends is found by looking."""
+        return "events"
+
+    @property
+    def restless(self) -> bool:
+        """The session's loop turns often enough for a progress bar."""
+        return False
+
+    def show(self, active: bool) -> None:
+        """Show the controls or hide them."""
+        self._folder.visible = active
+        self._looked_s = self._offered_s = float("-inf")
+        recording = self._host.recording
+        if active and isinstance(recording, RingRecording):
+            self._plan.use_span(recording.start_us, recording.duration_us)
+
+    def use_recording(self, recording: Recording) -> None:
+        """Offer all of it."""
+        start_us = recording.start_us if isinstance(recording, RingRecording) else 0
+        self._plan.use_span(start_us, recording.duration_us)
+
+    def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
+        """Follow the export and the folder."""
+        self._now_us = now_us
+        if wall_s - self._looked_s < LOOK_EVERY_S:
+            return
+        self._looked_s = wall_s
+        with self._host.client.atomic():
+            if wall_s - self._offered_s > OFFER_EVERY_S:
+                self._offered_s = wall_s
+                self._plan.offer(tuple(sorted(self._host.services.workspace.run_names())), self._annotators())
+            self._files.show(self._exporter.state(), self._exporter.files())
+
+    def clicked(self, x: float, y: float) -> None:
+        """Nothing is chosen by clicks."""
+
+    def close(self) -> None:
+        """The browser is gone; the export goes on."""
+
+    def _annotators(self) -> tuple[str, ...]:
+        if self._host.recording is None:
+            return ()
+        layers = find_layers(self._host.services.workspace.labels, self._host.recording.uuid)
+        return tuple(sorted({layer.annotator for layer in layers if not layer.blind}))
+
+    def _start(self) -> None:
+        plan, state = self._plan.plan, self._host.state
+        if plan.what == "Training run":
+            if plan.run is None or plan.run not in self._host.services.workspace.run_names():
+                raise CommandError("no training run to export", remedy="train one in the mode Train")
+            run = self._host.services.workspace.run_path(plan.run)
+            self._exporter.start(plan.run, ".rrd", _run_work(run))
+            return
+        recording = self._host.recording
+        if recording is None or state is None:
+            raise CommandError("no recording is open")
+        span_of(recording, plan.start_us, plan.end_us)  # says at once what is wrong with it
+        layers = self._host.services.workspace.labels
+        live = self._host.services.rallies.live
+        work = _recording_work(recording, plan, state.configs.present.a, layers, live)
+        self._exporter.start(state.recording, FORMATS[plan.format].suffix, work)
+        self._looked_s = float("-inf")
+
+    def _download(self) -> None:
+        name = self._files.chosen
+        if name is None:
+            return
+        path = self._exporter.path_of(name)
+        if path.stat().st_size > LARGEST_DOWNLOAD:
+            raise CommandError("too large to download through the browser", got=name, remedy=f"it is here: {path}")
+        send = self._host.client.send_file_download
+        self._host.pool.submit(lambda: send(path.name, path.read_bytes(), save_immediately=True))
+
+
+def _run_work(run: Path) -> Callable[[Path, Progress, Cancelled], tuple[Path, ...]]:
+    def work(path: Path, progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
+        return export(ExportRequest(format="rrd", destination=path), run=run, progress=progress, cancelled=cancelled)
+
+    return work
+
+
+def _recording_work(
+    recording: Recording, plan: ExportPlan, detector: DetectorConfig, labels: Path, live: LiveRally | None
+) -> Callable[[Path, Progress, Cancelled], tuple[Path, ...]]:
+    def work(path: Path, progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
+        source, span = recording, span_of(recording, plan.start_us, plan.end_us)
+        if isinstance(recording, RingRecording):
+            source = freeze(recording, span)
+            groups = _no_rows if live is None or live.recording is not recording else live.rows.read_rows
+        else:
+            groups = getattr(recording, "read_rows", _no_rows)
+        order = ExportRequest(
+            format=plan.format,
+            destination=path,
+            start_us=span.start_us,
+            end_us=span.end_us,
+            stride_us=plan.stride_us if plan.format == "rrd" else None,
+            pictures=plan.pictures,
+            stages=plan.stages,
+            plots=plan.plots,
+            chain=ChainConfig(detector=detector),
+        )
+        mine = [layer for layer in find_layers(labels, source.uuid) if layer.annotator == plan.annotator]
+        shown = {layer.camera: LabelStore.read(labels, layer).labels() for layer in mine if not layer.blind}
+        return export(order, recording=source, groups=groups, labels=shown, progress=progress, cancelled=cancelled)
+
+    return work
+
+
+def _no_rows(group: str) -> Rows | None:
+    """What a recording without groups gives: no rows."""
+    return None

@@ -1,0 +1,163 @@
+"""From what a person did to the label it means: pure steps, with a provenance that says how it came about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from core.events import Events
+from labels.assist import Proposals, Snap, snap
+from labels.model import Label, LabelState, PositionSource, Provenance
+
+MOST_TIME_MS = 600_000
+
+
+@dataclass(frozen=True, slots=True)
+class ShownPicture:
+    """The picture that a label is judged on."""
+
+    t_us: int
+    window_us: tuple[int, int]
+    rendering: str
+    time_spent_ms: int
+
+    def provenance(self, source: PositionSource, detector: str = "") -> Provenance:
+        """Provenance of a label that is made on this picture."""
+        return Provenance(
+            source=source,
+            detector=detector,
+            window_us=self.window_us,
+            rendering=self.rendering,
+            time_spent_ms=min(max(self.time_spent_ms, 0), MOST_TIME_MS),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ProposedLabel:
+    """A position that was proposed and that nobody has judged yet."""
+
+    t_us: int
+    x_px: float
+    y_px: float
+    r_px: float | None
+    covariance_px2: tuple[float, float, float] | None
+    detector: str
+
+
+def proposed_at(proposals: Proposals, t_us: int) -> ProposedLabel | None:
+    """What is proposed at a time."""
+    found = proposals.at(t_us)
+    x, y, r = float(found.x_px[0]), float(found.y_px[0]), float(found.r_px[0])
+    if not np.isfinite(x):
+        return None
+    xx, xy, yy = found.covariance_px2[0].tolist()
+    covariance = (xx, xy, yy) if np.isfinite(found.covariance_px2[0]).all() else None
+    return ProposedLabel(t_us, x, y, r if np.isfinite(r) else None, covariance, found.detector)
+
+
+def label_from_click(
+    x_px: float,
+    y_px: float,
+    shown_picture: ShownPicture,
+    before: Label | None,
+    draft: ProposedLabel | None,
+    *,
+    r_px: float | None = None,
+) -> Label:
+    """A click by hand: the radius stays what it was unless it is given; where a draft was shown it is a correction."""
+    known = before if before is not None and before.x_px is not None else None
+    source, detector = _source_by_hand(known, draft)
+    radius = r_px or (known.r_px if known is not None else None) or (draft.r_px if draft is not None else None)
+    state = before.state if before is not None and before.state.seen else LabelState.VISIBLE
+    made = shown_picture.provenance(source, detector)
+    return Label(t_us=shown_picture.t_us, state=state, x_px=x_px, y_px=y_px, r_px=radius, provenance=made)
+
+
+def snapped(label: Label, events: Events, velocity_px_per_ms: tuple[float, float] | None = None) -> Label:
+    """The label moved to the circle that fits the events near it; the same one where none fits."""
+    assert label.x_px is not None and label.y_px is not None
+    fitted: Snap | None = None
+    if velocity_px_per_ms is not None:
+        fitted = snap(events, label.t_us, label.x_px, label.y_px, v_px_per_ms=velocity_px_per_ms)
+    fitted = fitted or snap(events, label.t_us, label.x_px, label.y_px)
+    if fitted is None:
+        return label
+    made = label.provenance
+    source = made.source if made.source is PositionSource.CORRECTED else PositionSource.SNAPPED
+    return replace(
+        label,
+        x_px=fitted.x_px,
+        y_px=fitted.y_px,
+        r_px=fitted.r_px,
+        covariance_px2=fitted.covariance_px2,
+        provenance=replace(made, source=source),
+    )
+
+
+def accepted(draft: ProposedLabel, shown_picture: ShownPicture) -> Label:
+    """The draft, found to be right."""
+    return Label(
+        t_us=draft.t_us,
+        state=LabelState.VISIBLE,
+        x_px=draft.x_px,
+        y_px=draft.y_px,
+        r_px=draft.r_px,
+        covariance_px2=draft.covariance_px2,
+        provenance=shown_picture.provenance(PositionSource.ACCEPTED, draft.detector),
+    )
+
+
+def moved(label: Label, dx_px: float, dy_px: float, shown_picture: ShownPicture) -> Label | None:
+    """The label a little further; None without a position."""
+    if label.x_px is None or label.y_px is None:
+        return None
+    return placed(label, label.x_px + dx_px, label.y_px + dy_px, label.r_px, shown_picture)
+
+
+def placed(label: Label, x_px: float, y_px: float, r_px: float | None, shown_picture: ShownPicture) -> Label:
+    """The label with other numbers, set by hand."""
+    source, detector = _source_by_hand(label, None)
+    moved_centre = (x_px, y_px) != (label.x_px, label.y_px)
+    state = LabelState.VISIBLE if label.state is LabelState.NO_BALL else label.state
+    return replace(
+        label,
+        state=state,
+        x_px=x_px,
+        y_px=y_px,
+        r_px=r_px,
+        covariance_px2=None if moved_centre else label.covariance_px2,
+        provenance=shown_picture.provenance(source, detector),
+    )
+
+
+def with_state(
+    state: LabelState, before: Label | None, draft: ProposedLabel | None, shown_picture: ShownPicture
+) -> Label | None:
+    """The label with another state; None where that state needs a position and none is known."""
+    if state is LabelState.NO_BALL:
+        return Label(t_us=shown_picture.t_us, state=state, provenance=shown_picture.provenance(PositionSource.BY_HAND))
+    known = before if before is not None and before.x_px is not None else None
+    if known is not None:
+        return replace(known, state=state)
+    if draft is not None and state is not LabelState.OUT_OF_FRAME:
+        return replace(accepted(draft, shown_picture), state=state)
+    if state.seen:
+        return None
+    return Label(t_us=shown_picture.t_us, state=state, provenance=shown_picture.provenance(PositionSource.BY_HAND))
+
+
+def copied(label: Label, shown_picture: ShownPicture) -> Label:
+    """The same ball at another time, for a hand to correct."""
+    return replace(
+        label, t_us=shown_picture.t_us, covariance_px2=None, provenance=shown_picture.provenance(PositionSource.BY_HAND)
+    )
+
+
+def _source_by_hand(label: Label | None, draft: ProposedLabel | None) -> tuple[PositionSource, str]:
+    """Moved by hand: a correction if a detector had proposed it."""
+    if draft is not None and label is None:
+        return PositionSource.CORRECTED, draft.detector
+    if label is not None and label.provenance.source in (PositionSource.ACCEPTED, PositionSource.CORRECTED):
+        return PositionSource.CORRECTED, label.provenance.detector
+    return PositionSource.BY_HAND, ""

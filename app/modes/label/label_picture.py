@@ -1,0 +1,139 @@
+"""Pictures for labelling, each described by a small comparable value: the key under which it is kept ready."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region
+from app.pictures.event_picture import Rendering, event_picture
+from app.pictures.palette import Ink, PolarityColours, palette
+from app.pictures.png import encode_png
+from core.events import Events, SensorSize, Window
+
+SIGMAS = 2.0
+"""Of the ellipse that is drawn for a covariance."""
+MIN_RING_PX = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class CircleMark:
+    """A position, with its circle and its covariance where they are known."""
+
+    x_px: float
+    y_px: float
+    r_px: float | None
+    ink: Ink
+    covariance_px2: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class LineMark:
+    """An open line through points."""
+
+    points_px: tuple[tuple[float, float], ...]
+    ink: Ink
+
+
+@dataclass(frozen=True, slots=True)
+class BoxMark:
+    """The outline of a region."""
+
+    region: Region
+    ink: Ink
+
+
+Mark = CircleMark | LineMark | BoxMark
+
+
+@dataclass(frozen=True, slots=True)
+class PictureKey:
+    """All that decides what a picture looks like, but for the recording."""
+
+    camera: str
+    window_us: tuple[int, int]
+    """[start, end) of the events, or of the exposure."""
+    frame: int | None
+    """Number of the frame; None: events."""
+    rendering: Rendering
+    colours: PolarityColours
+    region: Region
+    width_px: int
+    """About how wide the picture is to be; a sensor that is wider is binned when it is shown whole."""
+    marks: tuple[Mark, ...]
+    caption: str
+
+
+class PictureSource(Protocol):
+    """Where pictures of one camera come from."""
+
+    @property
+    def size(self) -> SensorSize: ...
+    def events(self, start_us: int, end_us: int) -> Events: ...
+    def frame(self, number: int) -> NDArray[np.uint8]: ...
+
+
+def draw_label_picture(source: PictureSource, key: PictureKey) -> bytes:
+    """Draw what Label shows and encode it."""
+    canvas, binning = _canvas(source.size, key)
+    if key.frame is None:
+        start_us, end_us = key.window_us
+        window = Window(source.events(start_us, end_us), start_us, end_us)
+        pixels = event_picture(window, key.rendering, binning=binning)
+        if binning > 1:
+            canvas = Canvas.of_binned(pixels, source.size, binning, across=canvas.across)
+        else:
+            canvas.paint_pixels(pixels)
+        _draw_marks(canvas, key)
+        return encode_png(canvas.image, key.colours)
+    overlay = np.zeros_like(canvas.image)
+    canvas.image = overlay
+    _draw_marks(canvas, key)
+    return _encode_frame(source.frame(key.frame), overlay, key)
+
+
+def _canvas(size: SensorSize, key: PictureKey) -> tuple[Canvas, int]:
+    across = round(TARGET_WIDTH_PX / key.width_px)
+    binning = max(1, round(key.region.width / key.width_px))
+    if binning > 1 and key.frame is None and key.region == Region.of_sensor(size):
+        return Canvas(Region(0, 0, 8, 8), across=across), binning
+    return Canvas(key.region, across=across, width_px=key.width_px), 1
+
+
+def _draw_marks(canvas: Canvas, key: PictureKey) -> None:
+    for mark in key.marks:
+        if isinstance(mark, LineMark):
+            canvas.draw_polygon(mark.points_px, mark.ink, closed=False)
+        elif isinstance(mark, BoxMark):
+            box = mark.region
+            canvas.draw_box(box.x - 0.5, box.y - 0.5, box.x + box.width - 0.5, box.y + box.height - 0.5, mark.ink)
+        else:
+            thickness = 2 if canvas.scale >= 1 else 1
+            canvas.draw_circle(mark.x_px, mark.y_px, mark.r_px or 0.0, mark.ink, thickness=thickness)
+            if mark.covariance_px2 is not None:
+                canvas.draw_ellipse(mark.x_px, mark.y_px, mark.covariance_px2, Ink.SIGMA, sigmas=SIGMAS)
+    if key.caption:
+        canvas.caption(key.caption)
+
+
+def _encode_frame(frame: NDArray[np.uint8], overlay: NDArray[np.uint8], key: PictureKey) -> bytes:
+    """A frame cropped and magnified, in its own colours, with what was drawn over it."""
+    region = key.region
+    rgb = frame if frame.ndim == 3 else np.repeat(frame[:, :, None], 3, axis=2)
+    height, width = rgb.shape[:2]
+    crop = np.full((region.height, region.width, 3), palette(key.colours)[Ink.OUTSIDE], np.uint8)
+    x0, x1 = max(region.x, 0), min(region.x + region.width, width)
+    y0, y1 = max(region.y, 0), min(region.y + region.height, height)
+    if x1 > x0 and y1 > y0:
+        crop[y0 - region.y : y1 - region.y, x0 - region.x : x1 - region.x] = rgb[y0:y1, x0:x1]
+    scale = overlay.shape[0] // region.height
+    shown = crop.repeat(scale, axis=0).repeat(scale, axis=1)
+    drawn = overlay > 0
+    shown[drawn] = palette(key.colours)[overlay[drawn]]
+    fine, content = cv2.imencode(".png", shown[:, :, ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    assert fine
+    return content.tobytes()

@@ -1,0 +1,103 @@
+"""All times that are to be labelled as one strip: what is labelled how, what is proposed, where the cursor is.
+
+Above it one line of text: it is always in sight, so it says whether everything is saved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from app.pictures.palette import Ink, PolarityColours
+from app.pictures.png import encode_png
+from labels.arrays import STATES
+from labels.model import LabelState
+
+WIDTH_PX: Final = 1280
+STATUS_PX: Final = 38
+"""Height of the line of text above the strip."""
+STRIP_PX: Final = 36
+HEIGHT_PX: Final = STATUS_PX + STRIP_PX
+TEXT_SIZE: Final = 0.7
+PROPOSED_PX: Final = 10
+"""Height of the lower part, which shows proposals."""
+STATE_INKS: Final[dict[LabelState, Ink]] = {
+    LabelState.VISIBLE: Ink.LABEL,
+    LabelState.PARTLY_OCCLUDED: Ink.PARTLY,
+    LabelState.OCCLUDED: Ink.OCCLUDED,
+    LabelState.OUT_OF_FRAME: Ink.OUT_OF_FRAME,
+    LabelState.NO_BALL: Ink.NO_BALL,
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StripData:
+    """What the strip shows; times ascend."""
+
+    start_us: int
+    end_us: int
+    labels_us: NDArray[np.int64]
+    states: NDArray[np.uint8]
+    """Index into `labels.arrays.STATES`, one for each label."""
+    proposed_us: NDArray[np.int64]
+    breaks_us: tuple[int, ...]
+    status: tuple[tuple[str, Ink], ...] = ()
+    """Words of the line above, from left to right."""
+
+
+def draw_strip(data: StripData, cursor_us: int, step_us: int) -> NDArray[np.uint8]:
+    """(HEIGHT_PX, WIDTH_PX) palette indices; a label is as wide as the step between labels, at least a pixel."""
+    whole = np.full((HEIGHT_PX, WIDTH_PX), Ink.BACKGROUND, np.uint8)
+    _write(whole[:STATUS_PX], data.status)
+    image = whole[STATUS_PX:]
+    image[:] = Ink.UNCHECKED
+    inks = np.array([STATE_INKS[state] for state in STATES], np.uint8)
+    _fill(image[: STRIP_PX - PROPOSED_PX], data, data.labels_us, inks[data.states], step_us)
+    drafts = np.full(len(data.proposed_us), Ink.DRAFT, np.uint8)
+    _fill(image[STRIP_PX - PROPOSED_PX + 2 :], data, data.proposed_us, drafts, step_us)
+    for break_us in data.breaks_us:
+        image[:, _column(data, break_us)] = Ink.EPIPOLAR
+    at = _column(data, cursor_us)
+    image[:, max(at - 1, 0) : at + 2] = Ink.CURSOR
+    return whole
+
+
+def _write(image: NDArray[np.uint8], words: tuple[tuple[str, Ink], ...]) -> None:
+    x = 8
+    for text, ink in words:
+        cv2.putText(image, text, (x, 27), cv2.FONT_HERSHEY_SIMPLEX, TEXT_SIZE, int(ink), 2, cv2.LINE_8)
+        x += cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, TEXT_SIZE, 2)[0][0] + 28
+
+
+def encode_strip(data: StripData, cursor_us: int, step_us: int, colours: PolarityColours) -> bytes:
+    """The strip as a picture file."""
+    return encode_png(draw_strip(data, cursor_us, step_us), colours)
+
+
+def strip_time(data_start_us: int, data_end_us: int, share: float) -> int:
+    """The time at a share 0..1 of the strip's width."""
+    return round(data_start_us + share * (data_end_us - data_start_us))
+
+
+def _column(data: StripData, t_us: int) -> int:
+    span = max(data.end_us - data.start_us, 1)
+    return min(max(round((t_us - data.start_us) / span * (WIDTH_PX - 1)), 0), WIDTH_PX - 1)
+
+
+def _fill(
+    rows: NDArray[np.uint8], data: StripData, t_us: NDArray[np.int64], inks: NDArray[np.uint8], step_us: int
+) -> None:
+    """Colour the columns from half a step before each time to half a step behind it."""
+    if not len(t_us):
+        return
+    span = max(data.end_us - data.start_us, 1)
+    share = (np.stack([t_us - step_us / 2, t_us + step_us / 2]) - data.start_us) / span * (WIDTH_PX - 1)
+    first, last = np.clip(np.round(share), 0, WIDTH_PX - 1).astype(np.int64)
+    line = rows[0].copy()
+    for begin, end, ink in zip(first.tolist(), last.tolist(), inks.tolist(), strict=True):
+        line[begin : max(end, begin + 1)] = ink
+    rows[:] = line

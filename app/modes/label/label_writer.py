@@ -1,0 +1,126 @@
+"""Where labels are written: one act after the other, off the loop, each acknowledged only when it is on the disk."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from labels.arrays import LabelArrays, label_arrays
+from labels.model import Label
+from labels.store import LabelStore, Layer
+from labels.store_registry import LabelStoreRegistry
+
+
+@dataclass(frozen=True, slots=True)
+class LayerName:
+    """Whose labels of which camera; the recording is the desk's."""
+
+    camera: str
+    annotator: str
+    blind: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Saved:
+    """What an act has done to a layer: it is on the disk."""
+
+    layer: LayerName
+    labels: Mapping[int, Label]
+    """All labels of the layer, by time; a snapshot."""
+    arrays: LabelArrays
+    touched_us: tuple[int, ...]
+    can_undo: bool
+    can_redo: bool
+    notes: tuple[str, ...]
+    version: int
+
+
+Act = Callable[[LabelStore], tuple[int, ...]]
+"""Changes a store and returns the times it touched. It may take as long as it needs."""
+
+
+class LabelWriter:
+    """The layers of one recording in one browser. Methods are called by the loop; answers come from another thread."""
+
+    def __init__(self, registry: LabelStoreRegistry, recording_uuid: str) -> None:
+        self._registry = registry
+        self._uuid = recording_uuid
+        registry.acquire()
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="rallyscope-labels")
+        self._waiting = 0
+        self._lock = threading.Lock()
+        self.saved_at: float | None = None
+        """Wall-clock time of the latest acknowledged change."""
+        self.failure: str | None = None
+        """Why the latest act is not saved."""
+
+    @property
+    def waiting(self) -> int:
+        """Acts that are not acknowledged yet."""
+        return self._waiting
+
+    def act(
+        self, layer: LayerName, act: Act, done: Callable[[Saved], None], failed: Callable[[Exception], None]
+    ) -> None:
+        """Carry out an act after all that were asked for before."""
+        with self._lock:
+            self._waiting += 1
+        self._worker.submit(self._carry_out, layer, act, done, failed)
+
+    def look(self, layer: LayerName, done: Callable[[Saved], None], failed: Callable[[Exception], None]) -> None:
+        """Read a layer; nothing is written, so that a look leaves no trace and needs no writable disk."""
+        self._worker.submit(self._look, layer, done, failed)
+
+    def store(self, layer: LayerName) -> LabelStore:
+        """The store of a layer, for acts that need another one than their own; call it inside an act.
+
+        Raises:
+            LabelError: if it cannot be opened.
+        """
+        return self._registry.store(self._uuid, layer.camera, layer.annotator, blind=layer.blind)
+
+    def close(self) -> None:
+        """Let go of the files once everything that was asked for is saved."""
+        self._worker.submit(self._registry.release)
+        self._worker.shutdown(wait=False)
+
+    def _carry_out(
+        self, layer: LayerName, act: Act, done: Callable[[Saved], None], failed: Callable[[Exception], None]
+    ) -> None:
+        try:
+            store = self.store(layer)
+            before = store.version
+            touched = act(store)
+            if store.version != before:
+                self.saved_at = time.time()
+            self.failure = None
+            answer = _answer(layer, store, touched)
+        except Exception as error:  # noqa: BLE001 (the browser hears of any)
+            self.failure = str(error)
+            self._finish()
+            failed(error)
+            return
+        self._finish()
+        done(answer)
+
+    def _look(self, layer: LayerName, done: Callable[[Saved], None], failed: Callable[[Exception], None]) -> None:
+        whose = Layer(self._uuid, layer.camera, layer.annotator, layer.blind)
+        try:
+            if whose.path(self._registry.folder).is_file():
+                done(_answer(layer, self._registry.read(whose), ()))
+            else:
+                done(Saved(layer, {}, label_arrays(()), (), False, False, (), 0))
+        except Exception as error:  # noqa: BLE001 (the browser hears of any)
+            failed(error)
+
+    def _finish(self) -> None:
+        with self._lock:
+            self._waiting -= 1
+
+
+def _answer(layer: LayerName, store: LabelStore, touched: tuple[int, ...]) -> Saved:
+    undo, redo = store.can_undo, store.can_redo
+    return Saved(layer, store.by_time(), store.labels(), touched, undo, redo, store.notes, store.version)

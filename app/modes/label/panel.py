@@ -1,0 +1,175 @@
+"""The controls of Label mode: they send what a person chose, and show what they are given."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import viser
+
+from app.modes.label.keys import KEYS, label_keys_html
+from app.modes.label.view import DEFAULT_ANNOTATOR, LABEL_STEPS_US, WINDOWS_US, ZOOMS, LabelView
+from app.panels.transport import step_label
+from app.widgets import Choice, Listing, when_changed, when_clicked, when_triggered
+from labels.model import Label, LabelState
+
+STATE_NAMES: Final = {
+    "visible": "visible",
+    "partly": "partly occluded",
+    "occluded": "occluded",
+    "out_of_frame": "out of frame",
+    "no_ball": "no ball",
+}
+"""Act -> what its button says."""
+
+
+@dataclass(frozen=True, slots=True)
+class PanelActions:
+    """What a person can ask for; called from viser's loop."""
+
+    act: Callable[[str], None]
+    """An act by its name, as a key would."""
+    change: Callable[..., None]
+    """Other values of `LabelView`."""
+    name: Callable[[str], None]
+    step: Callable[[int], None]
+    numbers: Callable[[float, float, float | None], None]
+
+
+class LabelPanel:
+    """Built once for one browser."""
+
+    def __init__(self, gui: viser.GuiApi, actions: PanelActions) -> None:
+        self._actions = actions
+        self.folder = gui.add_folder(None, visible=False)
+        with self.folder:
+            self._save = gui.add_html("")
+            self._progress = gui.add_html("")
+            self._here = gui.add_html("")
+            self._add_view(gui)
+            self._add_label(gui)
+            self._add_assistance(gui)
+            with gui.add_folder("Keys", expand_by_default=False):
+                gui.add_html(label_keys_html())
+        for key, modifier, name, text in KEYS:
+            command = gui.add_command(f"Label: {text}", hotkey=key, modifier=modifier)  # type: ignore[arg-type]
+            when_triggered(command, lambda name=name: actions.act(name))
+
+    def _add_view(self, gui: viser.GuiApi) -> None:
+        actions = self._actions
+        self._annotator = gui.add_text(
+            "Annotator", DEFAULT_ANNOTATOR, hint="Whose labels these are: a layer of its own"
+        )
+        self._camera = Listing(gui, "Camera", lambda name: actions.change(camera=name), hint="Key 0: the other one")
+        windows = tuple(f"{window / 1e3:g}" for window in WINDOWS_US)
+        self._window = Choice(gui, "Window [ms]", windows, self._choose_window, hint="Keys 1 to 5")
+        zooms = tuple("whole" if zoom == 1 else f"{zoom:g}x" for zoom in ZOOMS)
+        self._zoom = Choice(gui, "Zoom", zooms, self._choose_zoom, hint="Keys 6 to 9")
+        self._step = gui.add_dropdown("Label every", [step_label(step) for step in LABEL_STEPS_US])
+        when_changed(self._annotator, lambda value: actions.name(str(value)))
+        when_changed(self._step, lambda value: actions.step(_step_of(str(value))))
+
+    def _add_label(self, gui: viser.GuiApi) -> None:
+        actions = self._actions
+        with gui.add_folder("Label"):
+            self._centre = gui.add_vector2("Centre [px]", (0.0, 0.0), step=0.01, hint="Y G H B nudge it by 0.25 px")
+            self._radius = gui.add_number("Radius [px]", 0.0, min=0.0, step=0.05, hint="0: not judged")
+            self._state = Choice(gui, "State", tuple(STATE_NAMES.values()), self._choose_state)
+            row = gui.add_button_group("Change", ("Undo", "Redo", "Copy previous", "Clear"))
+        for handle in (self._centre, self._radius):
+            when_changed(handle, lambda _: self._send_numbers())
+
+        @row.on_click
+        async def _(event: viser.GuiEvent) -> None:
+            names = {"Undo": "undo", "Redo": "redo", "Copy previous": "copy", "Clear": "clear"}
+            actions.act(names[str(event.target.value)])
+
+    def _add_assistance(self, gui: viser.GuiApi) -> None:
+        actions = self._actions
+        with gui.add_folder("Assistance"):
+            self._snap = gui.add_checkbox("Snap clicks to the events", True)
+            self._advance = gui.add_checkbox("Go on after each label", False)
+            self._follow = gui.add_checkbox("Zoom follows the ball", True)
+            self._epipolar = gui.add_checkbox("Other camera's ray", True)
+            self._propose = gui.add_button("Propose from here on (I)", icon=viser.Icon.WAND)
+            self._proposals = gui.add_html("")
+            for label, name, icon in (
+                ("Accept steady segment (Enter)", "accept_segment", viser.Icon.CHECKS),
+                ("Interpolate (Shift I)", "interpolate", viser.Icon.VECTOR_SPLINE),
+                ("Next suspicious (K)", "suspicious", viser.Icon.ALERT_TRIANGLE),
+                ("Second look (Shift K)", "blind", viser.Icon.EYE_OFF),
+            ):
+                when_clicked(gui.add_button(label, icon=icon), lambda name=name: actions.act(name))
+        when_clicked(self._propose, lambda: actions.act("propose"))
+        for field, handle in (
+            ("snap", self._snap),
+            ("advance", self._advance),
+            ("follow", self._follow),
+            ("epipolar", self._epipolar),
+        ):
+            when_changed(handle, lambda value, field=field: actions.change(**{field: bool(value)}))
+
+    def offer_cameras(self, names: Sequence[str]) -> None:
+        """Cameras of the recording."""
+        self._camera.offer(tuple(names))
+
+    def show_view(self, view: LabelView, step_us: int) -> None:
+        """Let the controls follow what was chosen."""
+        self._annotator.value = view.annotator
+        self._camera.show(view.camera)
+        self._window.show(f"{view.window_us / 1e3:g}")
+        self._zoom.show("whole" if view.zoom == 1 else f"{view.zoom:g}x")
+        if step_us in LABEL_STEPS_US:
+            self._step.value = step_label(step_us)
+        self._snap.value, self._advance.value = view.snap, view.advance
+        self._follow.value, self._epipolar.value = view.follow, view.epipolar
+
+    def show_label(self, label: Label | None) -> None:
+        """Numbers and state at the cursor."""
+        if label is None or label.x_px is None or label.y_px is None:
+            self._centre.value, self._radius.value = (0.0, 0.0), 0.0
+        else:
+            self._centre.value = (round(label.x_px, 3), round(label.y_px, 3))
+            self._radius.value = round(label.r_px or 0.0, 3)
+        self._state.show("" if label is None else label.state.replace("_", " "))
+
+    def show_save(self, text: str) -> None:
+        """Whether everything is on the disk."""
+        self._save.content = text
+
+    def show_progress(self, text: str) -> None:
+        """How far the work is."""
+        self._progress.content = text
+
+    def show_here(self, text: str) -> None:
+        """What is known at the cursor."""
+        self._here.content = text
+
+    def show_proposals(self, text: str, running: bool) -> None:
+        """What the detector has found so far."""
+        self._proposals.content = text
+        self._propose.label = "Stop proposing (I)" if running else "Propose from here on (I)"
+
+    def _choose_window(self, text: str) -> None:
+        self._actions.act(f"window_{[f'{window / 1e3:g}' for window in WINDOWS_US].index(text)}")
+
+    def _choose_zoom(self, text: str) -> None:
+        names = ["whole" if zoom == 1 else f"{zoom:g}x" for zoom in ZOOMS]
+        self._actions.act(f"zoom_{names.index(text)}")
+
+    def _choose_state(self, text: str) -> None:
+        self._actions.act(next(name for name, shown in STATE_NAMES.items() if shown == text))
+
+    def _send_numbers(self) -> None:
+        x, y, r = *self._centre.value, self._radius.value
+        if all(map(math.isfinite, (x, y, r))):
+            self._actions.numbers(x, y, r or None)
+
+
+def _step_of(text: str) -> int:
+    return next(step for step in LABEL_STEPS_US if step_label(step) == text)
+
+
+assert set(STATE_NAMES.values()) == {state.replace("_", " ") for state in LabelState}

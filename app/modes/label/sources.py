@@ -1,0 +1,80 @@
+"""The cameras of a recording as Label mode sees them: event cameras and ordinary ones alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from core.events import Events, SensorSize
+from core.recordings import CameraStream, Recording
+from core.recordings.frames import FrameStream
+from core.recordings.reader import FileRecording
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelSource:
+    """One camera. It has events, or frames."""
+
+    name: str
+    size: SensorSize
+    stream: CameraStream | None = None
+    frames: FrameStream | None = None
+
+    @property
+    def sensor(self) -> SensorSize:
+        """The same as `size`: what an event camera calls it."""
+        return self.size
+
+    @property
+    def calibration(self) -> Camera | None:
+        """The camera model, where there is one."""
+        return None if self.stream is None else self.stream.calibration
+
+    @property
+    def frames_us(self) -> NDArray[np.int64] | None:
+        """Times of the frames; None for events."""
+        return None if self.frames is None else self.frames.t_us
+
+    def events(self, start_us: int, end_us: int) -> Events:
+        """Events of a slice."""
+        return Events.empty(self.size) if self.stream is None else self.stream.slice(start_us, end_us)
+
+    def frame(self, number: int) -> NDArray[np.uint8]:
+        """One picture by its number."""
+        assert self.frames is not None
+        return self.frames.image(number)
+
+    def frame_at(self, t_us: int) -> int | None:
+        """The number of the frame nearest to a time; None for events."""
+        if self.frames is None or not len(self.frames):
+            return None
+        return int(np.argmin(np.abs(self.frames.t_us - t_us)))
+
+    def exposure(self, number: int) -> tuple[int, int]:
+        """[start, end) of a frame's exposure; its time is the middle of it."""
+        assert self.frames is not None
+        t_us, length_us = int(self.frames.t_us[number]), max(int(self.frames.exposure_us[number]), 1)
+        return max(t_us - length_us // 2, 0), max(t_us - length_us // 2, 0) + length_us
+
+
+def sources_of(recording: Recording) -> dict[str, LabelSource]:
+    """Every camera that can be labelled, event cameras first."""
+    found = {name: LabelSource(name, stream.sensor, stream) for name, stream in recording.cameras.items()}
+    if isinstance(recording, FileRecording):
+        for name, frames in recording.frames.items():
+            if len(frames):
+                height, width = frames.image(0).shape[:2]
+                label = name if name not in found else f"{name} frames"
+                found[label] = LabelSource(label, SensorSize(width, height), frames=frames)
+    return found
+
+
+def partner_of(sources: dict[str, LabelSource], name: str) -> LabelSource | None:
+    """The other event camera that stereo is made with; None if there is none."""
+    names = [each for each, source in sources.items() if source.stream is not None]
+    if name not in names or len(names) < 2:
+        return None
+    return sources[names[(names.index(name) + 1) % len(names)]]

@@ -1,0 +1,123 @@
+"""What the panel says in words: whether everything is saved, how far the work is, what is known at this time."""
+
+from __future__ import annotations
+
+import html
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from app import theme
+from app.modes.label.label_strip import STATE_INKS
+from app.modes.label.plan import CameraAgreement
+from app.modes.label.work import LabelWork
+from app.pictures.palette import Ink
+from labels.assist import Proposals
+from labels.model import Label
+
+BRAND = f"rgb{theme.BRAND_RGB}"
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """How far the work is."""
+
+    total: int
+    checked: int
+    labels: int
+
+
+def checked_of(work: LabelWork) -> Checked:
+    """How much of the labelled camera was checked."""
+    times = work.grid.times()
+    return Checked(len(times), int(np.isin(times, work.here.arrays.t_us).sum()), len(work.here.arrays))
+
+
+def save_html(work: LabelWork) -> str:
+    """Whether everything is on the disk."""
+    desk = work.desk
+    if desk.failure is not None:
+        return _line(f"not saved: {html.escape(desk.failure)}", theme.BAD)
+    if work.view.camera not in work.ready:
+        return _line("reading the labels", theme.MUTED)
+    if desk.waiting:
+        return _line(f"saving {desk.waiting}", BRAND)
+    if desk.saved_at is None:
+        return _line("nothing to save", theme.MUTED)
+    return _line(f"all saved at {time.strftime('%H:%M:%S', time.localtime(desk.saved_at))}", theme.GOOD)
+
+
+def status_words(work: LabelWork, checked: Checked, agreement: CameraAgreement | None) -> tuple[tuple[str, Ink], ...]:
+    """The line in the picture: it is always in sight."""
+    desk, view = work.desk, work.view
+    if desk.failure is not None:
+        save = ("NOT SAVED", Ink.HULL_REJECTED)
+    elif desk.waiting:
+        save = ("saving", Ink.DRAFT)
+    else:
+        save = ("all saved", Ink.LABEL) if desk.saved_at is not None else ("nothing to save", Ink.NO_BALL)
+    if view.blind:
+        return save, ("second look: place the ball again", Ink.DRAFT)
+    label, draft = work.here.labels.get(work.t_us), work.here.draft(work.t_us)
+    if label is not None:
+        made = label.provenance
+        state = f"{label.state.replace('_', ' ')}, {made.source.replace('_', ' ')}"
+        here = (state, STATE_INKS[label.state])
+    else:
+        here = ("proposed", Ink.DRAFT) if draft is not None else ("unchecked", Ink.NO_BALL)
+    words = [save, (f"{checked.checked} of {checked.total}", Ink.TEXT), here]
+    if agreement is not None:
+        words.append((f"cameras agree to {agreement.residual_px:.2f} px", Ink.EPIPOLAR))
+    return (*words, (view.annotator, Ink.NO_BALL))
+
+
+def progress_html(checked: Checked) -> str:
+    """The share of the times that somebody has looked at."""
+    share = checked.checked / max(checked.total, 1)
+    bar = (
+        f"<div style='height:6px;border-radius:3px;background:#2c2f37;margin:3px 0'>"
+        f"<div style='height:6px;border-radius:3px;width:{100 * share:.1f}%;background:{theme.GOOD}'></div></div>"
+    )
+    text = f"{checked.checked} of {checked.total} times checked, {checked.labels} labels"
+    return f"<div style='font-size:12.5px;padding:2px 12px'>{text}{bar}</div>"
+
+
+def here_html(label: Label | None, drafted: bool, agreement: CameraAgreement | None, reason: str, blind: bool) -> str:
+    """What is known at this time."""
+    if blind:
+        return _line("second look: place the ball again, without the first label", BRAND)
+    if label is not None:
+        made = label.provenance
+        text = (
+            f"<b>{label.state.replace('_', ' ')}</b>, {made.source.replace('_', ' ')} by {html.escape(made.annotator)}"
+        )
+        if label.covariance_px2 is not None:
+            sigma = np.sqrt((label.covariance_px2[0] + label.covariance_px2[2]) / 2)
+            text += f", &plusmn;{sigma:.2f} px"
+        first = _line(text, theme.GOOD)
+    elif drafted:
+        first = _line("<b>proposed</b>: space accepts, R rejects", "#ffe13c")
+    else:
+        first = _line("<b>unchecked</b>", theme.MUTED)
+    lines = [first]
+    if agreement is not None:
+        colour = theme.GOOD if agreement.residual_px < 2 else theme.BAD
+        text = f"cameras agree to {agreement.residual_px:.2f} px, ball {agreement.distance_m:.2f} m away"
+        lines.append(_line(f"{text}, expected radius {agreement.expected_r_px:.1f} px", colour))
+    if reason:
+        lines.append(_line(html.escape(reason), BRAND))
+    return "".join(lines)
+
+
+def proposals_html(proposals: Proposals | None, share: float | None, held: bool) -> str:
+    """How far the detector has come, and whether a key waits for it."""
+    count = 0 if proposals is None else len(proposals)
+    if share is not None:
+        waits = "; Enter waits for it, Escape forgets that" if held else ""
+        return _line(f"proposing: {100 * share:.0f} %, {count} so far{waits}", BRAND if held else theme.MUTED)
+    return _line(f"{count} proposals", theme.MUTED) if count else ""
+
+
+def _line(text: str, colour: str) -> str:
+    return f"<div style='font-size:12.5px;padding:1px 12px;color:{colour}'>{text}</div>"

@@ -1,0 +1,44 @@
+"""What all browsers of the app share, as one value that the app owns and lends to every session and mode."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Final
+
+from app.export.exporter import Exporter
+from app.shared.library import Library
+from app.shared.rallies import Rallies
+from app.shared.training.metrics import MetricsStore
+from app.shared.training.trainer import Trainer
+from app.shared.workspace import Workspace
+from labels.store_registry import LabelStoreRegistry
+
+LABEL_TOOL: Final = f"rallyscope {version('rallyscope')} label mode"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Services:
+    """Each may be used from any thread."""
+
+    workspace: Workspace
+    library: Library
+    rallies: Rallies
+    label_stores: LabelStoreRegistry
+    """Its stores are closed by the last browser that leaves them, after what it still had to save."""
+    exporter: Exporter
+    trainer: Trainer
+    metrics: MetricsStore
+    """What the training runs have written, read once for all browsers."""
+
+    @classmethod
+    def of(cls, workspace: Workspace, library: Library) -> Services:
+        """Those of a workspace."""
+        label_stores = LabelStoreRegistry(workspace.labels, tool=LABEL_TOOL)
+        return cls(workspace, library, Rallies(), label_stores, Exporter(workspace), Trainer(workspace), MetricsStore())
+
+    def close(self) -> None:
+        """End what belongs to the app. A training goes on: it has a process of its own."""
+        self.exporter.close()
+        self.rallies.close()
+        self.library.close()

@@ -1,0 +1,115 @@
+"""Learning curves: smoothed, on one axis for all runs that are compared, and few enough points for a browser."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.shared.training.metrics import Metrics
+from core.physics.episode import Case
+
+Array = NDArray[np.float64]
+WINDOW: Final = 25
+"""Balls that a point of a smoothed curve is over; fewer at the beginning,"""
+FEWEST: Final = 5
+"""but not fewer than this: one lucky ball is no return rate."""
+MOST_POINTS: Final = 1000
+CURVES: Final[tuple[str, ...]] = ("returned", "error_mm", "reward", "noise", "w1", "w2")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curves:
+    """The curves of one seed; each (N,) has a value per episode."""
+
+    values: dict[str, Array]
+    """By the names in CURVES."""
+    evaluated_at: Array
+    """(E,) episodes after which the policy played the fixed balls."""
+    evaluated: dict[str, Array]
+    """`returned` (%) and `error_mm` of that, (E,)."""
+
+    def __len__(self) -> int:
+        return len(self.values["reward"])
+
+
+def curves_of(metrics: Metrics) -> Curves:
+    """The smoothed curves of a seed."""
+    c = metrics.columns
+    returned = 100.0 * (c["case"] == Case.RETURNED)
+    values = {
+        "returned": rolling_mean(returned, WINDOW),
+        "error_mm": rolling_mean(c["error_mm"], WINDOW),
+        "reward": rolling_mean(c["reward"], WINDOW),
+        "noise": c["noise"],
+        "w1": c["w1"],
+        "w2": c["w2"],
+    }
+    lines = metrics.evaluations
+    evaluated = {
+        "returned": np.array([100.0 * _number(line.get("returned")) for line in lines]),
+        "error_mm": np.array([_number(line.get("error_mm")) for line in lines]),
+    }
+    return Curves(values, np.array([_number(line.get("episode")) for line in lines]), evaluated)
+
+
+def rolling_mean(values: Array, window: int) -> Array:
+    """(N,) mean of the known ones among the last `window` values (N,); NaN before the FEWEST-th, or if none is."""
+    known = np.isfinite(values)
+    total = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
+    count = np.concatenate([[0], np.cumsum(known)])
+    end = np.arange(1, len(values) + 1)
+    start = np.maximum(end - window, 0)
+    counts = count[end] - count[start]
+    enough = (counts > 0) & (end >= min(FEWEST, window))
+    return np.where(enough, (total[end] - total[start]) / np.maximum(counts, 1), np.nan)
+
+
+def shared_axis(longest: int) -> Array:
+    """Episodes, counted from 1, at which curves are drawn: all, or evenly spread ones that end with the last."""
+    if longest <= MOST_POINTS:
+        return np.arange(1, longest + 1, dtype=np.float64)
+    step = math.ceil(longest / MOST_POINTS)
+    axis = np.arange(longest, 0, -step, dtype=np.float64)[::-1]
+    return np.ascontiguousarray(axis)
+
+
+def on_axis(values: Array, axis: Array) -> Array:
+    """(A,) a curve (N,) at the episodes of an axis; NaN beyond its end."""
+    index = axis.astype(np.intp) - 1
+    inside = index < len(values)
+    return (
+        np.where(inside, values[np.minimum(index, len(values) - 1)], np.nan)
+        if len(values)
+        else np.full(len(axis), np.nan)
+    )
+
+
+def points_on_axis(at: Array, values: Array, axis: Array) -> Array:
+    """(A,) single points at episodes `at` (E,), each at the nearest place of the axis; NaN elsewhere."""
+    placed = np.full(len(axis), np.nan)
+    if len(axis) and len(at):
+        right = np.clip(np.searchsorted(axis, at), 0, len(axis) - 1)
+        left = np.maximum(right - 1, 0)
+        nearest = np.where(np.abs(axis[left] - at) < np.abs(axis[right] - at), left, right)
+        placed[nearest] = values
+    return placed
+
+
+def mean_curve(curves: list[Array]) -> Array:
+    """(N,) mean over seeds, as far as the longest goes."""
+    if len(curves) == 1:
+        return curves[0]
+    table = np.full((len(curves), max(map(len, curves), default=0)), np.nan)
+    for row, curve in zip(table, curves, strict=True):
+        row[: len(curve)] = curve
+    known = np.isfinite(table)
+    count = known.sum(axis=0)
+    return np.where(count > 0, np.where(known, table, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, (int, float)) else math.nan

@@ -1,0 +1,219 @@
+"""Train: start a training, watch its balls in 3D, its curves and its landings, while it runs in its own process."""
+
+from __future__ import annotations
+
+import time
+from typing import Final
+
+from app.background.worker import LatestWins
+from app.modes.mode import Middle, ModeHost
+from app.modes.train.plan import PACES, PRESETS, TRAIN_NOW, Preset, TrainingPlan, run_of_plan
+from app.modes.train.plan_panel import PlanPanel
+from app.modes.train.replay import Replay
+from app.modes.train.run_panel import LAST_ONES, NEWEST, NOBODY, RunPanel, confirm_stop
+from app.modes.train.side_panel import SidePanel
+from app.modes.train.training_scene import TrainingScene
+from app.modes.train.view import Details, RunsView, RunsViewer, ViewRequest
+from app.shared.training.run_state import RunPhase
+from app.state.client_state import ClientState
+from core.learning.runs.control import RunCommand
+from core.recordings import Recording
+
+LOOK_EVERY_S: Final = 0.5
+AFTER_FAILURE_S: Final = 10.0
+
+
+class TrainMode:
+    """Train as one browser sees it; the training itself is shared by all."""
+
+    uses_recording = False
+    takes_keys = False
+
+    def __init__(self, host: ModeHost) -> None:
+        self._host = host
+        self._trainer = host.services.trainer
+        viewer = RunsViewer(host.services.workspace, self._trainer, host.services.metrics)
+        self._viewer = LatestWins(host.pool, viewer, self._viewed, self._failed)
+        self._chosen: str | None = None
+        self._compared: tuple[str, ...] | None = None
+        self._view: RunsView | None = None
+        self._details: Details | None = None
+        self._phases: dict[str, RunPhase] = {}
+        self._asked_s = float("-inf")
+        self._waiting = False
+        self._pace = next(iter(PACES))
+        gui = host.client.gui
+        self._folder = gui.add_folder(None, visible=False)
+        with self._folder:
+            self._run_panel = RunPanel(gui, self)
+            with gui.add_folder("A new training", expand_by_default=False):
+                self._plan_panel = PlanPanel(gui, self._start, self._choose_preset, host.later)
+            with gui.add_folder("In the 3D view"):
+                self._scene = TrainingScene(host, self._failed)
+        self._side = SidePanel(gui)
+
+    # Of a mode ----------------------------------------------------------------------------------------------------
+
+    @property
+    def middle(self) -> Middle:
+        """The table in 3D."""
+        return "world"
+
+    @property
+    def restless(self) -> bool:
+        """Balls fly, or a training goes on."""
+        return self._view is not None and self._view.run is not None
+
+    @property
+    def details(self) -> Details | None:
+        """What is shown of the chosen run."""
+        return self._details
+
+    @property
+    def replay(self) -> Replay | None:
+        """The ball that flies in the scene."""
+        return self._scene.replay
+
+    def show(self, active: bool) -> None:
+        """Show the controls or hide them."""
+        self._folder.visible = active
+        self._side.set_visible(active)
+        self._asked_s = float("-inf")
+        if active:
+            self._scene.clear()
+
+    def use_recording(self, recording: Recording) -> None:
+        """Trainings have nothing to do with recordings."""
+
+    def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
+        """Ask twice a second how the runs do; move the ball."""
+        if not self._waiting and wall_s - self._asked_s >= LOOK_EVERY_S:
+            self._asked_s, self._waiting = wall_s, True
+            shown = None if self._view is None or self._details is None else self._view.key
+            self._viewer.submit(ViewRequest(self._chosen, self._compared, shown))
+        view, details = self._view, self._details
+        if view is not None and view.run is not None and details is not None:
+            self._scene.draw(wall_s, self._host.services.workspace.run_path(view.run.name), view.run.config, details)
+
+    def clicked(self, x: float, y: float) -> None:
+        """Nothing is chosen by clicks."""
+
+    def close(self) -> None:
+        """The browser is gone; the training goes on."""
+        self._viewer.close()
+        self._scene.close()
+
+    # What is shown ------------------------------------------------------------------------------------------------
+
+    def _viewed(self, request: ViewRequest, view: RunsView) -> None:
+        self._host.later(lambda: self._show(request, view))
+
+    def _show(self, request: ViewRequest, view: RunsView) -> None:
+        self._waiting = False
+        if request.run != self._chosen or request.compared != self._compared:
+            self._asked_s = float("-inf")
+            return
+        before, self._view = self._view, view
+        if view.run is None or before is None or before.run is None or before.run.name != view.run.name:
+            self._scene.clear()
+        if view.details is not None or view.run is None:
+            self._details = view.details
+        with self._host.client.atomic():
+            self._run_panel.show(view.runs, view.run, self._details)
+            self._side.show(view, self._details)
+        self._tell_ends(view)
+
+    def _tell_ends(self, view: RunsView) -> None:
+        """A note where a training has just ended."""
+        for run in view.runs:
+            was = self._phases.get(run.name)
+            self._phases[run.name] = run.phase
+            if was is None or was == run.phase or run.active:
+                continue
+            if run.phase == "failed":
+                self._host.note(f"Training {run.name} failed", f"{run.message}; its log is on the left", "red")
+            elif run.phase in ("finished", "stopped"):
+                self._host.note(f"Training {run.name} {run.phase}", "It is kept with its policies.", "green")
+
+    def _failed(self, error: Exception) -> None:
+        self._host.later(lambda: self._fail(error))
+
+    def _fail(self, error: Exception) -> None:
+        self._waiting = False
+        self._asked_s = time.monotonic() + AFTER_FAILURE_S  # the same note every half second helps nobody
+        self._scene.clear()
+        self._host.report(error)
+
+    # What a person asks for ---------------------------------------------------------------------------------------
+
+    def train_now(self) -> None:
+        """Start the preset that can be watched from missing to placing."""
+        preset = PRESETS[TRAIN_NOW]
+        self._host.later(lambda: self._begin(self._trainer.free_name(preset.slug), preset.plan, preset.pace))
+
+    def _start(self, name: str, plan: TrainingPlan) -> None:
+        preset = self._plan_panel.preset
+        chosen = name.strip() or self._trainer.free_name(preset.slug if preset.plan == plan else plan.agent)
+        self._begin(chosen, plan, self._pace)
+
+    def _choose_preset(self, preset: Preset) -> None:
+        """A preset has a pace, for when it is started; what is being trained keeps its own."""
+        self._pace = preset.pace
+        if self._trainer.active() is None:
+            self._run_panel.show_pace(preset.pace)
+
+    def _begin(self, name: str, plan: TrainingPlan, pace: str) -> None:
+        self._trainer.start(name, run_of_plan(plan), PACES[pace])
+        self._run_panel.show_pace(pace)
+        self._follow(None)
+
+    def ask(self, command: RunCommand) -> None:
+        """Pause or go on."""
+        self._host.later(lambda: self._trainer.ask(command))
+
+    def ask_to_stop(self) -> None:
+        """Stop, once that is confirmed."""
+        self._host.later(self._confirm_stop)
+
+    def _confirm_stop(self) -> None:
+        active = self._trainer.active()
+        if active is not None:
+            confirm_stop(
+                self._host.client.gui, active.name, lambda: self._host.later(lambda: self._trainer.ask("stop"))
+            )
+
+    def resume(self) -> None:
+        """Go on with the run that is shown."""
+        self._host.later(self._resume)
+
+    def _resume(self) -> None:
+        if self._view is not None and self._view.run is not None:
+            self._trainer.resume(self._view.run.name)
+            self._asked_s = float("-inf")
+
+    def set_pace(self, pace: str) -> None:
+        """Slow the training down, or let it run."""
+        if pace in PACES:
+            self._host.later(lambda: self._set_pace(pace))
+
+    def _set_pace(self, pace: str) -> None:
+        self._pace = pace
+        self._trainer.set_pace(PACES[pace])
+
+    def choose_run(self, name: str) -> None:
+        """Look at another run."""
+        self._host.later(lambda: self._follow(None if name == NEWEST else name))
+
+    def _follow(self, name: str | None) -> None:
+        self._chosen = name
+        self._run_panel.show_run(name)
+        self._asked_s = float("-inf")
+
+    def compare_with(self, name: str) -> None:
+        """Draw other runs' curves beside it."""
+        compared = None if name == LAST_ONES else () if name == NOBODY else (name,)
+        self._host.later(lambda: self._compare(compared))
+
+    def _compare(self, compared: tuple[str, ...] | None) -> None:
+        self._compared = compared
+        self._asked_s = float("-inf")

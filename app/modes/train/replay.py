@@ -1,0 +1,171 @@
+"""A training ball played again: its whole path, the racket that meets it, and what the scene shows at any moment.
+
+Serve and action come from the line of the episode; the path is the one of the closed-form simulator that judged it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import ConfigError
+from core.learning.agents.policy import Policy
+from core.learning.config import EnvironmentConfig
+from core.physics.episode import Case, Outcomes, Serves, Strokes, strokes_from_actions
+from core.physics.rotation import base_orientation
+from core.rally.history.rally_picture import LandingSpot, Pose, RallyPicture
+from core.simulation.episodes.closed_form import fly_serves, return_balls
+from core.simulation.episodes.episode_path import Trajectory, trace_episode
+from core.simulation.episodes.racket import RacketConfig, move_racket, target_for_ball, upright_racket
+
+Array = NDArray[np.float64]
+RACKET_STEP_S: Final = 1 / 60
+TRAIL_S: Final = 0.35
+TRAIL_POINTS: Final = 48
+AFTER_LANDING_S: Final = 0.45
+"""How long a ball is still shown after it came down."""
+LONGEST_S: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ball:
+    """One episode, to be played again."""
+
+    serve: Array
+    """(9,) position, velocity, spin at the launch."""
+    goal_m: Array
+    """(2,)."""
+    state: Array | None
+    """(6,) as perceived; None if nothing was."""
+    action: Array
+    """(3,) with the noise of the exploration."""
+    racket_speed_mps: float
+    aim_m: Array | None
+    aim_t_s: float | None
+    episode: int
+    speed_mps: float
+    noise: float
+    is_random: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replay:
+    """A ball in play, from the launch until a little after it came down."""
+
+    ball: Ball
+    title: str
+    case: Case
+    error_mm: float
+    path: Trajectory
+    rackets: tuple[Pose, ...]
+    """One every RACKET_STEP_S."""
+    target: Pose | None
+    """The racket at the impact."""
+    duration_s: float
+
+    def picture(self, t_s: float, spots: tuple[LandingSpot, ...]) -> RallyPicture:
+        """What is seen `t_s` after the launch, among the landing spots of balls before."""
+        t = min(max(t_s, 0.0), self.duration_s)
+        times = np.linspace(max(0.0, t - TRAIL_S), t, TRAIL_POINTS)
+        trail = self.path.at(times)[:, :3]
+        racket = self.rackets[min(round(t / RACKET_STEP_S), len(self.rackets) - 1)]
+        return RallyPicture(
+            ball=trail[-1],
+            trail=trail if t < self.path.end_s else trail[:0],
+            racket=racket,
+            racket_target=self.target,
+            landing_target=self.ball.goal_m,
+            spots=spots,
+        )
+
+
+def ball_of_line(line: dict[str, object]) -> Ball | None:
+    """The ball of an episode's line; None for a line that does not tell enough."""
+    try:
+        aim = None if line.get("aim_m") is None else _vector(line["aim_m"], 3)
+        aim_t = line.get("aim_t_s")
+        state = np.array([math.nan if v is None else v for v in line["state"]], np.float64)  # type: ignore[union-attr]
+        known = state.shape == (6,) and bool(np.isfinite(state).all())
+        return Ball(
+            serve=_vector(line["serve"], 9),
+            goal_m=_vector(line["goal_m"], 2),
+            state=state if known else None,
+            action=_vector(line["action"], 3),
+            racket_speed_mps=float(line["racket_speed_mps"]),  # type: ignore[arg-type]
+            aim_m=aim,
+            aim_t_s=float(aim_t) if isinstance(aim_t, (int, float)) else None,
+            episode=int(line["episode"]),  # type: ignore[call-overload]
+            speed_mps=float(line["speed_mps"]),  # type: ignore[arg-type]
+            noise=float(line["noise"]) if isinstance(line.get("noise"), (int, float)) else math.nan,  # type: ignore[arg-type]
+            is_random=bool(line.get("random")),
+        )
+    except (KeyError, TypeError, ValueError, ConfigError):
+        return None
+
+
+def replay_ball(ball: Ball, environment: EnvironmentConfig, policy: Policy | None, title: str) -> Replay:
+    """The ball with the action that was played, or with what a policy would do without any noise."""
+    task = environment.task
+    serves = Serves(ball.serve[None, :3], ball.serve[None, 3:6], ball.serve[None, 6:])
+    action = ball.action
+    if policy is not None and ball.state is not None:
+        action = policy(ball.state[None], np.array([ball.racket_speed_mps]), ball.goal_m[None])[0]
+    strokes = None if ball.state is None else _strokes(ball, action, environment)
+    arrivals = fly_serves(serves, task)
+    case, error_mm, down_s = Case.MISSED, math.nan, math.nan
+    if strokes is not None:
+        outcomes = return_balls(arrivals, strokes, task)
+        case = Case(int(outcomes.case[0]))
+        error_mm = 1000 * float(np.hypot(*(outcomes.landings_m[0] - ball.goal_m)))
+        down_s = _down_s(outcomes)
+    path = trace_episode(serves, strokes, task, duration_s=LONGEST_S)
+    duration_s = min(path.end_s, down_s if math.isfinite(down_s) else path.end_s) + AFTER_LANDING_S
+    meets_p = arrivals.states[0, :3] if ball.aim_m is None else ball.aim_m
+    meets_s = float(arrivals.t_s[0]) if ball.aim_t_s is None else ball.aim_t_s
+    rackets, target = _rackets(strokes, meets_p, meets_s, environment, duration_s)
+    return Replay(ball, title, case, error_mm, path, rackets, target, duration_s)
+
+
+def _strokes(ball: Ball, action: Array, environment: EnvironmentConfig) -> Strokes:
+    aimed = ball.aim_m is not None and ball.aim_t_s is not None
+    return strokes_from_actions(
+        action[None],
+        np.array([ball.racket_speed_mps]),
+        environment.task.stroke,
+        aim_ps_m=ball.aim_m[None] if aimed and ball.aim_m is not None else None,
+        aim_t_s=np.array([ball.aim_t_s]) if aimed else None,
+    )
+
+
+def _down_s(outcomes: Outcomes) -> float:
+    """When the stroke has shown what it is worth."""
+    return float(np.fmax(outcomes.contact_t_s[0], outcomes.landing_t_s[0]))
+
+
+def _rackets(
+    strokes: Strokes | None, meets_p: Array, meets_s: float, environment: EnvironmentConfig, duration_s: float
+) -> tuple[tuple[Pose, ...], Pose | None]:
+    """From rest to the ball, through it, and back, as the simulated racket moves."""
+    config, home = RacketConfig(), base_orientation(environment.task.stroke)
+    racket = upright_racket(config)
+    target = None
+    if strokes is not None and np.isfinite(meets_p).all() and math.isfinite(meets_s):
+        target = target_for_ball(meets_p, strokes.qs_wxyz[0], strokes.vs_mps[0], meets_s)
+    poses = [Pose(racket.p_m, racket.q_wxyz)]
+    for step in range(math.ceil(duration_s / RACKET_STEP_S)):
+        t = step * RACKET_STEP_S
+        over = target is None or t > target.t_s + config.follow_through_s
+        racket = move_racket(racket, None if over else target, t, RACKET_STEP_S, config, home)
+        poses.append(Pose(racket.p_m, racket.q_wxyz))
+    return tuple(poses), None if target is None else Pose(target.p_m, target.q_wxyz)
+
+
+def _vector(values: object, length: int) -> Array:
+    vector = np.array(values, np.float64)
+    if vector.shape != (length,) or not np.isfinite(vector).all():
+        raise ValueError(f"not {length} numbers")
+    return vector

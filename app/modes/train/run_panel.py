@@ -1,0 +1,104 @@
+"""The controls of the run that is trained or looked at: train now, pause, stop, go on, how fast, what beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, Protocol
+
+import viser
+
+from app.modes.train.plan import PACES
+from app.modes.train.status import status_html
+from app.modes.train.view import Details
+from app.shared.training.run_state import RunState
+from app.widgets import Listing, when_clicked
+from core.learning.runs.control import RunCommand
+
+NEWEST: Final = "the newest"
+LAST_ONES: Final = "the last three"
+NOBODY: Final = "nothing"
+
+
+class RunActions(Protocol):
+    """What a person may ask for here; all of it may be called from any thread."""
+
+    def train_now(self) -> None: ...
+    def ask(self, command: RunCommand) -> None: ...
+    def ask_to_stop(self) -> None: ...
+    def resume(self) -> None: ...
+    def set_pace(self, pace: str) -> None: ...
+    def choose_run(self, name: str) -> None: ...
+    def compare_with(self, name: str) -> None: ...
+
+
+class RunPanel:
+    """The controls of a training, for one browser."""
+
+    def __init__(self, gui: viser.GuiApi, actions: RunActions) -> None:
+        self._gui = gui
+        self._now = gui.add_button(
+            "Train now",
+            icon=viser.Icon.PLAYER_PLAY_FILLED,
+            hint="A hundred balls at 5 m/s, slowly enough to watch: from missing to placing in a minute",
+        )
+        self._status = gui.add_html("")
+        self._progress = gui.add_progress_bar(0.0, visible=False)
+        self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE, visible=False)
+        self._go_on = gui.add_button("Go on", icon=viser.Icon.PLAYER_PLAY, visible=False)
+        self._resume = gui.add_button("Resume", icon=viser.Icon.PLAYER_TRACK_NEXT, visible=False)
+        self._stop = gui.add_button("Stop", icon=viser.Icon.PLAYER_STOP, color="red", visible=False)
+        self._pace = Listing(gui, "Pace", actions.set_pace, hint="Slow the training down to watch it, at any time")
+        self._pace.offer(tuple(PACES))
+        self._runs = Listing(gui, "Run", actions.choose_run, hint="Whose curves, landings and balls are shown")
+        self._runs.offer((NEWEST,))
+        self._compared = Listing(gui, "Compare with", actions.compare_with, hint="Curves of other runs beside it")
+        self._compared.offer((LAST_ONES, NOBODY))
+        when_clicked(self._now, actions.train_now)
+        when_clicked(self._pause, lambda: actions.ask("pause"))
+        when_clicked(self._go_on, lambda: actions.ask("run"))
+        when_clicked(self._resume, actions.resume)
+        when_clicked(self._stop, actions.ask_to_stop)
+
+    def show(self, runs: tuple[RunState, ...], run: RunState | None, details: Details | None) -> None:
+        """Follow what the runs do; the buttons are for the one that is trained, or else the one that is shown."""
+        active = next((state for state in runs if state.active), None)
+        names = tuple(state.name for state in runs)
+        self._runs.offer((NEWEST, *names))
+        self._compared.offer((LAST_ONES, NOBODY, *names))
+        self._status.content = status_html(run, details, active)
+        self._now.visible = active is None
+        self._pause.visible = active is not None and active.phase == "running"
+        self._go_on.visible = active is not None and active.phase == "paused"
+        self._stop.visible = active is not None and active.phase not in ("stopping", "ending")
+        self._resume.visible = active is None and run is not None and run.resumable
+        self._progress.visible = active is not None
+        if active is not None:
+            status = None if active.phase == "starting" else active.status
+            self._progress.animated = status is None
+            self._progress.value = 100.0 if status is None else 100.0 * status.share
+            pace = next((name for name, rate in PACES.items() if rate == active.episodes_per_s), None)
+            self._pace.show(pace or next(iter(PACES)))
+
+    def show_run(self, name: str | None) -> None:
+        """Which run is chosen; None: the newest."""
+        self._runs.show(name or NEWEST)
+
+    def show_pace(self, pace: str) -> None:
+        """How fast the run is allowed to go."""
+        self._pace.show(pace)
+
+
+def confirm_stop(gui: viser.GuiApi, name: str, stop: Callable[[], None]) -> None:
+    """Ask before a training is stopped."""
+    modal = gui.add_modal(f"Stop {name}?")
+    with modal:
+        gui.add_markdown("It can be resumed later: what it has learned so far is kept.")
+        yes = gui.add_button("Yes, stop it", icon=viser.Icon.PLAYER_STOP, color="red")
+        no = gui.add_button("No, let it train", icon=viser.Icon.PLAYER_PLAY)
+
+    def end() -> None:
+        modal.close()
+        stop()
+
+    when_clicked(yes, end)
+    when_clicked(no, modal.close)

@@ -1,0 +1,52 @@
+"""The panel at the left of the scene: curves, landings, the list of runs, the log."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import viser
+
+from app.modes.train.charts_panel import ChartsPanel
+from app.modes.train.status import case_counts_html, log_html, offsets_title_html, runs_html
+from app.modes.train.view import Details, RunsView
+from app.views.image_view import set_png
+
+WIDTH_PX: Final = 340
+FIRST_PIXELS: Final = np.zeros((1, 1, 3), np.uint8)
+
+
+class SidePanel:
+    """What stands left of the scene in Train, for one browser."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._panel = gui.add_panel(visible=False)
+        with self._panel.add_tab("Curves"):
+            self._charts = ChartsPanel(gui)
+        with self._panel.add_tab("Landings"):
+            self._plan = gui.add_image(FIRST_PIXELS, format="png")
+            self._counts = gui.add_html("")
+            gui.add_html(offsets_title_html())
+            self._offsets = gui.add_image(FIRST_PIXELS, format="png")
+        with self._panel.add_tab("Runs"):
+            self._runs = gui.add_html("")
+        with self._panel.add_tab("Log"):
+            self._log = gui.add_html("")
+        self._panel.dock_left()
+        self._panel.set_width(WIDTH_PX)
+
+    def set_visible(self, visible: bool) -> None:
+        """Show it or hide it."""
+        self._panel.visible = visible
+
+    def show(self, view: RunsView, details: Details | None) -> None:
+        """Follow the runs; what is drawn is drawn again only when the view brings something new."""
+        self._runs.content = runs_html(view.runs, view.results)
+        self._log.content = log_html(view.log, details)
+        if view.run is None or view.details is None:
+            return
+        new = view.details
+        self._charts.show(view.run.name, new.charts, view.compared, several_seeds=view.run.config.seeds > 1)
+        set_png(self._plan, new.plan_png)
+        set_png(self._offsets, new.offsets_png)
+        self._counts.content = case_counts_html(new.counts)

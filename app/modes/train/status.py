@@ -1,0 +1,179 @@
+"""How a training goes, in words and as HTML."""
+
+from __future__ import annotations
+
+import html
+import math
+from typing import Final
+
+from app import theme
+from app.modes.train.plan_view import NEW_BALLS, NEW_RGB
+from app.modes.train.replay import Replay
+from app.modes.train.view import LISTED, Details
+from app.scene.landing import CASE_NAMES, CASE_RGB
+from app.shared.training.run_state import RunPhase, RunState
+from core.physics.episode import Case
+
+COLOURS: Final[dict[RunPhase, str]] = {
+    "running": theme.GOOD,
+    "starting": theme.GOOD,
+    "finished": theme.GOOD,
+    "failed": theme.BAD,
+}
+EVALUATIONS_SHOWN: Final = 12
+NEWEST_COLOUR: Final = "#{:02x}{:02x}{:02x}".format(*NEW_RGB)
+LOG_STYLE: Final = "font-size:11.5px;white-space:pre-wrap;overflow-wrap:anywhere;margin:2px 0 0"
+CELL: Final = "text-align:right;font-weight:400;padding:0 4px"
+
+
+def status_html(run: RunState | None, details: Details | None, active: RunState | None) -> str:
+    """The chosen run in a few lines, and the one that is being trained if that is another."""
+    if run is None:
+        return _box("<b>Nothing trained yet.</b><br>Press <b>Train now</b> and watch a policy learn to place balls.")
+    colour = COLOURS.get(run.phase, theme.MUTED)
+    rows = [f"<b>{html.escape(run.name)}</b> &nbsp; <span style='color:{colour}'>{run.phase}</span>"]
+    if active is not None and active.name != run.name:
+        rows.insert(0, f"<span style='color:{theme.GOOD}'>{html.escape(active.name)} is being trained</span>")
+    if run.phase == "failed":
+        rows.append(f"<span style='color:{theme.BAD}'>{html.escape(run.message)}</span>")
+    rows.append(f"<span style='color:{theme.MUTED}'>{html.escape(plan_text(run))}</span>")
+    if details is not None and details.episodes_done:
+        rows.append(_progress_text(run, details))
+        rows.append(f"last balls: {_result(details.returned, details.error_mm)}")
+        if details.evaluations:
+            line = details.evaluations[-1]
+            result = _result(100 * _number(line.get("returned")), _number(line.get("error_mm")))
+            rows.append(f"policy after {line.get('episode')}: {result}")
+    return _box("<br>".join(rows))
+
+
+def plan_text(run: RunState) -> str:
+    """What is trained, in one line."""
+    config = run.config
+    curriculum = config.curriculum
+    stages = ", ".join(
+        f"{count} at {speed:g} m/s" for speed, count in zip(curriculum.speeds_mps, curriculum.episodes, strict=True)
+    )
+    seeds = "" if config.seeds == 1 else f", {config.seeds} seeds"
+    return f"{config.agent}, {config.reward.kind} reward, {stages}{seeds}"
+
+
+def _progress_text(run: RunState, details: Details) -> str:
+    text = f"ball {details.episodes_done} of {run.config.episodes}"
+    if run.config.seeds > 1:
+        text += f", seed {details.seed}"
+    if run.status is not None and run.active:
+        text += f", {run.status.speed_mps:g} m/s"
+        if run.status.seconds_left is not None and run.phase == "running":
+            text += f", {time_text(run.status.seconds_left)} left"
+    return text
+
+
+def time_text(seconds: float) -> str:
+    """A duration as people say it."""
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    if seconds < 5400:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
+
+
+def ball_html(replay: Replay | None) -> str:
+    """The ball that plays in the scene."""
+    if replay is None:
+        return _box(f"<span style='color:{theme.MUTED}'>no ball yet</span>")
+    colour = _hex(replay.case)
+    end = CASE_NAMES[replay.case]
+    if math.isfinite(replay.error_mm):
+        end += f", {replay.error_mm:.0f} mm from the target"
+    title = f"ball {replay.ball.episode + 1} at {replay.ball.speed_mps:g} m/s, {replay.title}"
+    return _box(f"{html.escape(title)}<br><span style='color:{colour}'>●</span> {end}")
+
+
+def case_counts_html(counts: dict[Case, int]) -> str:
+    """How many balls ended how, in the colours of the spots."""
+    total = max(1, sum(counts.values()))
+    cells = [
+        f"<span style='white-space:nowrap'><span style='color:{_hex(case)}'>●</span> "
+        f"{CASE_NAMES[case]} {counts[case]} "
+        f"<span style='color:{theme.MUTED}'>{100 * counts[case] / total:.0f} %</span></span>"
+        for case in Case
+    ]
+    return _box(" &nbsp; ".join(cells))
+
+
+def offsets_title_html() -> str:
+    """What the picture below the table is."""
+    return _box(f"Seen from their targets; <span style='color:{NEWEST_COLOUR}'>●</span> the last {NEW_BALLS}")
+
+
+def log_html(log: tuple[str, ...], details: Details | None) -> str:
+    """The last evaluations, and the tail of the log."""
+    titles = "".join(f"<th style='{CELL}'>{title}</th>" for title in ("after ball", "serves", "returned", "error"))
+    lines = details.evaluations if details is not None else ()
+    rows = "".join(_evaluation_row(line) for line in lines[-EVALUATIONS_SHOWN:])
+    text = html.escape("\n".join(log)) or "nothing yet"
+    return _box(
+        f"<b>The policy on the fixed balls</b><table style='width:100%'><tr>{titles}</tr>{rows}</table>"
+        f"<b>Log</b><pre style='{LOG_STYLE}'>{text}</pre>"
+    )
+
+
+def runs_html(runs: tuple[RunState, ...], results: dict[str, dict[str, object]]) -> str:
+    """The list of runs, with the last evaluation of each."""
+    titles = "".join(
+        f"<th style='{CELL};text-align:{side}'>{title}</th>"
+        for side, title in (
+            ("left", "run"),
+            ("left", "agent"),
+            ("right", "at"),
+            ("right", "returned"),
+            ("right", "error"),
+        )
+    )
+    rows = "".join(_run_row(run, results.get(run.name, {})) for run in runs[:LISTED])
+    more = f"and {len(runs) - LISTED} older" if len(runs) > LISTED else ""
+    return _box(f"<table style='width:100%;font-size:11.5px'><tr>{titles}</tr>{rows}</table>{more}")
+
+
+def _run_row(run: RunState, line: dict[str, object]) -> str:
+    speed, error = _number(line.get("speed_mps")), _number(line.get("error_mm"))
+    returned = 100 * _number(line.get("returned"))
+    colour = COLOURS.get(run.phase, theme.MUTED)
+    cells = (
+        ("left", f"<span style='color:{colour}' title='{run.phase}'>●</span> {html.escape(run.name)}"),
+        ("left", run.config.agent),
+        ("right", f"{speed:g} m/s" if math.isfinite(speed) else "-"),
+        ("right", f"{returned:.0f} %" if math.isfinite(returned) else "-"),
+        ("right", f"{error:.0f} mm" if math.isfinite(error) else "-"),
+    )
+    shown = "".join(f"<td style='{CELL};text-align:{side}'>{cell}</td>" for side, cell in cells)
+    return f"<tr>{shown}</tr>"
+
+
+def _evaluation_row(line: dict[str, object]) -> str:
+    error = _number(line.get("error_mm"))
+    cells = (
+        f"{_number(line.get('episode')):.0f}",
+        f"{_number(line.get('speed_mps')):g} m/s",
+        f"{100 * _number(line.get('returned')):.1f} %",
+        f"{error:.0f} mm" if math.isfinite(error) else "-",
+    )
+    return "<tr>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
+
+
+def _result(returned: float, error_mm: float) -> str:
+    error = f", {error_mm:.0f} mm from the target" if math.isfinite(error_mm) else ""
+    return f"{returned:.0f} % returned{error}"
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, (int, float)) else math.nan
+
+
+def _hex(case: Case) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*CASE_RGB[case])
+
+
+def _box(content: str) -> str:
+    return f"<div style='font-size:12.5px;line-height:1.5;padding:4px 12px'>{content}</div>"

@@ -1,0 +1,214 @@
+"""Everything that a browser in Train shows of the runs, gathered off the loop: states, curves, landings, log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.modes.train.curves import CURVES, Curves, curves_of, mean_curve, on_axis, points_on_axis, shared_axis
+from app.modes.train.plan_view import draw_offsets, draw_plan, encode_plan
+from app.scene.landing import REACH_M, SPOTS
+from app.shared.training.metrics import Metrics, MetricsStore, last_line
+from app.shared.training.run_state import RunState, read_log_tail
+from app.shared.training.trainer import Trainer
+from app.shared.workspace import Workspace
+from core.learning.config import RunConfig
+from core.learning.runs.run_files import seed_files
+from core.physics.episode import Case
+from core.rally.history.rally_picture import LandingSpot
+
+Array = NDArray[np.float64]
+COMPARED: Final = 3
+"""Runs that are drawn beside the chosen one, at most."""
+PLAN_SPOTS: Final = 2000
+LISTED: Final = 40
+"""Runs in the table, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class ViewRequest:
+    """What a browser looks at."""
+
+    run: str | None
+    """None: the one that is being trained, or was last."""
+    compared: tuple[str, ...] | None
+    """None: those before it."""
+    shown: object = None
+    """The `key` of what it shows already."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChartData:
+    """Aligned arrays of every chart."""
+
+    axis: Array
+    """Episodes of the run."""
+    end: int
+    """How many it will have at most."""
+    run: dict[str, Array]
+    """By the names in CURVES."""
+    evaluated: dict[str, Array]
+    """`returned` and `error_mm` of the policy on the fixed balls, NaN between."""
+    seeds_mean: dict[str, Array]
+    """All NaN for a run with one seed."""
+    compared: tuple[dict[str, Array], ...]
+    """Exactly COMPARED; unused ones are all NaN."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Details:
+    """Details of the chosen run, made anew only when there is something new."""
+
+    charts: ChartData
+    counts: dict[Case, int]
+    plan_png: bytes
+    offsets_png: bytes
+    spots: tuple[LandingSpot, ...]
+    recent: tuple[dict[str, object], ...]
+    evaluations: tuple[dict[str, object], ...]
+    returned: float
+    """% of the last balls, with the noise of the exploration; NaN before the first."""
+    error_mm: float
+    episodes_done: int
+    seed: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunsView:
+    """What Train shows of all runs."""
+
+    runs: tuple[RunState, ...]
+    results: dict[str, dict[str, object]]
+    """Name of a run -> its last evaluation."""
+    run: RunState | None
+    compared: tuple[str, ...]
+    log: tuple[str, ...]
+    key: object
+    details: Details | None
+    """None: as before."""
+
+
+class RunsViewer:
+    """Answers the requests of one browser, one at a time."""
+
+    def __init__(self, workspace: Workspace, trainer: Trainer, metrics: MetricsStore) -> None:
+        self._workspace = workspace
+        self._trainer = trainer
+        self._metrics = metrics
+        self._known: dict[str, tuple[float, dict[str, object] | None]] = {}
+
+    def __call__(self, request: ViewRequest) -> RunsView:
+        """What there is to show now."""
+        runs = self._trainer.runs()
+        run = chosen_run(runs, request.run)
+        if run is None:
+            return RunsView(runs, {}, None, (), (), None, None)
+        compared = compared_runs(runs, run, request.compared)
+        seeds = started_seeds(run)
+        metrics = {seed: self._metrics.read(self._workspace.run_path(run.name), seed) for seed in seeds}
+        others = {other.name: self._first_seed(other) for other in compared}
+        key = (
+            run.name,
+            tuple((seed, len(m), len(m.evaluations)) for seed, m in metrics.items()),
+            tuple((name, len(m)) for name, m in others.items()),
+        )
+        details = None
+        if key != request.shown:
+            details = make_details(metrics, list(others.values()), run.config.episodes)
+        log = read_log_tail(self._workspace.run_path(run.name))
+        return RunsView(runs, self._results(runs), run, tuple(others), log, key, details)
+
+    def _results(self, runs: tuple[RunState, ...]) -> dict[str, dict[str, object]]:
+        for run in runs[:LISTED]:
+            known = self._known.get(run.name)
+            if known is None or known[0] != run.changed_s:
+                seed = run.config.first_seed if run.status is None else run.status.seed
+                line = last_line(seed_files(self._workspace.run_path(run.name), seed).evaluations)
+                self._known[run.name] = (run.changed_s, line)
+        return {name: line for name, (_, line) in self._known.items() if line is not None}
+
+    def _first_seed(self, run: RunState) -> Metrics:
+        return self._metrics.read(self._workspace.run_path(run.name), run.config.first_seed)
+
+
+def chosen_run(runs: tuple[RunState, ...], name: str | None) -> RunState | None:
+    """The run of that name; else the one that is being trained; else the last one."""
+    by_name = {run.name: run for run in runs}
+    active = next((run for run in runs if run.active), None)
+    return by_name.get(name or "") or active or (runs[0] if runs else None)
+
+
+def compared_runs(runs: tuple[RunState, ...], run: RunState, names: tuple[str, ...] | None) -> tuple[RunState, ...]:
+    """The runs to draw beside it: those that are named, or the last ones."""
+    others = [other for other in runs if other.name != run.name]
+    if names is not None:
+        others = [other for other in others if other.name in names]
+    return tuple(others[:COMPARED])
+
+
+def started_seeds(run: RunState) -> tuple[int, ...]:
+    """Seeds up to the one that is being trained; the last of them is that one."""
+    config: RunConfig = run.config
+    last = config.first_seed if run.status is None else run.status.seed
+    return tuple(range(config.first_seed, min(last, config.first_seed + config.seeds - 1) + 1))
+
+
+def make_details(metrics: dict[int, Metrics], others: list[Metrics], planned: int) -> Details:
+    """Curves, spots and figures of a run's newest seed, beside the first seeds of other runs.
+
+    `planned` is how many episodes the run is to have; what others did after as many is not drawn.
+    """
+    seed, newest = max(metrics.items())
+    recent = newest.recent
+    goal = recent[-1].get("goal_m") if recent else None
+    cases, landings = newest.columns["case"], newest.landings_m
+    curves = [curves_of(m) for m in metrics.values()]
+    ours = curves[-1]
+    return Details(
+        charts=_charts(curves, [curves_of(m) for m in others], planned),
+        counts={case: int(np.count_nonzero(cases == case)) for case in Case},
+        plan_png=encode_plan(
+            draw_plan(cases[-PLAN_SPOTS:], landings[-PLAN_SPOTS:], np.array(goal) if isinstance(goal, list) else None)
+        ),
+        offsets_png=encode_plan(draw_offsets(landings[-PLAN_SPOTS:], newest.goals_m[-PLAN_SPOTS:])),
+        spots=_spots(cases, landings),
+        recent=recent,
+        evaluations=newest.evaluations,
+        returned=_last(ours.values["returned"]),
+        error_mm=_last(ours.values["error_mm"]),
+        episodes_done=len(newest),
+        seed=seed,
+    )
+
+
+def _charts(curves: list[Curves], others: list[Curves], planned: int) -> ChartData:
+    longest = max(len(c) for c in curves)
+    # Two points at least: of an axis with one a chart may never show its ticks.
+    axis = shared_axis(max(longest, min(planned, max((len(c) for c in others), default=0)), 2))
+    ours = curves[-1]
+    nothing = np.full(len(axis), np.nan)
+    several = len(curves) > 1
+    shown = [{name: on_axis(c.values[name], axis) for name in CURVES} for c in others]
+    return ChartData(
+        axis,
+        max(planned, longest),
+        {name: on_axis(ours.values[name], axis) for name in CURVES},
+        {name: points_on_axis(ours.evaluated_at, values, axis) for name, values in ours.evaluated.items()},
+        {name: on_axis(mean_curve([c.values[name] for c in curves]), axis) if several else nothing for name in CURVES},
+        (*shown, *[dict.fromkeys(CURVES, nothing)] * (COMPARED - len(shown))),
+    )
+
+
+def _spots(cases: Array, landings_m: Array) -> tuple[LandingSpot, ...]:
+    known = np.isfinite(landings_m).all(axis=1) & (np.abs(np.nan_to_num(landings_m)).max(axis=1) < REACH_M)
+    rows = np.flatnonzero(known)[-SPOTS:]
+    return tuple(
+        LandingSpot(float(landings_m[row, 0]), float(landings_m[row, 1]), Case(int(cases[row]))) for row in rows
+    )
+
+
+def _last(values: Array) -> float:
+    return float(values[-1]) if len(values) else float("nan")

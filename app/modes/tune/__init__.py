@@ -1,0 +1,1 @@
+"""Tune: the detector, stage by stage, and the score of a config against labels."""

@@ -1,0 +1,30 @@
+"""Saving and loading detector configs by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import viser
+
+from app.widgets import Listing, when_clicked
+
+
+class ConfigFilesPanel:
+    """Names only: the server makes the file from the name, and offers only files that it finds."""
+
+    def __init__(self, gui: viser.GuiApi, save: Callable[[str], None], load: Callable[[str], None]) -> None:
+        self.folder = gui.add_folder("Config file")
+        with self.folder:
+            self._name = gui.add_text("Name", "", hint="Saved in the workspace; `rallyscope detect --config` takes it")
+            when_clicked(gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY), lambda: save(self._name.value))
+            self._saved = Listing(gui, "Saved", lambda name: None, hint="Configs in the workspace")
+            when_clicked(gui.add_button("Load", icon=viser.Icon.FOLDER_OPEN), self._load)
+        self._load_name = load
+
+    def show(self, names: tuple[str, ...]) -> None:
+        """Offer these configs."""
+        self._saved.offer(names)
+
+    def _load(self) -> None:
+        if self._saved.chosen is not None:
+            self._load_name(self._saved.chosen)

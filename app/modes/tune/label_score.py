@@ -1,0 +1,112 @@
+"""The score of a detector's config against the labels of a camera, as Tune shows it."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from core.detection import DetectorConfig, FastDetector
+from core.recordings import CameraStream
+from labels.agreement import Agreement, measure_agreement
+from labels.arrays import STATES
+from labels.model import LabelState
+from labels.score import GroupScore, answers_at, score_groups
+from labels.score_picture import ScoreCurves, measure_curves, score_svg
+from labels.store import LabelStore, Layer, find_layers
+
+SHOWN_PX: Final = (1.0, 2.0, 4.0, 8.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelScore:
+    """How good a config is, measured on one annotator's labels."""
+
+    annotator: str
+    labels: int
+    groups: tuple[GroupScore, ...]
+    curves: ScoreCurves
+    noise: Agreement | None
+    """Between the annotator's first and second looks; None without any."""
+
+
+class ScoreCancelledError(Exception):
+    """Somebody does not want the score any more."""
+
+
+def find_reference(folder: Path, recording_uuid: str, camera: str) -> LabelStore | None:
+    """The labels of the annotator who has made the most in this camera; None without any."""
+    stores = [
+        LabelStore.read(folder, layer)
+        for layer in find_layers(folder, recording_uuid)
+        if layer.camera == camera and not layer.blind
+    ]
+    best = max(stores, key=lambda store: len(store.labels()), default=None)
+    return best if best is not None and len(best.labels()) else None
+
+
+def score_with_labels(
+    folder: Path,
+    reference: LabelStore,
+    stream: CameraStream,
+    config: DetectorConfig,
+    *,
+    progress: Callable[[float], None],
+    cancelled: Callable[[], bool],
+) -> LabelScore:
+    """Run a config at every label and score it.
+
+    Raises:
+        ScoreCancelled: when `cancelled()` becomes true.
+    """
+    labels = reference.labels()
+    asked = labels.rows(labels.state != STATES.index(LabelState.OCCLUDED))
+
+    def report(share: float) -> None:
+        if cancelled():
+            raise ScoreCancelledError
+        progress(share)
+
+    detector = FastDetector(config, stream.sensor)
+    answers = answers_at(stream, detector, asked.t_us, config.window.window_us, progress=report)
+    groups = score_groups(answers, asked)
+    noise = _own_noise(folder, reference)
+    return LabelScore(reference.layer.annotator, len(labels), groups, measure_curves(answers, asked), noise)
+
+
+def label_score_html(title: str, score: LabelScore) -> str:
+    """A table of the groups, and the picture."""
+    titles = ("", "labels", *(f"P / R at {px:g} px" for px in SHOWN_PX), "median", "p95", "along", "across")
+    head = "".join(f"<th style='text-align:left;font-weight:500;padding-right:10px'>{name}</th>" for name in titles)
+    rows = "".join(_row(group) for group in score.groups)
+    noise = score.noise.sigma_px if score.noise is not None and score.noise.both_seen else None
+    said = "not known: no second looks yet" if noise is None else f"{noise:.2f} px a coordinate"
+    svg = score_svg(score.curves, f"{title}, against {score.labels} labels by {score.annotator}", noise_px=noise)
+    return (
+        f"<div style='font-size:12.5px;padding:4px 12px'>{html.escape(title)}, against {score.labels} labels by "
+        f"{html.escape(score.annotator)}; the annotator's own noise: {said}"
+        f"<table>{head}{rows}</table><div style='margin-top:6px'>{svg}</div></div>"
+    )
+
+
+def _row(group: GroupScore) -> str:
+    cells = (
+        group.group,
+        group.labels,
+        *(f"{at.precision:.3f} / {at.recall:.3f}" for at in group.at),
+        f"{group.median_px:.2f} px",
+        f"{group.p95_px:.2f} px",
+        f"{group.along_px:+.2f} px",
+        f"{group.across_px:+.2f} px",
+    )
+    return "<tr>" + "".join(f"<td style='padding-right:10px'>{cell}</td>" for cell in cells) + "</tr>"
+
+
+def _own_noise(folder: Path, store: LabelStore) -> Agreement | None:
+    first = store.layer
+    layer = Layer(first.recording_uuid, first.camera, first.annotator, blind=True)
+    if not layer.path(folder).is_file():
+        return None
+    return measure_agreement(store.labels(), LabelStore.read(folder, layer).labels())

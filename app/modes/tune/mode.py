@@ -1,0 +1,195 @@
+"""Tune: one window of one camera through the detector, stage by stage, and how good its settings are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from app.background.jobs import Job, Progress
+from app.background.worker import LatestWins
+from app.modes.mode import Middle, ModeHost
+from app.modes.tune.config_files import ConfigFilesPanel
+from app.modes.tune.label_score import LabelScore, find_reference, score_with_labels
+from app.modes.tune.results_panel import ResultsPanel
+from app.modes.tune.settings import SettingsPanel
+from app.modes.tune.tune_view import TuneViewPanel
+from app.state.client_state import ClientState
+from app.state.commands import Command, LookAt, UseConfig
+from app.views.requests import PictureAnswer, TuneRequest, answer_request
+from core.config import load_config, save_config
+from core.detection import DetectorConfig
+from core.metrics import Score, score_recording
+from core.recordings import Recording
+
+PROGRESS_EVERY_S: Final = 0.1
+OFFER_EVERY_S: Final = 2.0
+
+
+class TuneMode:
+    """Of one browser."""
+
+    uses_recording = True
+    takes_keys = False
+
+    def __init__(self, host: ModeHost) -> None:
+        self._host = host
+        self._active = False
+        self._shown: ClientState | None = None
+        self._requested: object = None
+        self._progress_s = self._offered_s = float("-inf")
+        self._score: Job[Score | LabelScore] | None = None
+        self._pictures = LatestWins(host.pool, answer_request, self._picture_done, self._failed)
+        gui = host.client.gui
+        self._view = TuneViewPanel(gui, self._send)
+        self._settings = SettingsPanel(gui, self._send)
+        self._files = ConfigFilesPanel(
+            gui,
+            lambda name: host.later(lambda: self._save_config(name)),
+            lambda name: host.later(lambda: self._load_config(name)),
+        )
+        self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._cancel_score))
+        self._show_folders(False)
+
+    @property
+    def middle(self) -> Middle:
+        """Its own sheet."""
+        return "sheet"
+
+    @property
+    def restless(self) -> bool:
+        """The progress of a score moves."""
+        return self._score is not None
+
+    def show(self, active: bool) -> None:
+        """Show the controls or hide them."""
+        self._active = active
+        self._show_folders(active)
+        self._results.panel.visible = active
+        self._shown = self._requested = None
+        self._progress_s = self._offered_s = float("-inf")
+
+    def use_recording(self, recording: Recording) -> None:
+        """The score of the recording before is not wanted any more."""
+        self._cancel_score()
+
+    def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
+        """Make the controls follow the state, and ask for the picture that belongs to it."""
+        if (shown := state.without_growth()) != self._shown:
+            self._shown = shown
+            with self._host.client.atomic():
+                self._view.show(state)
+                self._settings.show(state)
+        if wall_s - self._offered_s > OFFER_EVERY_S:
+            self._offered_s = wall_s
+            self._files.show(self._host.services.workspace.config_names())
+        if self._score is not None and wall_s - self._progress_s >= PROGRESS_EVERY_S:
+            self._progress_s = wall_s
+            self._results.score.show_progress(self._score.share)
+        self._request_picture(state, now_us)
+
+    def clicked(self, x: float, y: float) -> None:
+        """The zoomed view is centred there."""
+        if (point := self._host.plane.sheet.sensor_point(x, y)) is not None:
+            self._host.send(LookAt(point))
+
+    def close(self) -> None:
+        """The browser is gone."""
+        self._pictures.close()
+        if self._score is not None:
+            self._score.cancel()
+
+    def _send(self, command: Command) -> None:
+        """What a control asks for; if it is refused, the control shows the old value again."""
+        self._host.send(command)
+        self._host.later(self._show_anew)
+
+    def _show_folders(self, visible: bool) -> None:
+        """No folder round them: each one deeper makes the column of the labels narrower."""
+        for panel in (self._view, self._settings, self._files):
+            panel.folder.visible = visible
+
+    def _show_anew(self) -> None:
+        self._shown = None
+
+    def _failed(self, error: Exception) -> None:
+        self._host.later(lambda: self._host.report(error))
+
+    # Pictures -----------------------------------------------------------------------------------------------------
+
+    def _request_picture(self, state: ClientState, now_us: int) -> None:
+        recording, view = self._host.recording, state.tune
+        if recording is None:
+            return
+        slots = ("A", "B") if view.compare else (view.slot,)
+        configs = tuple((slot, state.configs.present.of(slot)) for slot in slots)
+        key = (recording.uuid, state.camera, now_us, state.look, view, configs)
+        if key != self._requested:
+            self._requested = key
+            self._pictures.submit(TuneRequest(recording.cameras[state.camera], now_us, state.look, view, configs))
+
+    def _picture_done(self, request: TuneRequest, answer: PictureAnswer) -> None:
+        self._host.later(lambda: self._show_answer(request, answer))
+
+    def _show_answer(self, request: TuneRequest, answer: PictureAnswer) -> None:
+        if not self._active:
+            return
+        self._host.plane.show(answer.sheet)
+        names = tuple(name for name, _ in request.configs)
+        with self._host.client.atomic():
+            self._settings.show_trace(answer.traces[names.index(request.view.slot)])
+            self._results.candidates.show(tuple(zip(names, answer.traces, strict=True)), answer.seconds)
+
+    # Config files -------------------------------------------------------------------------------------------------
+
+    def _save_config(self, name: str) -> None:
+        state, workspace = self._host.state, self._host.services.workspace
+        if state is not None:
+            path = workspace.config_path(name)
+            save_config(state.config, path)
+            self._files.show(workspace.config_names())
+            self._host.note("Config saved", f"{path.stem}: `rallyscope detect --config {path}` takes it", "green")
+
+    def _load_config(self, name: str) -> None:
+        workspace = self._host.services.workspace
+        if name in workspace.config_names():
+            self._send(UseConfig(load_config(DetectorConfig, workspace.config_path(name))))
+
+    # The score ----------------------------------------------------------------------------------------------------
+
+    def _start_score(self) -> None:
+        state, recording = self._host.state, self._host.recording
+        if state is None or recording is None or self._score is not None:
+            return
+        stream, config = recording.cameras[state.camera], state.config
+        title = f"{state.recording}, {state.camera}, config {state.tune.slot}"
+        folder, uuid, later = self._host.services.workspace.labels, recording.uuid, self._host.later
+
+        def work(progress: Progress, cancelled: Callable[[], bool]) -> Score | LabelScore:
+            reference = find_reference(folder, uuid, stream.name)  # what a person said, else what the simulation knows
+            if reference is None:
+                return score_recording(stream, config, progress=progress, cancelled=cancelled)
+            return score_with_labels(folder, reference, stream, config, progress=progress, cancelled=cancelled)
+
+        self._score = Job(
+            work,
+            lambda score: later(lambda: self._score_done(title, score)),
+            lambda error: later(lambda: self._score_failed(error)),
+        )
+        self._results.score.show_running(True)
+
+    def _score_done(self, title: str, score: Score | LabelScore) -> None:
+        self._results.score.show_score(title, score)
+        self._end_score()
+
+    def _score_failed(self, error: Exception) -> None:
+        self._end_score()
+        self._host.report(error)
+
+    def _cancel_score(self) -> None:
+        if self._score is not None:
+            self._score.cancel()
+            self._end_score()
+
+    def _end_score(self) -> None:
+        self._score = None
+        self._results.score.show_running(False)

@@ -1,0 +1,45 @@
+"""Small live pictures of the cameras: events of the last milliseconds, the circle that was found, the true one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from app.pictures.canvas import Canvas
+from app.pictures.event_picture import event_picture
+from app.pictures.palette import Ink
+from app.pictures.png import encode_png
+from app.state.client_state import RenderSettings
+from app.views.requests import window_before
+from app.views.stage_picture import draw_truth
+from core.recordings import Recording
+
+WIDTH_PX = 640
+"""A picture is binned until it is at most so wide."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraPicturesRequest:
+    """All cameras at one time."""
+
+    recording: Recording
+    t_us: int
+    look: RenderSettings
+    circles: dict[str, tuple[float, float, float]]
+    """u, v, r of what was found, by camera."""
+    show_truth: bool
+
+
+def render_camera_pictures(request: CameraPicturesRequest) -> dict[str, bytes]:
+    """Draw each camera's picture as PNG, by camera."""
+    pngs: dict[str, bytes] = {}
+    for name, stream in request.recording.cameras.items():
+        window = window_before(stream, request.t_us, request.look.window_us)
+        binning = max(1, -(-stream.sensor.width_px // WIDTH_PX))
+        pixels = event_picture(window, request.look.rendering, binning=binning)
+        canvas = Canvas.of_binned(pixels, stream.sensor, binning, across=2)
+        if request.show_truth:
+            draw_truth(canvas, stream.truth, window.end_us)
+        if name in request.circles:
+            canvas.draw_circle(*request.circles[name], Ink.CIRCLE)
+        pngs[name] = encode_png(canvas.image, request.look.colours)
+    return pngs

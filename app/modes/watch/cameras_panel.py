@@ -1,0 +1,84 @@
+"""Docked to the left of the 3D scene: the cameras' pictures, the rally in figures, how good predictions were."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import viser
+from viser import uplot
+
+from app import theme
+from app.panels.recording_info import plot_axis
+from app.views.image_view import set_png
+from core.rally.history.lead_time import LONGEST_MS, LeadTimeErrors
+
+WIDTH_PX = 310
+LEAD_TIME_HTML = (
+    f"<div style='font-size:12.5px;color:{theme.MUTED};padding:4px 12px'>Median error of the predicted hit, in the "
+    "hitting plane, by how long before it the prediction was made. Needs the truth: simulations know it.</div>"
+)
+TOP_STEP_MM = 20.0
+BLANK = np.zeros((2, 2, 3), np.uint8)
+
+
+class CamerasPanel:
+    """The camera pictures of one browser, as many as the recording has cameras."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._gui = gui
+        self.panel = gui.add_panel(visible=False)
+        self._tab = self.panel.add_tab("Rally", viser.Icon.PING_PONG)
+        self.panel.dock_left()
+        self.panel.set_width(WIDTH_PX)
+        with self._tab:
+            self._pictures = gui.add_folder(None)
+            self._moment = gui.add_html("")
+            self._live = gui.add_html("")
+        self._top_mm = TOP_STEP_MM
+        with self.panel.add_tab("Prediction", viser.Icon.CHART_LINE):
+            gui.add_html(LEAD_TIME_HTML)
+            nothing = LeadTimeErrors(np.empty(0), np.empty(0), np.empty(0, np.bool_))
+            self._lead_times = gui.add_uplot(
+                nothing.medians(),
+                (
+                    uplot.Series(label="lead"),
+                    uplot.Series(label="before the bounce", stroke="rgb(255,214,10)", width=2, points={"show": True}),
+                    uplot.Series(label="after it", stroke="rgb(30,225,110)", width=2, points={"show": True}),
+                ),
+                scales=_scales(self._top_mm),
+                axes=(plot_axis("ms before the hit"), plot_axis("mm")),
+                aspect=1.2,
+            )
+        self._images: dict[str, viser.GuiImageHandle] = {}
+
+    def show_lead_times(self, errors: LeadTimeErrors) -> None:
+        """Median prediction error by lead time."""
+        columns = errors.medians()
+        largest = np.nanmax(np.concatenate([columns[1], columns[2], [1.0]]))
+        top_mm = TOP_STEP_MM * math.ceil(float(largest) / TOP_STEP_MM)
+        if top_mm != self._top_mm:
+            self._top_mm = top_mm
+            self._lead_times.scales = _scales(top_mm)
+        self._lead_times.data = columns
+
+    def show_figures(self, moment_html: str, live_html: str) -> None:
+        """What stands below the pictures."""
+        for handle, content in ((self._moment, moment_html), (self._live, live_html)):
+            if handle.content != content:
+                handle.content = content
+
+    def show(self, pngs: dict[str, bytes]) -> None:
+        """Put new pictures in place of the last ones."""
+        if tuple(self._images) != tuple(pngs):
+            for image in self._images.values():
+                image.remove()
+            with self._pictures:
+                self._images = {name: self._gui.add_image(BLANK, label=name, format="png") for name in pngs}
+        for name, png in pngs.items():
+            set_png(self._images[name], png)
+
+
+def _scales(top_mm: float) -> dict[str, uplot.Scale]:
+    """Given, not found by the plot: it would find none in data with gaps."""
+    return {"x": {"time": False, "range": (0.0, LONGEST_MS)}, "y": {"range": (0.0, top_mm)}}

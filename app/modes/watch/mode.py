@@ -1,0 +1,202 @@
+"""Watch: the rally in 3D with the cameras' pictures beside it, live or recorded; or the pictures alone, large."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from app.background.worker import LatestWins
+from app.modes.mode import Middle, ModeHost
+from app.modes.watch.camera_pictures import CameraPicturesRequest, render_camera_pictures
+from app.modes.watch.cameras_panel import CamerasPanel
+from app.modes.watch.simulation_panel import SimulationPanel
+from app.modes.watch.status import live_html, moment_html
+from app.modes.watch.view_panel import ViewPanel
+from app.scene.world import LAYERS
+from app.shared.live_rally import LiveRally, positions
+from app.shared.rallies import WatchedRally
+from app.state.client_state import ClientState
+from core.errors import CommandError
+from core.physics import TaskConfig
+from core.rally.history.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lead_times
+from core.rally.history.rally_history import RallyMoment
+from core.recordings import Recording
+
+DRAW_EVERY_S = 1 / 70
+"""Shorter than the loop's turn, so that every turn with news is drawn."""
+PICTURES_EVERY_S = 1 / 15
+STATUS_EVERY_S = 0.15
+CONTROLLERS_EVERY_S = 2.0
+LEAD_TIMES_EVERY_S = 2.0
+PICTURE_PX = (720, 1280)
+PICTURE_WITHIN_S = 60.0
+ACTION_LIMIT_DEG = TaskConfig().stroke.action_limit_deg
+
+
+class WatchMode:
+    """Watch as one browser sees it."""
+
+    uses_recording = True
+    takes_keys = False
+
+    def __init__(self, host: ModeHost) -> None:
+        self._host = host
+        self._rally: WatchedRally | None = None
+        self._positions: dict[str, NDArray[np.float64]] = {}
+        self._active = False
+        gui = host.client.gui
+        self._folder = gui.add_folder(None, visible=False)
+        with self._folder:
+            self._view = ViewPanel(
+                gui, host.send, self._look_from, self._look_again, self._save_picture, host.world.views
+            )
+            self._simulation: SimulationPanel | None = None
+        self._cameras = CamerasPanel(gui)
+        self._pictures = LatestWins(host.pool, render_camera_pictures, self._pictures_done, self._failed)
+        self._lead_times = LatestWins(host.pool, compute_lead_times, self._show_lead_times, self._failed)
+        self._drawn: object = None
+        self._drawn_s = self._pictures_s = self._status_s = self._controllers_s = self._lead_times_s = 0.0
+        self._predictions = -1
+
+    @property
+    def middle(self) -> Middle:
+        """3D for a stereo recording, unless the pictures are wanted."""
+        state = self._host.state
+        return "world" if self._rally is not None and state is not None and state.watch.in_space else "events"
+
+    @property
+    def restless(self) -> bool:
+        """A live rally moves; a recording that is being followed may soon know more."""
+        return self._rally is not None and self._rally.live is not None
+
+    def show(self, active: bool) -> None:
+        """Show the controls or hide them."""
+        self._active = active
+        self._folder.visible = active
+        self._cameras.panel.visible = active and self.middle == "world"
+        self._drawn = None
+
+    def use_recording(self, recording: Recording) -> None:
+        """Another recording was opened."""
+        self._rally = self._host.services.rallies.of(recording)
+        self._drawn = None
+        self._status_s, self._predictions = 0.0, -1
+        if self._rally is not None and self._rally.live is not None and self._simulation is None:
+            with self._folder:
+                self._simulation = SimulationPanel(self._host.client.gui, self._rally.live, self._host)
+        if self._rally is not None:
+            self._positions = positions(self._rally.cameras)
+            self._host.world.use_cameras(self._rally.cameras)
+
+    def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
+        """Draw what changed since the last turn."""
+        in_space = self.middle == "world"
+        self._cameras.panel.visible = in_space
+        self._view.show(state, is_stereo=self._rally is not None, views=self._host.world.views)
+        live = None if self._rally is None else self._rally.live
+        if self._simulation is not None:
+            self._simulation.set_visible(live is not None)
+            if live is not None and wall_s - self._controllers_s > CONTROLLERS_EVERY_S:
+                self._controllers_s = wall_s
+                self._simulation.show_controllers()
+        if self._rally is None or not in_space or wall_s - self._drawn_s < DRAW_EVERY_S:
+            return
+        self._request_lead_times(wall_s)
+        history = self._rally.history
+        if state.playhead.following:
+            now_us = min(now_us, history.followed_us)
+        key = (now_us, state.watch, state.look, history.followed_us >= now_us, history.outcome_count)
+        status_is_due = wall_s - self._status_s >= STATUS_EVERY_S  # also while the clock stands: the link may be lost
+        if key == self._drawn and not status_is_due:
+            return
+        moment = history.at(now_us, self._positions)
+        if status_is_due:
+            self._status_s = wall_s
+            self._show_status(moment, live)
+        if key == self._drawn:
+            return
+        self._drawn, self._drawn_s = key, wall_s
+        self._host.world.layers = frozenset(LAYERS) - state.watch.hidden
+        picture = moment.picture
+        if live is not None:
+            picture = replace(picture, landing_target=live.player.snapshot.goal_m)
+        self._host.world.draw(picture)
+        self._request_pictures(state, moment, wall_s)
+
+    def clicked(self, x: float, y: float) -> None:
+        """Nothing is chosen by clicks."""
+
+    def close(self) -> None:
+        """The browser is gone."""
+        self._pictures.close()
+        self._lead_times.close()
+
+    def _request_pictures(self, state: ClientState, moment: RallyMoment, wall_s: float) -> None:
+        recording = self._host.recording
+        if recording is None or (state.playhead.playing and wall_s - self._pictures_s < PICTURES_EVERY_S):
+            return
+        self._pictures_s = wall_s
+        circles = {} if moment.step is None or moment.step.t_us < moment.t_us - 10_000 else moment.step.circles
+        self._pictures.submit(
+            CameraPicturesRequest(recording, moment.t_us, state.look, circles, "True ball" not in state.watch.hidden)
+        )
+
+    def _pictures_done(self, request: CameraPicturesRequest, pngs: dict[str, bytes]) -> None:
+        self._host.later(lambda: self._show_pictures(pngs))
+
+    def _show_pictures(self, pngs: dict[str, bytes]) -> None:
+        if self._active and self.middle == "world":
+            with self._host.client.atomic():
+                self._cameras.show(pngs)
+                self._host.world.show_camera_pictures(pngs)
+
+    def _show_status(self, moment: RallyMoment, live: LiveRally | None) -> None:
+        figures = ""
+        if live is not None and live.state is not None and self._simulation is not None:
+            figures = live_html(live.player.snapshot, live.state, live.client.status)
+            self._simulation.show(live.state)
+        assert self._rally is not None
+        self._cameras.show_figures(moment_html(moment, ACTION_LIMIT_DEG, self._rally.followed), figures)
+
+    def _request_lead_times(self, wall_s: float) -> None:
+        recording, rally = self._host.recording, self._rally
+        if recording is None or rally is None or wall_s - self._lead_times_s < LEAD_TIMES_EVERY_S:
+            return
+        self._lead_times_s = wall_s
+        predicted = rally.history.predicted_hits()
+        if len(predicted) != self._predictions:
+            self._predictions = len(predicted)
+            self._lead_times.submit((recording, predicted))
+
+    def _show_lead_times(self, request: LeadTimesRequest, errors: LeadTimeErrors | None) -> None:
+        if errors is not None:
+            self._host.later(lambda: self._cameras.show_lead_times(errors))
+
+    def _look_from(self, view: str) -> None:
+        self._host.later(lambda: self._host.world.look_from(view))
+
+    def _look_again(self) -> None:
+        self._host.later(lambda: self._host.world.look_from(self._host.world.view) if self._active else None)
+
+    def _save_picture(self) -> None:
+        """The browser draws its own view again, at the size of the window's middle, and downloads it."""
+        client = self._host.client
+
+        def save() -> None:
+            try:
+                pixels = client.get_render(*PICTURE_PX, transport_format="png", timeout=PICTURE_WITHIN_S)
+            except TimeoutError:
+                error = CommandError("the browser did not draw its view", expected=f"within {PICTURE_WITHIN_S:.0f} s")
+                self._failed(error)
+                return
+            done, png = cv2.imencode(".png", cv2.cvtColor(pixels[..., :3], cv2.COLOR_RGB2BGR))
+            if done:
+                client.send_file_download("rallyscope.png", png.tobytes(), save_immediately=True)
+
+        self._host.pool.submit(save)
+
+    def _failed(self, error: Exception) -> None:
+        self._host.later(lambda: self._host.report(error))

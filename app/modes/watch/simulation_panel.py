@@ -1,0 +1,147 @@
+"""The controls of the live simulation: shared by all browsers, so they show what it says and send what is wanted."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Final
+
+import viser
+
+from app.modes.mode import ModeHost
+from app.shared.live_rally import LiveRally
+from app.shared.policies import run_choices
+from app.widgets import Listing, when_changed, when_clicked
+from core.errors import RallyscopeError
+from core.rally.control.controller import BuiltInController
+from core.rally.control.policy_controller import load_controller
+from core.rally.link import messages as m
+from core.simulation.scenes.scene import SCENES
+
+RECORD: Final = "Record"
+STOP, RUN, STEP = "Stop the clock", "Run", "One step"
+BUILT_IN: Final = BuiltInController().name
+PACES: Final = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/50": 0.02}
+SPEEDS_MPS: Final = (3.0, 9.0)
+NOISE_HZ: Final = (0.0, 5.0)
+STEP_BLOCKS: Final = 1
+GOAL_X_M: Final = (0.2, 1.3)
+GOAL_Y_M: Final = (-0.7, 0.7)
+
+
+class SimulationPanel:
+    """The simulation's controls in one browser. Commands wait for their answer in the pool, never in the loop."""
+
+    def __init__(self, gui: viser.GuiApi, rally: LiveRally, host: ModeHost) -> None:
+        self._rally = rally
+        self._host = host
+        client = rally.client
+        self._folder = gui.add_folder("Simulation (shared by all browsers)")
+        with self._folder:
+            self._serve = gui.add_button("Serve", icon=viser.Icon.PING_PONG, hint="A ball at the chosen speed")
+            self._speed = gui.add_slider("Serve speed [m/s]", *SPEEDS_MPS, 0.5, 5.0)
+            self._auto = gui.add_checkbox("Serve again and again", True)
+            self._pause = gui.add_button_group("Clock", (STOP, RUN, STEP), hint="One step: 10 ms")
+            self._record = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color="red")
+            self._pace = gui.add_dropdown("Pace", tuple(PACES), hint="Slow motion of the simulation itself")
+            self._scene = gui.add_dropdown(
+                "Scene", tuple(SCENES), hint="What the cameras look at; people take more time"
+            )
+            self._controller = Listing(gui, "Controller", self._use, hint="The built-in one, or a trained policy")
+            with gui.add_folder("Noise and landing target", expand_by_default=False):
+                self._noise = gui.add_slider(
+                    "Noise [Hz/px]", *NOISE_HZ, 0.1, 0.1, hint="Background events of each pixel a second"
+                )
+                self._goal_x = gui.add_slider("Target x [m]", *GOAL_X_M, 0.05, 0.8, hint="From the net")
+                self._goal_y = gui.add_slider("Target y [m]", *GOAL_Y_M, 0.05, 0.0, hint="From the middle line")
+        when_clicked(self._serve, lambda: self._ask(lambda: client.serve(self._speed.value)))
+        when_clicked(self._record, lambda: self._ask(self._toggle_record))
+        when_changed(self._speed, lambda _: self._auto_serve() if self._auto.value else None)
+        when_changed(self._auto, lambda _: self._auto_serve())
+        when_changed(self._pace, lambda pace: self._ask(lambda: client.set_speed(PACES[str(pace)])))
+        when_changed(self._scene, self._change_scene)
+        when_changed(self._noise, lambda hz: self._ask(lambda: client.set_noise(_bounded(hz, NOISE_HZ))))
+        for slider in (self._goal_x, self._goal_y):
+            when_changed(slider, lambda _: self._aim())
+
+        @self._pause.on_click
+        async def _(event: viser.GuiEvent) -> None:
+            acts = {STOP: client.pause, RUN: client.resume, STEP: lambda: client.step(STEP_BLOCKS)}
+            if event.client is not None and event.target.value in acts:
+                self._ask(acts[event.target.value])
+
+    def set_visible(self, visible: bool) -> None:
+        """Only while the live rally is watched."""
+        self._folder.visible = visible
+
+    def show(self, state: m.WorldState | None) -> None:
+        """Show what the simulation says."""
+        recorded = self._rally.recorded
+        label = RECORD if recorded is None else f"Stop recording ({self._rally.recorded_s:.0f} s)"
+        if self._record.label != label:
+            self._record.label = label
+            self._record.icon = viser.Icon.PLAYER_RECORD if recorded is None else viser.Icon.PLAYER_STOP
+        if state is None:
+            return
+        if state.auto_serve_mps > 0:
+            self._speed.value = state.auto_serve_mps
+        self._auto.value = state.auto_serve_mps > 0
+        self._pace.value = min(PACES, key=lambda name: abs(PACES[name] - state.speed_factor))
+        if state.scene in SCENES:
+            self._scene.value = state.scene
+        self._noise.value = min(max(round(state.noise_hz, 1), NOISE_HZ[0]), NOISE_HZ[1])
+        x, y = self._rally.player.snapshot.goal_m.tolist()
+        self._goal_x.value, self._goal_y.value = _bounded(x, GOAL_X_M), _bounded(y, GOAL_Y_M)
+
+    def show_controllers(self) -> None:
+        """Offer what can play now: reads the folder of runs."""
+        self._controller.offer((BUILT_IN, *run_choices(self._host.services.workspace)))
+        self._controller.show(self._rally.player.controller.name)
+
+    def _use(self, name: str) -> None:
+        def use() -> None:
+            goal = self._rally.player.snapshot.goal_m
+            if name == BUILT_IN:
+                self._rally.player.use(BuiltInController().aimed_at(goal))
+            elif name in run_choices(self._host.services.workspace):  # never a path made from what a browser sent
+                run = self._host.services.workspace.run_path(name)
+                self._rally.player.use(load_controller(run, goal_m=goal))
+
+        self._ask(use)
+
+    def _change_scene(self, name: object) -> None:
+        if name in SCENES:
+            self._ask(lambda: self._rally.client.set_scene(str(name)))
+
+    def _auto_serve(self) -> None:
+        speed = _bounded(self._speed.value, SPEEDS_MPS) if self._auto.value else 0.0
+        self._ask(lambda: self._rally.client.auto_serve(speed))
+
+    def _aim(self) -> None:
+        goal = _bounded(self._goal_x.value, GOAL_X_M), _bounded(self._goal_y.value, GOAL_Y_M)
+        self._ask(lambda: self._rally.player.aim_at(goal))
+
+    def _ask(self, act: Callable[[], object]) -> None:
+        def work() -> None:
+            try:
+                act()
+            except RallyscopeError as error:
+                failed = error
+                self._host.later(lambda: self._host.report(failed))
+
+        self._host.pool.submit(work)
+
+    def _toggle_record(self) -> None:
+        path = self._rally.recorded
+        if path is None:
+            self._rally.record(self._host.services.workspace.recording_path(time.strftime("live-%Y%m%d-%H%M%S")))
+        else:
+            duration_us = self._rally.stop_recording()
+            if duration_us == 0:
+                return  # another browser was quicker
+            text = f"{path.stem}: {duration_us / 1e6:.1f} s, now in the list of recordings"
+            self._host.later(lambda: self._host.note("Recorded", text, "green"))
+
+
+def _bounded(value: object, bounds: tuple[float, float]) -> float:
+    return min(max(float(str(value)), bounds[0]), bounds[1])

@@ -1,0 +1,61 @@
+"""How the rally is looked at: 3D or pictures, point of view, layers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import viser
+
+from app.modes.watch.commands import ShowLayer, ShowSpace
+from app.modes.watch.status import landing_legend_html
+from app.scene.world import LAYERS
+from app.state.client_state import ClientState
+from app.state.commands import Command
+from app.widgets import Choice, when_changed, when_clicked, when_triggered
+
+IN_SPACE, FLAT = "3D", "Pictures"
+
+
+class ViewPanel:
+    """These controls of one browser."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        send: Callable[[Command], None],
+        look_from: Callable[[str], None],
+        look_again: Callable[[], None],
+        save_picture: Callable[[], None],
+        views: tuple[str, ...],
+    ) -> None:
+        self._gui = gui
+        self._look_from = look_from
+        self._space = Choice(gui, "Show", (IN_SPACE, FLAT), lambda chosen: send(ShowSpace(chosen == IN_SPACE)))
+        self._views_folder = gui.add_folder(None)
+        self._views = views
+        self._add_views()
+        self._layers_folder = gui.add_folder("Layers", expand_by_default=False)
+        with self._layers_folder:
+            self._layers = {layer: gui.add_checkbox(layer, True) for layer in LAYERS}
+            gui.add_html(landing_legend_html())
+            self._save = gui.add_button("Save this view as PNG", icon=viser.Icon.CAMERA, hint="Drawn by your browser")
+        when_clicked(self._save, save_picture)
+        when_triggered(gui.add_command("Look again from the chosen view", hotkey="V"), look_again)
+        for layer, box in self._layers.items():
+            when_changed(box, lambda on, layer=layer: send(ShowLayer(layer, bool(on))))
+
+    def show(self, state: ClientState, *, is_stereo: bool, views: tuple[str, ...]) -> None:
+        """Follow the state; a recording that is not stereo has no 3D."""
+        in_space = is_stereo and state.watch.in_space
+        self._space.show(IN_SPACE if in_space else FLAT)
+        self._views_folder.visible = self._layers_folder.visible = in_space
+        if views != self._views:
+            self._views = views
+            self._dropdown.options = views
+        for layer, box in self._layers.items():
+            box.value = layer not in state.watch.hidden
+
+    def _add_views(self) -> None:
+        with self._views_folder:
+            self._dropdown = self._gui.add_dropdown("View", self._views, hint="Drag to turn, wheel to zoom; V: again")
+        when_changed(self._dropdown, lambda view: self._look_from(str(view)))

@@ -1,0 +1,1 @@
+"""What all browsers of the app share: workspace, recordings, the live rally, trained policies."""

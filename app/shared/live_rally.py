@@ -1,0 +1,171 @@
+"""The live rally of this app: one simulation, one player, shared by all browsers."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.shared.simulation_process import SimulationProcess
+from core.cameras import Camera
+from core.errors import LinkError, RecordingError
+from core.rally.control.decision import RacketDecision
+from core.rally.control.player import PlayerState
+from core.rally.history.live_rows import LiveRows
+from core.rally.history.rally_history import Outcome, RallyHistory
+from core.rally.history.rally_picture import LandingSpot
+from core.rally.history.record_live import LiveRecorder
+from core.rally.link import messages as m
+from core.rally.link.client import SimulationClient
+from core.rally.live.live_player import LivePlayer
+from core.rally.live.ring_recording import LiveConfig, RingRecording
+
+LIVE: Final = "live"
+"""Its name in the list of recordings."""
+REMEMBERED_S: Final = 20.0
+FORGET_EVERY_US: Final = 1_000_000
+
+
+class LiveRally:
+    """Listens, remembers, plays. All methods may be called from any thread."""
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        process: SimulationProcess | None = None,
+        preparing: Callable[[float], None] = lambda share: None,
+    ) -> None:
+        """Join the simulation at an address, when it is ready; `process` is ended with the rally.
+
+        `preparing` hears how far a simulation is that is not ready, 0 to 1.
+
+        Raises:
+            LinkError: if there is no simulation, or one of another version.
+        """
+        self._process = process
+        try:
+            self.client = SimulationClient(address, preparing=preparing)
+        except LinkError:
+            if process is not None:
+                process.stop()
+            raise
+        self.recording = RingRecording(LiveConfig(seconds=REMEMBERED_S))
+        self.history = RallyHistory()
+        self.rows = LiveRows()
+        self._session = ""
+        self._recorder: LiveRecorder | None = None
+        self._recorded_since_s = 0.0
+        self._recording_lock = threading.Lock()
+        self._forgotten_us = 0
+        self.client.add_listener(self.recording)
+        self.player = LivePlayer(self.client)
+        self.client.add_listener(self)
+        self.player.add_step_listener(self._on_step)
+
+    @property
+    def cameras(self) -> dict[str, Camera]:
+        """The cameras of the present session."""
+        return {name: stream.calibration for name, stream in self.recording.cameras.items() if stream.calibration}
+
+    @property
+    def state(self) -> m.WorldState | None:
+        """The newest state that the simulation told."""
+        return self.client.state
+
+    @property
+    def recorded(self) -> Path | None:
+        """The file that is being written."""
+        return None if self._recorder is None else self._recorder.path
+
+    @property
+    def recorded_s(self) -> float:
+        """Wall time since it was begun."""
+        return 0.0 if self._recorder is None else time.monotonic() - self._recorded_since_s
+
+    def record(self, path: Path) -> None:
+        """Write the rally to a file from now on.
+
+        Raises:
+            RecordingError: if one is being written already, or it cannot be made.
+        """
+        with self._recording_lock:
+            if self._recorder is not None:
+                raise RecordingError("the rally is being recorded already", where=self._recorder.path)
+            self._recorded_since_s = time.monotonic()
+            self._recorder = LiveRecorder(self.client, path, player=self.player)
+
+    def stop_recording(self) -> int:
+        """Finish the file; returns its duration in microseconds, 0 if none was being written.
+
+        Raises:
+            RecordingError: if it could not be written to its end.
+        """
+        with self._recording_lock:
+            if self._recorder is None:
+                return 0
+            try:
+                return self._recorder.stop()
+            finally:
+                self._recorder = None
+
+    def stop_simulation(self) -> None:
+        """End the simulation that was started for this rally, if one was; what it left can still be watched."""
+        if self._process is not None:
+            self._process.stop()
+
+    def close(self) -> None:
+        """Leave it; what is being recorded is finished."""
+        self.stop_recording()
+        self.player.close()
+        self.client.close()
+        self.recording.close()
+        self.stop_simulation()
+
+    # What the link says, in its thread.
+
+    def on_session(self, welcome: m.Reply) -> None:
+        """Begin anew with another session."""
+        self.history.clear()
+        self.rows.clear()
+        self._session, self._forgotten_us = welcome.session, 0
+
+    def on_events(self, batch: m.EventBatch) -> None:
+        """Kept by the recording."""
+
+    def on_state(self, state: m.WorldState) -> None:
+        """Where racket and ball really were."""
+        if not len(state.racket_t_us):
+            return
+        self.history.add_rackets(state.racket_t_us, state.racket[:, :3], state.racket[:, 3:7])
+        self.rows.add_state(state)
+        if len(state.ball_t_us):
+            self.history.add_truth(state.truth())
+        if state.t_us - self._forgotten_us > FORGET_EVERY_US:
+            self._forgotten_us = state.t_us
+            self.history.forget_before(state.t_us - round(REMEMBERED_S * 1e6))
+            self.rows.forget_before(state.t_us - round(REMEMBERED_S * 1e6))
+
+    def on_notice(self, notice: m.Notice) -> None:
+        """Turn outcomes into landing spots."""
+        if isinstance(notice, m.OutcomeNotice):
+            x, y, _ = notice.landing_m
+            spot = LandingSpot(x, y, notice.case)
+            self.rows.add_outcome(notice, self.player.controller.name)
+            self.history.add_outcome(Outcome(notice.t_us, notice.serve_us, notice.speed_mps, spot))
+
+    def _on_step(self, session: str, state: PlayerState, decision: RacketDecision | None) -> None:
+        """In the player's thread."""
+        if session == self._session:
+            self.history.add_step(state)
+            self.rows.add_step(state, decision)
+
+
+def positions(cameras: dict[str, Camera]) -> dict[str, NDArray[np.float64]]:
+    """Where cameras stand (3,), by name."""
+    return {name: camera.T_world_camera[:3, 3] for name, camera in cameras.items()}

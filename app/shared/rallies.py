@@ -1,0 +1,48 @@
+"""What all browsers of the app watch: the live rally if there is one, and the recordings that have been followed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from app.shared.live_rally import LiveRally
+from core.cameras import Camera
+from core.rally.history.following import Following, Followings
+from core.rally.history.rally_history import RallyHistory
+from core.recordings import Recording
+
+
+@dataclass(slots=True)
+class Rallies:
+    """Owned by the app."""
+
+    live: LiveRally | None = None
+    followings: Followings = field(default_factory=Followings)
+
+    def of(self, recording: Recording) -> WatchedRally | None:
+        """The rally in a recording; None if it cannot be seen in space."""
+        if self.live is not None and recording is self.live.recording:
+            return WatchedRally(self.live.history, self.live.cameras, self.live, None)
+        following = self.followings.of(recording)
+        return None if following is None else WatchedRally(following.history, following.cameras, None, following)
+
+    def close(self) -> None:
+        """End every pass over a recording."""
+        self.followings.close()
+        if self.live is not None:
+            self.live.close()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WatchedRally:
+    """One rally in space."""
+
+    history: RallyHistory
+    cameras: dict[str, Camera]
+    live: LiveRally | None
+    """None for a recording."""
+    following: Following | None
+
+    @property
+    def followed(self) -> float:
+        """Share of the recording that the chain has seen."""
+        return 1.0 if self.following is None else self.following.share

@@ -1,0 +1,98 @@
+"""Everything one browser has chosen, as one frozen value. What is shown is computed from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal, get_args
+
+from app.pictures.event_picture import Rendering
+from app.pictures.palette import PolarityColours
+from app.state.playback import Playhead
+from app.state.undo import History
+from core.detection import DetectorConfig
+
+ModeName = Literal["Watch", "Tune", "Label", "Train", "Export"]
+MODES: Final[tuple[ModeName, ...]] = get_args(ModeName)
+Arrangement = Literal["side by side", "stacked"]
+ARRANGEMENTS: Final[tuple[Arrangement, ...]] = get_args(Arrangement)
+Overlay = Literal["raw", "denoised", "clusters", "polarity", "geometry", "result"]
+OVERLAYS: Final[tuple[Overlay, ...]] = get_args(Overlay)
+"""What Tune draws: each stage's view, and the result alone."""
+Slot = Literal["A", "B"]
+SLOTS: Final[tuple[Slot, ...]] = get_args(Slot)
+
+
+@dataclass(frozen=True, slots=True)
+class RenderSettings:
+    """How events are drawn, in every mode."""
+
+    window_us: int = 5_000
+    """Watch's accumulation window; Tune shows the detector's own."""
+    rendering: Rendering = "polarity"
+    colours: PolarityColours = "orange / blue"
+    arrangement: Arrangement = "side by side"
+
+
+@dataclass(frozen=True, slots=True)
+class TuneView:
+    """What of the detector is shown."""
+
+    overlay: Overlay = "geometry"
+    zoom: float = 1.0
+    centre_px: tuple[float, float] | None = None
+    """Of the zoomed view; None follows the ball."""
+    slot: Slot = "A"
+    """The config that the sliders change."""
+    compare: bool = False
+    """Both configs side by side on the same window."""
+    show_truth: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class WatchView:
+    """How Watch shows a rally."""
+
+    in_space: bool = True
+    """In 3D where the recording is stereo; else the flat pictures."""
+    hidden: frozenset[str] = frozenset()
+    """Layers that are switched off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Configs:
+    """The two detector configs of a browser."""
+
+    a: DetectorConfig
+    b: DetectorConfig
+
+    def of(self, slot: Slot) -> DetectorConfig:
+        """The config in a slot."""
+        return self.a if slot == "A" else self.b
+
+
+@dataclass(frozen=True, slots=True)
+class ClientState:
+    """Everything that one browser has chosen."""
+
+    recording: str
+    """Name in the library."""
+    cameras: tuple[str, ...]
+    """Its cameras."""
+    camera: str
+    """The one that Tune looks at."""
+    playhead: Playhead
+    configs: History[Configs]
+    mode: ModeName = "Watch"
+    step_us: int = 1_000
+    look: RenderSettings = field(default_factory=RenderSettings)
+    tune: TuneView = field(default_factory=TuneView)
+    watch: WatchView = field(default_factory=WatchView)
+
+    @property
+    def config(self) -> DetectorConfig:
+        """The config that the sliders change."""
+        return self.configs.present.of(self.tune.slot)
+
+    def without_growth(self) -> ClientState:
+        """The state but for how far a live recording has grown: that alone changes no control."""
+        return replace(self, playhead=self.playhead.grown(0, 0)) if self.playhead.live else self

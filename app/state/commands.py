@@ -1,0 +1,243 @@
+"""What a browser may ask for: frozen commands, each a pure step from one state to the next.
+
+Callbacks of the browser only make and enqueue these; one loop applies them. Values come from untrusted browsers, so
+every command accepts only what its control offers and otherwise leaves the state as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from app.pictures.event_picture import RENDERINGS, Rendering
+from app.pictures.palette import POLARITY_COLOURS, PolarityColours
+from app.state.client_state import (
+    ARRANGEMENTS,
+    MODES,
+    OVERLAYS,
+    SLOTS,
+    Arrangement,
+    ClientState,
+    Configs,
+    ModeName,
+    Overlay,
+    Slot,
+)
+from app.state.playback import STEPS_US
+from core.config import replace_setting
+from core.detection import DetectorConfig
+
+WINDOW_RANGE_US = (100, 100_000)
+ZOOM_RANGE = (1.0, 20.0)
+
+
+class Command(Protocol):
+    """One step of the state; `wall_s` is the time at which it is applied."""
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState: ...
+
+
+@dataclass(frozen=True, slots=True)
+class SetMode:
+    mode: ModeName
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, mode=self.mode) if self.mode in MODES else state
+
+
+@dataclass(frozen=True, slots=True)
+class TogglePlay:
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        head = state.playhead
+        return replace(state, playhead=head.pause(wall_s) if head.playing else head.play(wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class Seek:
+    t_us: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, playhead=state.playhead.seek(self.t_us, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class StepTime:
+    """By so many of the chosen steps; negative goes back."""
+
+    steps: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, playhead=state.playhead.step(self.steps * state.step_us, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class SetStep:
+    step_us: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, step_us=self.step_us) if self.step_us in STEPS_US else state
+
+
+@dataclass(frozen=True, slots=True)
+class SetPlaybackSpeed:
+    speed: float
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, playhead=state.playhead.at_speed(self.speed, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class SetCamera:
+    camera: str
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        if self.camera not in state.cameras:
+            return state
+        return replace(state, camera=self.camera, tune=replace(state.tune, centre_px=None))
+
+
+@dataclass(frozen=True, slots=True)
+class SetWindow:
+    """Set how long Watch collects events for a picture."""
+
+    window_us: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        low, high = WINDOW_RANGE_US
+        return replace(state, look=replace(state.look, window_us=min(max(self.window_us, low), high)))
+
+
+@dataclass(frozen=True, slots=True)
+class SetRendering:
+    rendering: Rendering
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        valid = self.rendering in RENDERINGS
+        return replace(state, look=replace(state.look, rendering=self.rendering)) if valid else state
+
+
+@dataclass(frozen=True, slots=True)
+class SetColours:
+    colours: PolarityColours
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        valid = self.colours in POLARITY_COLOURS
+        return replace(state, look=replace(state.look, colours=self.colours)) if valid else state
+
+
+@dataclass(frozen=True, slots=True)
+class SetArrangement:
+    arrangement: Arrangement
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        valid = self.arrangement in ARRANGEMENTS
+        return replace(state, look=replace(state.look, arrangement=self.arrangement)) if valid else state
+
+
+@dataclass(frozen=True, slots=True)
+class SetOverlay:
+    overlay: Overlay
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        valid = self.overlay in OVERLAYS
+        return replace(state, tune=replace(state.tune, overlay=self.overlay)) if valid else state
+
+
+@dataclass(frozen=True, slots=True)
+class SetZoom:
+    zoom: float
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        if not math.isfinite(self.zoom):
+            return state
+        low, high = ZOOM_RANGE
+        return replace(state, tune=replace(state.tune, zoom=min(max(self.zoom, low), high)))
+
+
+@dataclass(frozen=True, slots=True)
+class LookAt:
+    """Centre the zoomed view on a point of the sensor; None follows the ball again. Unzoomed, a click means nothing."""
+
+    centre_px: tuple[float, float] | None
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        if self.centre_px is not None and (state.tune.zoom <= 1.0 or not all(map(math.isfinite, self.centre_px))):
+            return state
+        return replace(state, tune=replace(state.tune, centre_px=self.centre_px))
+
+
+@dataclass(frozen=True, slots=True)
+class SetSlot:
+    slot: Slot
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, tune=replace(state.tune, slot=self.slot)) if self.slot in SLOTS else state
+
+
+@dataclass(frozen=True, slots=True)
+class SetCompare:
+    compare: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, tune=replace(state.tune, compare=self.compare))
+
+
+@dataclass(frozen=True, slots=True)
+class ShowTruth:
+    show: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, tune=replace(state.tune, show_truth=self.show))
+
+
+@dataclass(frozen=True, slots=True)
+class EditSetting:
+    """A slider of the detector moved.
+
+    Raises:
+        ConfigError: from `apply`, if the value does not go with the others; the state stays.
+    """
+
+    path: tuple[str, ...]
+    value: bool | int | float | str
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        config = replace_setting(state.config, self.path, self.value)
+        return _with_config(state, config, topic=(state.tune.slot, self.path), wall_s=wall_s)
+
+
+@dataclass(frozen=True, slots=True)
+class UseConfig:
+    """Put a whole config (the default, a loaded file) into the slot that is being edited."""
+
+    config: DetectorConfig
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return _with_config(state, self.config, topic=None, wall_s=wall_s)
+
+
+@dataclass(frozen=True, slots=True)
+class CopyToOther:
+    """Give the other slot the config that is being edited."""
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        configs = Configs(state.config, state.config)
+        return replace(state, configs=state.configs.change(configs, topic=None, wall_s=wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class Undo:
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, configs=state.configs.undo())
+
+
+@dataclass(frozen=True, slots=True)
+class Redo:
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, configs=state.configs.redo())
+
+
+def _with_config(state: ClientState, config: DetectorConfig, *, topic: object, wall_s: float) -> ClientState:
+    configs = replace(state.configs.present, **{state.tune.slot.lower(): config})
+    return replace(state, configs=state.configs.change(configs, topic=topic, wall_s=wall_s))

@@ -1,0 +1,148 @@
+"""The sheet in the browser: image planes in front of a camera that looks straight at them."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from typing import Final, Literal
+
+import numpy as np
+import viser
+
+from app.views.mosaic import Mosaic
+from app.views.viewpoint import Viewpoint, look
+
+Point = tuple[float, float]
+DragPhase = Literal["start", "update", "end"]
+Drag = Callable[[DragPhase, Point, Point], None]
+"""Phase, where it began and where it is, in sheet pixels."""
+
+UNIT: Final = 0.01
+"""Scene units per sheet pixel."""
+FOV_RAD: Final = math.radians(10)
+"""Narrow, so that a flat sheet is seen almost as in a drawing; any would do, the map is exact."""
+PANEL_SHARE: Final = 0.31
+"""The part of the window's height that the panel below the picture takes."""
+BLANK_PNG_PX: Final = np.zeros((1, 1, 3), np.uint8)
+
+
+class ImageView:
+    """Image handles of one browser, reused for every picture."""
+
+    def __init__(self, client: viser.ClientHandle, on_click: Callable[[float, float], None]) -> None:
+        self._client = client
+        self._images: list[viser.ImageHandle] = []
+        self._framed: tuple[float, ...] | None = None
+        self._sheet = Mosaic((), 16, 9)
+        self._visible = True
+        self._framing = threading.Lock()
+        """The camera is moved by the loop, and by the browser's own news of its window: never by both at once."""
+        self.panel_share = PANEL_SHARE
+        """The part of the window's height that the sheet leaves free below itself; takes effect with the next sheet."""
+        self.on_drag: Drag | None = None
+        """Called, in order, for each drag with the left button on a picture."""
+
+        async def clicked(event: viser.SceneClickEvent) -> None:  # async: in the order of the clicks
+            if self._visible:
+                x, y = mosaic_point(np.array(event.ray_origin), np.array(event.ray_direction))
+                on_click(x, y)
+
+        client.scene.on_click()(clicked)  # pyright: ignore[reportArgumentType]
+
+        @client.camera.on_update
+        async def _(_: viser.CameraHandle) -> None:
+            self.frame()
+
+    @property
+    def sheet(self) -> Mosaic:
+        """What is shown now."""
+        return self._sheet
+
+    def set_visible(self, visible: bool) -> None:
+        """Whether it is what the middle of the window shows; shown again, it is framed again."""
+        if visible == self._visible:
+            return
+        with self._framing:
+            self._visible = visible
+        with self._client.atomic():
+            for image, _ in zip(self._images, self._sheet.pictures, strict=False):
+                image.visible = visible
+        self.frame(again=True)
+
+    def show(self, sheet: Mosaic) -> None:
+        """Replace what is shown; frames it anew when its shape changed."""
+        self._sheet = sheet
+        while len(self._images) < len(sheet.pictures):
+            self._images.append(self._add_image(len(self._images)))
+        with self._client.atomic():
+            for image, picture in zip(self._images, sheet.pictures, strict=False):
+                image.render_width, image.render_height = picture.width * UNIT, picture.height * UNIT
+                centre = (picture.x + picture.width / 2, picture.y + picture.height / 2)
+                image.position = (centre[0] * UNIT, centre[1] * UNIT, 0.0)
+                set_png(image, picture.png)
+                image.visible = self._visible
+            for image in self._images[len(sheet.pictures) :]:
+                image.visible = False
+        self.frame()
+
+    def frame(self, *, again: bool = False) -> None:
+        """Put the camera where the whole sheet fits above the lower panel; `again` also when nothing changed."""
+        with self._framing:
+            if self._visible:
+                self._frame(again)
+
+    def _frame(self, again: bool) -> None:
+        aspect = self._client.camera.aspect
+        wanted = (float(self._sheet.width), float(self._sheet.height), round(aspect, 3), self.panel_share)
+        if wanted == self._framed and not again:
+            return
+        self._framed = wanted
+        visible, middle = framing(self._sheet.width, self._sheet.height, aspect, self.panel_share)
+        distance = visible * UNIT / 2 / math.tan(FOV_RAD / 2)
+        x, y = self._sheet.width * UNIT / 2, middle * UNIT
+        viewpoint = Viewpoint((x, y, -distance), (x, y, 0.0), (0.0, -1.0, 0.0), FOV_RAD)
+        look(self._client, viewpoint, near=distance * 0.01, far=distance * 10)
+
+    def _add_image(self, index: int) -> viser.ImageHandle:
+        image = self._client.scene.add_image(
+            f"/sheet/{index}", BLANK_PNG_PX, 1.0, 1.0, format="png", cast_shadow=False, receive_shadow=False
+        )
+
+        async def keep(_: viser.SceneNodeDragEvent) -> None:
+            """A handled drag is not passed on to the camera: the sheet stays flat in front of it."""
+
+        async def dragged(event: viser.SceneNodeDragEvent) -> None:
+            if self.on_drag is not None and self._visible:
+                (x0, y0, _), (x1, y1, _) = event.start_position, event.end_position
+                self.on_drag(event.phase, (x0 / UNIT, y0 / UNIT), (x1 / UNIT, y1 / UNIT))
+
+        image.on_drag("left")(dragged)
+        image.on_drag("right")(keep)
+        return image
+
+
+def framing(width: float, height: float, aspect: float, panel_share: float) -> tuple[float, float]:
+    """For a sheet (all in its pixels): the height that the window shows, and how far down its middle is."""
+    width, height = width * 1.02, height * 1.02
+    visible = max(height / (1 - panel_share), width / aspect)
+    top_margin = (visible * (1 - panel_share) - height) / 2
+    return visible, visible / 2 - top_margin - height * 0.01
+
+
+def mosaic_point(ray_origin: np.ndarray, ray_direction: np.ndarray) -> tuple[float, float]:
+    """Where a ray (scene units) meets the sheet, in sheet pixels."""
+    hit = ray_origin - ray_origin[2] / ray_direction[2] * ray_direction
+    return float(hit[0]) / UNIT, float(hit[1]) / UNIT
+
+
+def set_png(image: viser.ImageHandle | viser.GuiImageHandle, png: bytes) -> None:
+    """Hand over encoded bytes: viser would encode an RGB array again, ten times slower than an indexed PNG."""
+    image._format = "png"
+    image._data = png
+
+
+def set_frustum_png(frustum: viser.CameraFrustumHandle, png: bytes) -> None:
+    """The same for the picture in a camera frustum."""
+    frustum._format = "png"
+    frustum._image_data = png

@@ -1,0 +1,68 @@
+"""What the middle of the window shows: encoded pictures laid out on one flat sheet, measured in picture pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.pictures.canvas import Canvas, Region
+from app.pictures.palette import PolarityColours
+from app.pictures.png import encode_png
+from app.state.client_state import Arrangement
+
+GAP_PX = 12
+
+
+@dataclass(frozen=True, slots=True)
+class MosaicTile:
+    """One encoded picture with its place on the sheet."""
+
+    png: bytes
+    region: Region
+    """What of the sensor it shows."""
+    x: int
+    y: int
+    width: int
+    height: int
+
+    def sensor_point(self, x: float, y: float) -> tuple[float, float] | None:
+        """Sensor coordinates of a point of the sheet; None outside the picture.
+
+        Sheet point (0.0, 0.0) is the top left corner of the sheet, not a pixel centre.
+        """
+        across, down = (x - self.x) / self.width, (y - self.y) / self.height
+        if not (0 <= across < 1 and 0 <= down < 1):
+            return None
+        return self.region.x + across * self.region.width - 0.5, self.region.y + down * self.region.height - 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Mosaic:
+    """All pictures and the size of the whole."""
+
+    pictures: tuple[MosaicTile, ...]
+    width: int
+    height: int
+
+    def sensor_point(self, x: float, y: float) -> tuple[float, float] | None:
+        """Sensor coordinates under a point of the sheet, None beside the pictures."""
+        hits = (picture.sensor_point(x, y) for picture in self.pictures)
+        return next((hit for hit in hits if hit is not None), None)
+
+
+def lay_out(canvases: Sequence[Canvas], colours: PolarityColours, arrangement: Arrangement) -> Mosaic:
+    """Encode drawn canvases and place them beside or below each other."""
+    pictures: list[MosaicTile] = []
+    x = y = 0
+    for canvas in canvases:
+        height, width = canvas.image.shape
+        pictures.append(MosaicTile(encode_png(canvas.image, colours), canvas.region, x, y, width, height))
+        if arrangement == "side by side":
+            x += width + GAP_PX
+        else:
+            y += height + GAP_PX
+    corners: NDArray[np.int64] = np.array([(p.x + p.width, p.y + p.height) for p in pictures] or [(1, 1)])
+    return Mosaic(tuple(pictures), *map(int, corners.max(axis=0)))

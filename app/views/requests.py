@@ -1,0 +1,144 @@
+"""From what a browser wants to see to the sheet it gets: frozen requests and the pure functions that answer them."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from app.pictures.canvas import Canvas, Region
+from app.pictures.event_picture import event_picture
+from app.state.client_state import RenderSettings, TuneView
+from app.views.mosaic import Mosaic, lay_out
+from app.views.stage_picture import draw_detection, draw_stages, draw_truth
+from core.detection import DetectorConfig, FastDetector, PipelineTrace, trace_window
+from core.detection.fast.cluster import grid_labels
+from core.events import Window
+from core.recordings import CameraStream, Recording
+
+WARM_UP_WINDOWS = 25
+"""Windows run before the one that is shown, so that the region of interest and the polarity are those of a live run."""
+BINNED_WIDTH_PX = 900
+"""Sensors wider than this are binned two by two where several pictures share the window: single events stay visible."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WatchRequest:
+    """All cameras of a recording at one time."""
+
+    recording: Recording
+    t_us: int
+    look: RenderSettings
+    config: DetectorConfig
+    """Of the detector whose circle is drawn."""
+    show_truth: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TuneRequest:
+    """One window of one camera through one config or two."""
+
+    stream: CameraStream
+    t_us: int
+    look: RenderSettings
+    view: TuneView
+    configs: tuple[tuple[str, DetectorConfig], ...]
+    """Name and config of each picture."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PictureAnswer:
+    """What to show, and how long it took to make."""
+
+    sheet: Mosaic
+    traces: tuple[PipelineTrace, ...]
+    """Of Tune, one for each config."""
+    seconds: float
+
+
+def answer_request(request: WatchRequest | TuneRequest) -> PictureAnswer:
+    """The pictures of either request."""
+    start_s = time.perf_counter()
+    if isinstance(request, WatchRequest):
+        sheet, traces = render_watch(request), ()
+    else:
+        sheet, traces = render_tune(request)
+    return PictureAnswer(sheet, traces, time.perf_counter() - start_s)
+
+
+def render_watch(request: WatchRequest) -> Mosaic:
+    """Every camera's events with the ball that the detector finds in them."""
+    look = request.look
+    cameras = request.recording.cameras
+    across = len(cameras) if look.arrangement == "side by side" else 1
+    canvases: list[Canvas] = []
+    for name, stream in cameras.items():
+        window = window_before(stream, request.t_us, look.window_us)
+        binning = 2 if len(cameras) > 1 and stream.sensor.width_px > BINNED_WIDTH_PX else 1
+        if binning == 1:
+            canvas = Canvas(Region.of_sensor(stream.sensor), across=across)
+            canvas.paint_pixels(event_picture(window, look.rendering))
+        else:
+            pixels = event_picture(window, look.rendering, binning=binning)
+            canvas = Canvas.of_binned(pixels, stream.sensor, binning, across=across)
+        if request.show_truth:
+            draw_truth(canvas, stream.truth, window.end_us)
+        seen = window_before(stream, window.end_us, request.config.window.window_us)
+        detection = _detector_before(stream, seen.start_us, request.config).step(seen)
+        if detection is not None:
+            draw_detection(canvas, detection)
+        canvas.caption(f"{name}: {len(window.events)} events")
+        canvases.append(canvas)
+    return lay_out(canvases, look.colours, look.arrangement)
+
+
+def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[PipelineTrace, ...]]:
+    """The same window through each config, every stage traced."""
+    view = request.view
+    across = len(request.configs) if request.look.arrangement == "side by side" else 1
+    canvases: list[Canvas] = []
+    traces: list[PipelineTrace] = []
+    for name, config in request.configs:
+        window = window_before(request.stream, request.t_us, config.window.window_us)
+        state = _detector_before(request.stream, window.start_us, config).state
+        trace = trace_window(window, state, config, label_clusters=grid_labels)
+        canvas = Canvas(_region(request, traces[0] if traces else trace), across=across)
+        draw_stages(canvas, window, trace, view.overlay, request.look.rendering)
+        if view.show_truth:
+            draw_truth(canvas, request.stream.truth, window.end_us)
+        canvas.caption(f"{request.stream.name}, config {name}: {len(window.events)} events")
+        canvases.append(canvas)
+        traces.append(trace)
+    return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(traces)
+
+
+def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:
+    """The window that ends at `t_us`; at the very start of a recording the first whole one."""
+    end_us = max(t_us, window_us)
+    return Window(stream.slice(end_us - window_us, end_us), end_us - window_us, end_us)
+
+
+def _detector_before(stream: CameraStream, t_us: int, config: DetectorConfig) -> FastDetector:
+    """A detector that has seen the windows that lead up to `t_us`."""
+    window_us = config.window.window_us
+    first_us = t_us - min(WARM_UP_WINDOWS, t_us // window_us) * window_us
+    events = stream.slice(first_us, t_us)
+    detector = FastDetector(config)
+    for start_us in range(first_us, t_us, window_us):
+        detector.step(Window(events.between(start_us, start_us + window_us), start_us, start_us + window_us))
+    return detector
+
+
+def _region(request: TuneRequest, trace: PipelineTrace) -> Region:
+    """What a zoomed view shows: the chosen point, else the ball, else where it is looked for, else the middle."""
+    sensor, view = request.stream.sensor, request.view
+    if view.zoom <= 1.0:
+        return Region.of_sensor(sensor)
+    if view.centre_px is not None:
+        centre = view.centre_px
+    elif trace.detection is not None:
+        centre = (trace.detection.u_px, trace.detection.v_px)
+    elif trace.roi is not None:
+        centre = ((trace.roi.x_min + trace.roi.x_max) / 2, (trace.roi.y_min + trace.roi.y_max) / 2)
+    else:
+        centre = (sensor.width_px / 2, sensor.height_px / 2)
+    return Region.around(*centre, sensor, view.zoom)

@@ -1,0 +1,90 @@
+"""What each stage of the detector saw, drawn over the events of its window."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.pictures.canvas import Canvas
+from app.pictures.event_picture import Rendering, event_picture
+from app.pictures.palette import CLUSTER_COLOURS, Ink
+from app.state.client_state import Overlay
+from core.detection import Candidate, Detection, PipelineTrace
+from core.events import Events, Window, polarity_image
+from core.recordings import PixelTruth
+
+LABELLED_CANDIDATES = 12
+"""Figures are written beside the largest ones only; a person's picture can hold a hundred clusters."""
+
+
+def draw_stages(canvas: Canvas, window: Window, trace: PipelineTrace, overlay: Overlay, rendering: Rendering) -> None:
+    """Paint the events as the chosen stage sees them, then the shapes that belong to it."""
+    canvas.paint_pixels(_pixels(window, trace, overlay, rendering))
+    if overlay == "geometry":
+        for candidate in trace.candidates:
+            if candidate.shape is not None and len(candidate.shape.hull_px) > 1:
+                canvas.draw_polygon(candidate.shape.hull_px, Ink.HULL_REJECTED if candidate.rejected else Ink.HULL)
+    if trace.roi is not None:
+        roi = trace.roi
+        canvas.draw_box(roi.x_min - 0.5, roi.y_min - 0.5, roi.x_max + 0.5, roi.y_max + 0.5, Ink.ROI)
+    if trace.detection is not None:
+        draw_detection(canvas, trace.detection)
+    if overlay in ("clusters", "geometry"):
+        _write_figures(canvas, trace, overlay)
+
+
+def draw_detection(canvas: Canvas, detection: Detection) -> None:
+    """The circle of a ball that was found."""
+    thickness = 2 if canvas.scale >= 1 else 1  # a binned picture's ball is only a few pixels wide
+    canvas.draw_circle(detection.u_px, detection.v_px, detection.r_px, Ink.CIRCLE, thickness=thickness)
+
+
+def draw_truth(canvas: Canvas, truth: PixelTruth | None, t_us: int) -> None:
+    """The true outline at one time, if the recording knows it."""
+    if truth is not None:
+        now = truth.at(t_us)
+        if now.visible[0]:
+            canvas.draw_circle(float(now.u_px[0]), float(now.v_px[0]), float(now.r_px[0]), Ink.TRUTH)
+
+
+def cluster_ink(label: int) -> int:
+    """The colour of a cluster; neighbours in number differ."""
+    return Ink.CLUSTER + label % CLUSTER_COLOURS
+
+
+def _pixels(window: Window, trace: PipelineTrace, overlay: Overlay, rendering: Rendering) -> NDArray[np.uint8]:
+    if overlay in ("raw", "result"):
+        return event_picture(window, rendering)
+    raw = polarity_image(window.events)
+    pixels = np.where(raw > 0, raw + (Ink.OFF_DIM - Ink.OFF), raw).astype(np.uint8)
+    denoised = trace.stage("denoise").events
+    if overlay == "denoised":
+        _paint_polarity(pixels, denoised)
+    elif overlay == "clusters":
+        inks = np.where(trace.labels >= 0, Ink.CLUSTER + trace.labels % CLUSTER_COLOURS, Ink.NOISE)
+        pixels[denoised.y_px, denoised.x_px] = inks
+    elif overlay == "polarity":
+        for candidate in trace.candidates:
+            _paint_polarity(pixels, candidate.leading_events)
+    else:
+        for candidate in trace.candidates:
+            events = candidate.leading_events
+            pixels[events.y_px, events.x_px] = cluster_ink(candidate.label)
+    return pixels
+
+
+def _paint_polarity(pixels: NDArray[np.uint8], events: Events) -> None:
+    pixels[events.y_px, events.x_px] = np.where(events.on, Ink.ON, Ink.OFF)
+
+
+def _write_figures(canvas: Canvas, trace: PipelineTrace, overlay: Overlay) -> None:
+    largest = sorted(trace.candidates, key=lambda candidate: -candidate.size)[:LABELLED_CANDIDATES]
+    for candidate in largest:
+        xs, ys = candidate.events.x_px, candidate.events.y_px
+        canvas.write(float(xs.max()) + 2, float(ys.min()) - 1, _figures(candidate, overlay), Ink.TEXT)
+
+
+def _figures(candidate: Candidate, overlay: Overlay) -> str:
+    if overlay == "clusters" or candidate.shape is None:
+        return f"{candidate.label}: {candidate.size} ev"
+    return f"{candidate.label}: c {candidate.shape.circularity:.2f} s {candidate.shape.solidity:.2f}"

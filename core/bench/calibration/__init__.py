@@ -1,0 +1,1 @@
+"""What calibration achieves, and what its errors do to positions in space."""

@@ -1,0 +1,1 @@
+"""Speed and exactness of the detectors, and how good they are on simulated streams."""

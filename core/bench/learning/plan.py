@@ -1,0 +1,217 @@
+"""Which trainings the report on learning is made of: every comparison that the paper makes, and those it leaves out."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from core.learning.config import (
+    AgentName,
+    CurriculumConfig,
+    DdpgConfig,
+    EnvironmentConfig,
+    ExplorationConfig,
+    GoalConfig,
+    LandingModelConfig,
+    ReplayRule,
+    RewardConfig,
+    RewardKind,
+    RunConfig,
+    Sb3Config,
+    StateSource,
+    default_run,
+    environment_profile,
+)
+
+Exploration = Literal["default", "matched"]
+EXPLORATIONS: tuple[Exploration, ...] = ("default", "matched")
+RIVALS: tuple[AgentName, ...] = ("ppo", "a2c", "trpo", "td3", "sac")
+REWARDS: tuple[RewardKind, ...] = ("simple", "case", "cdta")
+MINOR = ("variant", "beta", "reward-slow", "model-hard-9", "model-shaky", "model-biased", "model-privileged")
+MINOR += ("model-climb-discard", "model-impact", "model-flight", "model-predicted", "model-hard-noisy-climb")
+RULES: tuple[ReplayRule, ...] = ("threshold", "discard", "retain")
+
+
+IMPACT = LandingModelConfig(head="impact", critic_rate=3e-4, actor_rate=3e-3, final_rate=0.1)
+"""What the model is told of physics leaves it little to learn, and noise less to spoil: a slow critic."""
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """How much is run: the full report, or a smoke test of the same code."""
+
+    seeds: int = 20
+    minor_seeds: int = 10
+    """Of variants that no figure is aimed at."""
+    rival_seeds: int = 5
+    balls: int = 500
+    shorten: int = 1
+    """Divides the episodes of every stage."""
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """One configuration, trained with several seeds."""
+
+    name: str
+    """Unique; the folder of its results."""
+    config: RunConfig
+    transfers: tuple[tuple[str, EnvironmentConfig], ...] = ()
+    """Other environments that the last policy is also evaluated in, by name."""
+
+
+def plan(counts: Counts) -> tuple[Experiment, ...]:
+    """All trainings, the most wanted first."""
+    slow = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
+    wanted = [
+        *_rewards("3", stages((3.0,), (600,)), DdpgConfig()),
+        *_rewards("4", stages((4.0,), (1000,)), DdpgConfig()),
+        *_rewards("slow-3", stages((3.0,), (600,)), slow),
+        *_rewards("slow-4", stages((4.0,), (1000,)), slow),
+        *_replay_rules(),
+        *_landing_model(),
+        *_variants(),
+        *_rivals(),
+    ]
+    return tuple(_scaled(experiment, counts) for experiment in wanted)
+
+
+def stages(speeds: Sequence[float], episodes: Sequence[int], replay: ReplayRule = "threshold") -> CurriculumConfig:
+    """Stages of so many episodes."""
+    return CurriculumConfig(speeds_mps=tuple(speeds), episodes=tuple(episodes), replay=replay)
+
+
+def paper(curriculum: CurriculumConfig, **changes: object) -> RunConfig:
+    """The paper's agent with the paper's perception."""
+    return RunConfig(curriculum=curriculum, **changes)  # type: ignore[arg-type]
+
+
+def _rewards(name: str, curriculum: CurriculumConfig, ddpg: DdpgConfig) -> list[Experiment]:
+    return [
+        Experiment(f"reward-{name}-{kind}", paper(curriculum, reward=RewardConfig(kind=kind), ddpg=ddpg))
+        for kind in REWARDS
+    ]
+
+
+def _replay_rules() -> list[Experiment]:
+    steps = (800, 900)
+    found = [Experiment(f"replay-{rule}", paper(stages((3.0, 5.0), steps, rule))) for rule in RULES]
+    return [*found, Experiment("replay-scratch", paper(stages((5.0,), (1700,))))]
+
+
+def _landing_model() -> list[Experiment]:
+    base = default_run("landing-model")
+    truth = base.environment
+    shaky = dataclasses.replace(truth, actuator_error_deg=1.0)
+    biased = dataclasses.replace(truth, actuator_bias_deg=1.0)
+    noisy_hard = environment_profile(serves="hard", state_source="truth+noise")
+    hard = environment_profile(serves="hard", state_source="truth")
+    climb = (5.0, 6.0, 7.0, 8.0, 9.0)
+
+    def model(
+        name: str, curriculum: CurriculumConfig, environment: EnvironmentConfig = truth, **more: object
+    ) -> Experiment:
+        config = dataclasses.replace(base, curriculum=curriculum, environment=environment)
+        return Experiment(f"model-{name}", dataclasses.replace(config, **more))  # type: ignore[arg-type]
+
+    straight = model("5", stages((5.0,), (1700,)))
+    return [
+        dataclasses.replace(straight, transfers=(("1 degree of random error", shaky), ("1 degree of bias", biased))),
+        model("climb-retain", stages(climb, (100,) * 5, "retain")),
+        model("climb-discard", stages(climb, (100,) * 5, "discard")),
+        model("hard-noisy-5", stages((5.0,), (200,)), noisy_hard),
+        model("hard-noisy-9", stages((9.0,), (200,)), noisy_hard),
+        model("hard-noisy-climb", stages(climb, (200,) * 5, "retain"), noisy_hard),
+        model("hard-9", stages((9.0,), (200,)), hard),
+        model("shaky", stages((5.0,), (300,)), shaky),
+        model("biased", stages((5.0,), (300,)), biased),
+        model("flight-5", stages((5.0,), (300,)), landing_model=LandingModelConfig(head="flight")),
+        model("impact-5", stages((5.0,), (300,)), landing_model=IMPACT),
+        model("impact-hard-noisy-5", stages((5.0,), (200,)), noisy_hard, landing_model=IMPACT),
+        model("impact-hard-noisy-9", stages((9.0,), (200,)), noisy_hard, landing_model=IMPACT),
+        model("privileged", stages((5.0,), (100,)), landing_model=LandingModelConfig(privileged=True)),
+        model("predicted", stages((5.0,), (100,)), source_of(truth, "predicted")),
+    ]
+
+
+def source_of(environment: EnvironmentConfig, source: StateSource) -> EnvironmentConfig:
+    """The environment with another perception."""
+    return dataclasses.replace(environment, state_source=source)
+
+
+def _variants() -> list[Experiment]:
+    """What the paper leaves open, or writes otherwise, and what improves its agent."""
+    climb = stages((3.0, 5.0), (800, 900))
+    fixed = EnvironmentConfig(goal=GoalConfig(kind="fixed"))
+    truth = EnvironmentConfig(state_source="truth")
+    better = DdpgConfig(updates_per_episode=16, relabels=3, batch=32, actor_rate=1e-3, critic_rate=2e-3)
+    found = [
+        Experiment("variant-bootstrap", paper(climb, ddpg=DdpgConfig(target="bootstrap"))),
+        Experiment("variant-fixed-target", paper(climb, environment=fixed)),
+        Experiment("variant-true-state", paper(climb, environment=truth)),
+    ]
+    found.append(Experiment("variant-climb", paper(stages((3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), (600,) + (300,) * 6))))
+    slow = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
+    found.append(Experiment("variant-slow", paper(climb, ddpg=slow)))
+    found.append(Experiment("variant-equal-rates", paper(climb, ddpg=DdpgConfig(actor_rate=1e-3, critic_rate=1e-3))))
+    for name, reward in (
+        ("simple-accuracy", RewardConfig(kind="simple", simple_accuracy=True)),
+        ("case-accuracy", RewardConfig(kind="case", case_weight=0.0)),
+    ):
+        found.append(Experiment(f"variant-{name}", paper(stages((4.0,), (1000,)), reward=reward)))
+    for beta in (0.005, 0.01, 0.05):
+        found.append(Experiment(f"beta-{beta:g}", paper(stages((4.0,), (1000,)), reward=RewardConfig(beta=beta))))
+    quick = {
+        "environment": truth,
+        "reward": RewardConfig(kind="case", case_weight=0.0),
+        "exploration": ExplorationConfig(random_episodes=30),
+    }
+    return [
+        *found,
+        Experiment("better-300", paper(stages((5.0,), (300,)), ddpg=better, **quick)),
+    ]
+
+
+def _rivals() -> list[Experiment]:
+    found = {}
+    for name, curriculum in (
+        ("5", stages((5.0,), (1700,), "retain")),
+        ("4", stages((4.0,), (1000,), "retain")),
+        ("ladder", stages((3.0, 5.0), (800, 900), "retain")),
+    ):
+        for exploration in EXPLORATIONS:
+            for agent in RIVALS:
+                training = rival_training(name, exploration, agent)
+                found[training] = Experiment(training, _rival(agent, exploration, curriculum))
+    return list(found.values())
+
+
+def rival_training(name: str, exploration: Exploration, agent: AgentName) -> str:
+    """The experiment of a rival. TD3's default exploration and rate are the matched ones: it is trained once."""
+    return f"rival-{name}-{'matched' if agent == 'td3' else exploration}-{agent}"
+
+
+def _rival(agent: AgentName, exploration: Exploration, curriculum: CurriculumConfig) -> RunConfig:
+    return dataclasses.replace(default_run(agent), curriculum=curriculum, rival=Sb3Config(exploration=exploration))
+
+
+def is_minor(experiment: Experiment) -> bool:
+    """Whether no figure is aimed at it."""
+    return experiment.name.startswith(MINOR)
+
+
+def _scaled(experiment: Experiment, counts: Counts) -> Experiment:
+    config = experiment.config
+    episodes = tuple(max(2, n // counts.shorten) for n in config.curriculum.episodes)
+    seeds = counts.minor_seeds if is_minor(experiment) else counts.seeds
+    seeds = counts.rival_seeds if config.agent in RIVALS else seeds
+    config = dataclasses.replace(
+        config,
+        curriculum=dataclasses.replace(config.curriculum, episodes=episodes),
+        checkpoint_every=max(1, 50 // counts.shorten),
+        evaluation_balls=counts.balls,
+        seeds=seeds,
+    )
+    return dataclasses.replace(experiment, config=config)

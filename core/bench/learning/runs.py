@@ -1,0 +1,131 @@
+"""Trains what the plan asks for, a seed at a time, and keeps only the evaluations: an interrupted bench goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import shutil
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import tomli_w
+
+from core.bench.learning.plan import Experiment
+from core.config import config_to_mapping
+from core.files import read_json, write_json
+from core.learning.config import RunConfig
+from core.learning.evaluation.policy_evaluator import PolicyEvaluator, five_best_mm
+from core.learning.runs.run_files import create_run, load_policy, read_lines, seed_files
+from core.learning.runs.running import run_training
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """The policy of a seed after so many episodes, on the fixed balls."""
+
+    episode: int
+    speed_mps: float
+    returned: float
+    error_mm: float
+    error_returned_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class SeedResult:
+    """What one trained seed achieved."""
+
+    seed: int
+    evaluations: tuple[Evaluation, ...]
+    transfers: dict[str, Evaluation]
+    cpu_s: float
+    """Processor time of training and its evaluations."""
+
+    def at(self, episode: int) -> Evaluation | None:
+        """After exactly so many episodes."""
+        return next((e for e in self.evaluations if e.episode == episode), None)
+
+    def last(self, speed_mps: float | None = None) -> Evaluation | None:
+        """At the end, or at the end of the stage of a speed."""
+        found = [e for e in self.evaluations if speed_mps is None or e.speed_mps == speed_mps]
+        return found[-1] if found else None
+
+    def five_best_mm(self, speed_mps: float) -> float:
+        """Mean of the five lowest errors at a speed."""
+        return five_best_mm([e.error_mm for e in self.evaluations if e.speed_mps == speed_mps])
+
+
+def train_seed(experiment: Experiment, folder: Path, seed: int) -> bool:
+    """One seed; False if it is in the folder already and was not trained again."""
+    path = _path(experiment, folder, seed)
+    if path.exists():
+        return False
+    write_json(path, _train_seed(experiment, seed, path.with_suffix(".run")))
+    return True
+
+
+def load_results(experiment: Experiment, folder: Path) -> list[SeedResult]:
+    """The seeds that are there."""
+    config = experiment.config
+    seeds = range(config.first_seed, config.first_seed + config.seeds)
+    found = [(seed, read_json(_path(experiment, folder, seed))) for seed in seeds]
+    return [_result(seed, answer) for seed, answer in found if answer]
+
+
+def _train_seed(experiment: Experiment, seed: int, run: Path) -> dict[str, object]:
+    config = replace(experiment.config, seeds=1, first_seed=seed)
+    shutil.rmtree(run, ignore_errors=True)
+    create_run(run, config)
+    started = time.process_time()
+    run_training(run, progress=lambda share: None, stopped=lambda: False)
+    cpu_s = time.process_time() - started
+    lines, _ = read_lines(seed_files(run, seed).evaluations)
+    policy = load_policy(run, seed)
+    transfers: dict[str, object] = {}
+    for name, environment in experiment.transfers:
+        speed = config.curriculum.speeds_mps[-1]
+        score = PolicyEvaluator(environment, config.evaluation_balls).score(policy, speed)
+        transfers[name] = {
+            "episode": config.episodes,
+            "speed_mps": speed,
+            "returned": score.return_rate,
+            "error_mm": score.error_mm,
+            "error_returned_mm": score.error_returned_mm,
+        }
+    shutil.rmtree(run)
+    return {"evaluations": lines, "transfers": transfers, "cpu_s": cpu_s}
+
+
+def _path(experiment: Experiment, folder: Path, seed: int) -> Path:
+    """Named by what is trained: a changed setting is another result."""
+    return folder / f"{experiment.name}-{fingerprint(experiment.config)}" / f"seed-{seed}.json"
+
+
+def fingerprint(config: RunConfig) -> str:
+    """A hash of everything but the seeds."""
+    text = tomli_w.dumps(config_to_mapping(replace(config, seeds=1, first_seed=0)))
+    return hashlib.sha256(text.encode()).hexdigest()[:10]
+
+
+def _result(seed: int, answer: dict[str, object]) -> SeedResult:
+    lines, transfers, cpu_s = answer["evaluations"], answer["transfers"], answer["cpu_s"]
+    assert isinstance(lines, list) and isinstance(transfers, dict) and isinstance(cpu_s, float)
+    named = {name: _evaluation(line) for name, line in transfers.items()}
+    return SeedResult(seed, tuple(_evaluation(line) for line in lines), named, cpu_s)
+
+
+def _evaluation(line: dict[str, float | None]) -> Evaluation:
+    def known(name: str) -> float:
+        value = line[name]
+        return math.nan if value is None else float(value)
+
+    return Evaluation(
+        int(known("episode")), known("speed_mps"), known("returned"), known("error_mm"), known("error_returned_mm")
+    )
+
+
+def values_at(results: Sequence[SeedResult], episode: int, what: str) -> list[float]:
+    """One number per seed after so many episodes; what: a field of `Evaluation`."""
+    found = [result.at(episode) for result in results]
+    return [getattr(evaluation, what) for evaluation in found if evaluation is not None]

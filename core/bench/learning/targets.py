@@ -1,0 +1,57 @@
+"""The figures that the agents are to reach, and whether they do: decided on the mean over seeds of the last policy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from core.bench.learning.runs import SeedResult, values_at
+from core.bench.learning.tables import millimetres, percent, table
+from core.learning.runs.summary import spread_of
+
+Results = Mapping[str, Sequence[SeedResult]]
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A bound on a figure of a training."""
+
+    title: str
+    training: str
+    episode: int
+    what: str
+    """returned (at least) or error_mm (at most)."""
+    bound: float
+
+
+TARGETS = (
+    Target("paper's agent, 3 m/s, returned @600", "reward-3-cdta", 600, "returned", 0.99),
+    Target("paper's agent, 4 m/s, returned @900", "reward-4-cdta", 900, "returned", 0.98),
+    Target("paper's agent, 4 m/s, error @1000", "reward-4-cdta", 1000, "error_mm", 226.0),
+    Target("paper's agent, 3 then 5 m/s, error @1700", "replay-threshold", 1700, "error_mm", 150.0),
+    Target("Q critic improved, 5 m/s, returned @300", "better-300", 300, "returned", 0.99),
+    Target("Q critic improved, 5 m/s, error @300", "better-300", 300, "error_mm", 100.0),
+    Target("landing model, 5 m/s, returned @50", "model-5", 50, "returned", 0.99),
+    Target("landing model, 5 m/s, error @50", "model-5", 50, "error_mm", 50.0),
+    Target("landing model, 5 m/s, error @100", "model-5", 100, "error_mm", 25.0),
+    Target("landing model, 5 m/s, error @1700", "model-5", 1700, "error_mm", 12.0),
+    Target("landing model, 100 a stage, error at 9 m/s", "model-climb-retain", 500, "error_mm", 20.0),
+    Target("landing model, hard and noisy, 5 m/s, error @200", "model-hard-noisy-5", 200, "error_mm", 60.0),
+    Target("landing model, hard and noisy, 9 m/s, error @200", "model-hard-noisy-9", 200, "error_mm", 60.0),
+)
+
+
+def targets_table(results: Results) -> str:
+    """Each figure, what was found, and whether the mean over seeds reaches it."""
+    rows = []
+    for target in TARGETS:
+        values = values_at(results.get(target.training, ()), target.episode, target.what)
+        is_rate = target.what == "returned"
+        shown: Callable[[Sequence[float]], str] = percent if is_rate else millimetres
+        aimed = f">= {100 * target.bound:g} %" if is_rate else f"<= {target.bound:g} mm"
+        mean = spread_of(values).mean
+        reached = mean >= target.bound if is_rate else mean <= target.bound
+        verdict = "-" if math.isnan(mean) else "yes" if reached else "**no**"
+        rows.append([target.title, aimed, shown(values), str(len(values)), verdict])
+    return table(("figure", "aimed at", "measured", "seeds", "reached"), rows)

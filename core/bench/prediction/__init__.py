@@ -1,0 +1,1 @@
+"""How well flights are predicted: from the truth with noise, and through the cameras."""

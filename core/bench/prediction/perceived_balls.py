@@ -1,0 +1,132 @@
+"""Balls of the physics `real` as two event cameras and the chain see them: points in space, kept for later trials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.bench.prediction.bench_prediction import spinning_task, truth_of
+from core.bench.prediction.prediction_errors import FlightTruth, PredictionSeries
+from core.cameras import stereo_preset
+from core.files import replacing
+from core.rally.chain.block_windows import block_windows
+from core.rally.chain.chain import RallyChain
+from core.rally.chain.config import ChainConfig
+from core.rally.chain.physics import chain_for_physics
+from core.rally.simulated.world import SimulatedWorld, WorldConfig
+from core.simulation.episodes import draw_serves, fly_serves
+from core.simulation.episodes.closed_form import sample_serves
+from core.simulation.event_cameras.event_camera import BLOCK_US
+from core.trajectory import Predictor
+
+Array = NDArray[np.float64]
+
+SEED: Final = 2027
+WINDOW_US: Final = 2000
+QUIET_BLOCKS: Final = 5
+"""Before the serve: the cameras settle."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PerceivedBall:
+    """The chain's points of one flight up to the hitting plane; times count from the serve."""
+
+    when_us: NDArray[np.int64]
+    """(N,) ends of the windows: when each point was there."""
+    t_us: NDArray[np.int64]
+    """(N,) of the points."""
+    ps_m: Array
+    """(N, 3)."""
+    covariances_m2: Array
+    """(N, 3, 3)."""
+    begins: NDArray[np.bool_]
+    """(N,) whether the chain began a new flight with it."""
+    errors_m: Array
+    """(N,) distance from the ball."""
+    truth: FlightTruth
+
+    def predict(self, predictor: Predictor) -> PredictionSeries:
+        """What a predictor says while it is told these points."""
+        series = PredictionSeries([], [])
+        rows = zip(self.when_us, self.t_us, self.ps_m, self.covariances_m2, self.begins, strict=True)
+        for when_us, t_us, p, covariance, begins in rows:
+            if begins:
+                predictor.reset()
+            new = predictor.add(int(t_us), p, covariance)
+            if new is not None:
+                series.when_s.append(1e-6 * float(when_us))
+                series.predictions.append(new)
+        return series
+
+
+def perceived_ball(folder: Path, speed_mps: float, number: int) -> PerceivedBall:
+    """The ball of a speed with a number: from its file, or seen now and kept."""
+    path = folder / f"{speed_mps:g}mps-{number:03d}.npz"
+    if not path.exists():
+        ball = perceive_balls(speed_mps, number)
+        with replacing(path, durable=False) as partial:
+            _write(partial, ball)
+    return _read(path)
+
+
+def perceive_balls(speed_mps: float, number: int) -> PerceivedBall:
+    """Serve the ball in a world of its own and watch it."""
+    task, cameras = spinning_task(), stereo_preset()
+    seed = [SEED, round(1000 * speed_mps), number]
+    serve = draw_serves(speed_mps, 1, task, np.random.default_rng(seed))
+    arrivals = fly_serves(serve, task)
+    truth = truth_of(arrivals)
+    world = SimulatedWorld(WorldConfig(task=task), cameras, int(np.random.SeedSequence(seed).generate_state(1)[0]))
+    chain = RallyChain(cameras, chain_for_physics(ChainConfig(), task.physics))
+    rows: list[tuple[int, int, bool]] = []
+    ps, covariances = [], []
+    try:
+        for _ in range(QUIET_BLOCKS):
+            world.advance()
+        served_us = round(1e6 * world.serve(serve.ps_m[0], serve.vs_mps[0], serve.spins_radps[0]).t_s)
+        while world.now_us < served_us + 1e6 * truth.hit_s + BLOCK_US:
+            block = world.advance()
+            for windows in block_windows(block.events, block.start_us, block.end_us, WINDOW_US):
+                state = chain.step(windows)
+                point = state.point
+                if point is not None and served_us < point.t_us < served_us + 1e6 * truth.hit_s:
+                    begins = state.verdict == "new flight"
+                    rows.append((state.t_us - served_us, point.t_us - served_us, begins))
+                    ps.append(point.p_world_m)
+                    covariances.append(point.covariance_m2)
+    finally:
+        world.close()
+    columns = np.array(rows, np.int64).reshape(-1, 3)
+    seen = np.array(ps).reshape(-1, 3)
+    ball = sample_serves(serve, arrivals, columns[None, :, 1].astype(np.float64) * 1e-6, task)[0]
+    errors_m = np.linalg.norm(seen - ball, axis=1)
+    begins = columns[:, 2].astype(np.bool_)
+    return PerceivedBall(
+        columns[:, 0], columns[:, 1], seen, np.array(covariances).reshape(-1, 3, 3), begins, errors_m, truth
+    )
+
+
+def _write(path: Path, ball: PerceivedBall) -> None:
+    truth = ball.truth
+    with path.open("wb") as file:
+        np.savez(
+            file,
+            when_us=ball.when_us,
+            t_us=ball.t_us,
+            ps_m=ball.ps_m,
+            covariances_m2=ball.covariances_m2,
+            begins=ball.begins,
+            errors_m=ball.errors_m,
+            truth=np.array([truth.bounce_s, *truth.landing_m, truth.hit_s, *truth.hit_m]),
+        )
+
+
+def _read(path: Path) -> PerceivedBall:
+    with np.load(path) as file:
+        columns = {name: file[name] for name in file.files}
+    t = columns.pop("truth")
+    return PerceivedBall(**columns, truth=FlightTruth(float(t[0]), t[1:4], float(t[4]), t[5:8]))

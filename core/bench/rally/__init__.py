@@ -1,0 +1,1 @@
+"""Whole rallies: returns through perception, every scene, and recorded ball states."""

@@ -1,0 +1,147 @@
+"""The rally through perception: how exactly the ball is seen, how many balls come back, how long a step takes.
+
+Balls of one speed follow one another in a simulated world with two cameras of the `side` placement and the racket in
+their picture; the built-in controller plays. The world goes on in blocks of 10 ms and waits for the chain: that block
+is the delay of perception, and how busy the machine is changes no outcome. Seeds are fixed.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.bench.machine import describe_machine
+from core.cameras import stereo_preset
+from core.cameras.presets import SENSOR_720, SENSOR_1280
+from core.events import SensorSize
+from core.physics.episode import Case
+from core.physics.task import STAGE_SPEEDS_MPS
+from core.rally.chain.config import ChainConfig
+from core.rally.chain.follow import true_positions
+from core.rally.control.controller import BuiltInController
+from core.rally.control.player import PlayerState
+from core.rally.simulated.closed_loop import ClosedLoop, PlayedBall
+from core.rally.simulated.world import Block, WorldConfig
+from core.recordings import BallTruth
+
+Array = NDArray[np.float64]
+
+BALLS: Final = 30
+"""Per speed and sensor."""
+SEED: Final = 2026
+FEWEST_POINTS: Final = 5
+"""A ball counts as seen from so many points in space on: what a prediction needs."""
+WINDOW_US: Final = 2000
+CASES: Final = {
+    Case.RETURNED: "returned", Case.OWN_HALF: "own_half", Case.NET: "net", Case.OUT: "out", Case.MISSED: "missed"
+}  # fmt: skip
+
+
+@dataclass(slots=True)
+class Watched:
+    """What was seen of one ball."""
+
+    t_us: list[int] = field(default_factory=list)
+    ps_world_m: list[Array] = field(default_factory=list)
+    truth: list[BallTruth] = field(default_factory=list)
+    step_s: list[float] = field(default_factory=list)
+
+    def on_progress(self, block: Block, states: list[PlayerState]) -> None:
+        """A block and its steps."""
+        self.truth.append(block.ball)
+        for state in states:
+            self.step_s.append(state.chain.seconds.total + state.control_s)
+            if state.chain.point is not None:
+                self.t_us.append(state.chain.point.t_us)
+                self.ps_world_m.append(state.chain.point.p_world_m)
+
+    def errors_m(self) -> Array:
+        """(N,) distance of every point from the truth; points without a true ball are left out."""
+        if not self.t_us:
+            return np.empty(0)
+        names = ("t_us", "p_world_m", "v_world_mps", "spin_radps", "visible")
+        whole = BallTruth(*(np.concatenate([getattr(part, name) for part in self.truth]) for name in names))
+        errors = np.linalg.norm(np.array(self.ps_world_m) - true_positions(whole, self.t_us), axis=1)
+        return errors[np.isfinite(errors)]
+
+
+def run(progress: Callable[[float], None]) -> dict[str, object]:
+    """A row per sensor and speed, and the machine."""
+    cases = [(sensor, speed) for sensor in (SENSOR_720, SENSOR_1280) for speed in STAGE_SPEEDS_MPS]
+    rows: list[dict[str, object]] = []
+    for sensor, speed in cases:
+        rows.append(measure_rally(sensor, speed, BALLS))
+        progress(len(rows) / len(cases))
+    clock = "wall time per step of chain and controller; `chain_cores` is time of steps per simulated time"
+    return {"rows": rows, "machine": describe_machine("numba", "numpy", "mujoco", clock=clock)}
+
+
+def measure_rally(
+    sensor: SensorSize, speed_mps: float, balls: int, *, seed: int = SEED, chain: ChainConfig | None = None
+) -> dict[str, object]:
+    """One row; `chain` may have settings of its own, such as another prediction."""
+    world, controller = WorldConfig(), BuiltInController()
+    loop = ClosedLoop(
+        world, stereo_preset(sensor=sensor), seed=seed, chain=chain, controller=controller, window_us=WINDOW_US
+    )
+    watched, played = [], []
+    began_s = time.perf_counter()
+    try:
+        for _ in range(balls):
+            watch = Watched()
+            played.append(loop.play(speed_mps, watch.on_progress))
+            watched.append(watch)
+    finally:
+        loop.close()
+    return {
+        "sensor": str(sensor),
+        "speed_mps": speed_mps,
+        "balls": balls,
+        "seen": float(np.mean([len(one.t_us) >= FEWEST_POINTS for one in watched])),
+        **_returns(played, controller.goal_m),
+        **_errors(watched),
+        **_times(watched),
+        "wall_s_per_ball": (time.perf_counter() - began_s) / balls,
+    }
+
+
+def _returns(played: list[PlayedBall], goal_m: Array) -> dict[str, object]:
+    cases = Counter(CASES[ball.judged.outcome.case] for ball in played)
+    misses = [float(np.linalg.norm(ball.judged.outcome.landing_m[:2] - goal_m)) for ball in played if ball.returned]
+    aims = [ball.aim_error_m for ball in played if math.isfinite(ball.aim_error_m)]
+    return {
+        "returned": cases["returned"] / len(played),
+        "landing_mm_median": _millimetres(misses, 50),
+        "landing_mm_p95": _millimetres(misses, 95),
+        "aim_mm_median": _millimetres(aims, 50),
+        **{name: cases[name] for name in ("own_half", "net", "out", "missed")},
+    }
+
+
+def _errors(watched: list[Watched]) -> dict[str, object]:
+    errors = np.concatenate([one.errors_m() for one in watched])
+    return {
+        "points": len(errors),
+        "point_mm_median": _millimetres(errors, 50),
+        "point_mm_p95": _millimetres(errors, 95),
+    }
+
+
+def _times(watched: list[Watched]) -> dict[str, object]:
+    steps_s = np.concatenate([np.array(one.step_s) for one in watched[1:] or watched])  # the first loads the kernels
+    return {
+        "step_ms_p50": 1e3 * float(np.percentile(steps_s, 50)),
+        "step_ms_p99": 1e3 * float(np.percentile(steps_s, 99)),
+        "chain_cores": float(steps_s.mean()) / (WINDOW_US * 1e-6),
+    }
+
+
+def _millimetres(values_m: list[float] | Array, share: float) -> float | None:
+    return 1e3 * float(np.percentile(values_m, share)) if len(values_m) else None

@@ -1,0 +1,1 @@
+"""Speed and memory of imports and of slices out of long recordings."""

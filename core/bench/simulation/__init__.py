@@ -1,0 +1,1 @@
+"""Speed of the simulated event cameras, and the sensor held against brute force."""

@@ -1,6 +1,0 @@
-"""How good a detector is: matching against truth, precision, recall, pixel errors, benchmarks."""
-
-from core.evaluation.run import WindowAnswers, run_detector
-from core.evaluation.score import Score, score_answers, score_recording
-
-__all__ = ["Score", "WindowAnswers", "run_detector", "score_answers", "score_recording"]

@@ -1,0 +1,1 @@
+"""What learns: the paper's agent, the landing model, networks, replay buffer and policies."""

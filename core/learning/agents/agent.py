@@ -1,0 +1,59 @@
+"""What the training loop asks of an agent, whatever it learns and how."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.learning.agents.policy import Policy
+from core.learning.agents.replay import ReplayBuffer
+from core.learning.task.reward import Weights
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Losses:
+    """Of the last update after an episode; NaN before the first."""
+
+    critic: float
+    actor: float
+
+
+@dataclass(frozen=True, slots=True)
+class StageProgress:
+    """How far a stage is when something is learned."""
+
+    episode: int
+    """Of this stage, from 0."""
+    share: float
+    """Of the stage that is over, 0..1."""
+    weights: Weights
+    """Of the reward now."""
+
+
+class Agent(Protocol):
+    """Networks with their optimisers; buffer, noise and curriculum belong to the loop."""
+
+    def act(self, states: Array, racket_speeds_mps: Array, goals_m: Array) -> Array:
+        """Actions (N, 3) in [-1, 1] without noise."""
+        ...
+
+    def learn(self, buffer: ReplayBuffer, progress: StageProgress, rng: np.random.Generator) -> Losses:
+        """Learn from the buffer after a ball."""
+        ...
+
+    def policy(self) -> Policy:
+        """A copy of the policy as it is now."""
+        ...
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Everything that `restore` needs to go on bit for bit."""
+        ...
+
+    def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
+        """Take the place of the agent that gave `arrays`."""
+        ...

@@ -1,0 +1,145 @@
+"""Beyond the paper: an agent whose critic is a model of the stroke, so that every ball teaches every target.
+
+The critic predicts from state, racket speed and action where the ball lands and how high it crosses the net: three
+numbers to learn from each ball instead of one reward, and none of them depends on the target. The actor is then trained
+through the critic on freely drawn targets: short distance from the predicted landing to the target, over the net by a
+margin. (The idea of predicting the reward's parameters: Tebbe et al. 2021.)
+
+A real robot does not see where a netted ball would have landed. Labels that did not happen before the ball's first
+contact are masked, unless `privileged` asks for them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from core.learning.agents.agent import Losses, StageProgress
+from core.learning.agents.landing_heads import Balls, FlightHead, FreeHead, Head, ImpactHead
+from core.learning.agents.networks import (
+    Arrays,
+    adam,
+    descend,
+    layers_of,
+    mlp,
+    network_to_arrays,
+    restore_network,
+)
+from core.learning.agents.policy import Policy
+from core.learning.agents.replay import ReplayBuffer
+from core.learning.config import RunConfig
+from core.learning.task.environment import draw_goals
+from core.learning.task.normalise import (
+    LANDING_SCALE,
+    normal_goals,
+    normal_observations,
+    normal_racket_speeds,
+    normal_states,
+)
+from core.learning.task.racket_table import racket_table
+from core.physics.episode import Case
+from core.table import BALL_RADIUS_M, NET_HEIGHT_M
+
+Array = NDArray[np.float64]
+
+SITUATION_SIZE = 7
+"""State and racket speed."""
+SOFT_M = 0.01
+"""Landing errors far below this pull the actor less and less, so that it comes to rest."""
+
+
+class LandingModelAgent:
+    """Actor and landing model with their optimisers."""
+
+    def __init__(self, config: RunConfig, rng: np.random.Generator) -> None:
+        self._run = config
+        self._config = ours = config.landing_model
+        self._head = make_head(config)
+        self._actor = mlp(SITUATION_SIZE + 2, 3, ours.hidden, rng).append(nn.Tanh())
+        self._model = mlp(SITUATION_SIZE + 3, self._head.outputs, ours.hidden, rng)
+        self._actor_optimizer = adam(self._actor, ours.actor_rate)
+        self._model_optimizer = adam(self._model, ours.critic_rate)
+        self._scale = torch.tensor(LANDING_SCALE, dtype=torch.float32)
+        self._importance = torch.tensor([1.0, 1.0, ours.net_loss])
+
+    @torch.inference_mode()
+    def act(self, states: Array, racket_speeds_mps: Array, goals_m: Array) -> Array:
+        """mu(s, v_racket, g), (N, 3)."""
+        observations = torch.tensor(normal_observations(states, goals_m, racket_speeds_mps))
+        return self._actor(observations).numpy().astype(np.float64)
+
+    def learn(self, buffer: ReplayBuffer, progress: StageProgress, rng: np.random.Generator) -> Losses:
+        """Many updates of model and actor early in a stage, fewer later."""
+        losses = Losses(math.nan, math.nan)
+        if len(buffer) < self._config.first_update:
+            return losses
+        rate_share = self._config.final_rate**progress.share
+        self._actor_optimizer.param_groups[0]["lr"] = self._config.actor_rate * rate_share
+        self._model_optimizer.param_groups[0]["lr"] = self._config.critic_rate * rate_share
+        for _ in range(self._updates(progress.episode)):
+            rows = buffer.sample(self._config.batch, rng)
+            states, speeds = buffer.column("state")[rows], buffer.column("racket_speed")[rows]
+            situations = torch.tensor(np.concatenate([normal_states(states), normal_racket_speeds(speeds)], axis=1))
+            played = Balls(torch.tensor(states), torch.tensor(speeds), torch.tensor(buffer.column("action")[rows]))
+            model_loss = self._update_model(situations, played, *self._labels(buffer, rows))
+            goals = draw_goals(len(rows), self._run.environment.goal, rng)
+            losses = Losses(model_loss, self._update_actor(situations, played, goals))
+        return losses
+
+    def _updates(self, episode: int) -> int:
+        config = self._config
+        if episode < config.full_episodes:
+            return config.updates_per_episode
+        return max(config.fewest_updates, config.updates_per_episode * config.full_episodes // (episode + 1))
+
+    def _labels(self, buffer: ReplayBuffer, rows: NDArray[np.intp]) -> tuple[Tensor, Tensor]:
+        """Landing point and height at the net (B, 3), and how much each counts: nothing where it is not known."""
+        labels = torch.tensor(np.concatenate([buffer.column("next_state")[rows, :2], buffer.column("net_z")[rows]], 1))
+        known = buffer.column("known")[rows]
+        if self._config.privileged:
+            known = np.repeat(buffer.column("case")[rows] != Case.MISSED, 2, axis=1)
+        weights = torch.tensor(known[:, [0, 0, 1]]) * ~torch.isnan(labels) * self._importance
+        return torch.nan_to_num(labels), weights
+
+    def _update_model(self, situations: Tensor, played: Balls, labels: Tensor, weights: Tensor) -> float:
+        """One step down the Huber loss."""
+        predicted = self._head.decode(self._model(torch.cat([situations, played.actions], 1)), played)
+        losses = nn.functional.huber_loss(predicted / self._scale, labels / self._scale, reduction="none")
+        return descend((losses * weights).sum() / len(labels), self._model_optimizer)
+
+    def _update_actor(self, situations: Tensor, played: Balls, goals_m: Array) -> float:
+        """One step towards strokes whose predicted landing is the target, and which clear the net."""
+        actions = self._actor(torch.cat([situations, torch.tensor(normal_goals(goals_m))], 1))
+        strokes = dataclasses.replace(played, actions=actions)
+        predicted = self._head.decode(self._model(torch.cat([situations, actions], 1)), strokes)
+        off = predicted[:, :2] - torch.tensor(goals_m, dtype=torch.float32)
+        distances = (off.square().sum(1) + SOFT_M**2).sqrt()
+        missing = (NET_HEIGHT_M + BALL_RADIUS_M + self._config.net_margin_m - predicted[:, 2]).relu()
+        return descend((distances + self._config.net_weight * missing).mean(), self._actor_optimizer)
+
+    def policy(self) -> Policy:
+        """The actor by itself."""
+        incoming, racket = racket_table(self._run)
+        return Policy(layers_of(self._actor), "relu", "tanh", True, incoming, racket)
+
+    def to_arrays(self) -> Arrays:
+        """Parameters and moments of both networks."""
+        actor = network_to_arrays("actor", self._actor, self._actor_optimizer)
+        return actor | network_to_arrays("model", self._model, self._model_optimizer)
+
+    def restore(self, arrays: Arrays) -> None:
+        """The opposite."""
+        restore_network(arrays, "actor", self._actor, self._actor_optimizer)
+        restore_network(arrays, "model", self._model, self._model_optimizer)
+
+
+def make_head(config: RunConfig) -> Head:
+    """The head that the run asks for."""
+    if config.landing_model.head == "impact":
+        return ImpactHead(config.environment.task.stroke)
+    return FlightHead() if config.landing_model.head == "flight" else FreeHead()

@@ -1,0 +1,98 @@
+"""How good a policy is: the fixed balls, return rate and landing error, last and five best."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.learning.agents.policy import ActionSource
+from core.learning.config import EnvironmentConfig
+from core.learning.evaluation.episode_record import landing_errors_mm
+from core.learning.task.environment import Deliveries, evaluation_balls, play
+from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend, observe_all
+
+Array = NDArray[np.float64]
+BEST = 5
+"""The paper shows each method by the five best of its evaluations."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PolicyScore:
+    """A policy on the fixed balls of one speed."""
+
+    speed_mps: float
+    returned: NDArray[np.bool_]
+    """(N,)."""
+    errors_mm: Array
+    """(N,) landing extrapolated to the table's plane; NaN where the racket missed."""
+
+    @property
+    def return_rate(self) -> float:
+        """Share of balls that are returned, 0 to 1."""
+        return float(self.returned.mean())
+
+    @property
+    def error_mm(self) -> float:
+        """Mean over every ball that the racket met."""
+        return float(np.nanmean(self.errors_mm)) if np.isfinite(self.errors_mm).any() else float("nan")
+
+    @property
+    def error_returned_mm(self) -> float:
+        """Mean over returned balls; NaN without any."""
+        return float(self.errors_mm[self.returned].mean()) if self.returned.any() else float("nan")
+
+
+class PolicyEvaluator:
+    """Evaluates policies on the fixed balls of an environment, which are made once."""
+
+    def __init__(self, config: EnvironmentConfig, balls: int, backend: EpisodeBackend | None = None) -> None:
+        """A court shows the balls, once; the strokes are played in closed form, by a racket that is there in time."""
+        self._config = config
+        self._backend = backend or ClosedFormBackend(config)
+        self._count = balls
+        self._balls: dict[float, Deliveries] = {}
+
+    def balls(self, speed_mps: float) -> Deliveries:
+        """The fixed balls of a speed."""
+        if speed_mps not in self._balls:
+            balls = evaluation_balls(speed_mps, self._count, self._config)
+            self._balls[speed_mps] = (
+                observe_all(self._backend, balls) if self._config.state_source == "events" else balls
+            )
+        return self._balls[speed_mps]
+
+    def score(self, controller: ActionSource, speed_mps: float) -> PolicyScore:
+        """A policy on them, without noise on the action."""
+        balls = self.balls(speed_mps)
+        return self.score_actions(controller(balls.states, balls.racket_speeds_mps, balls.goals_m), speed_mps)
+
+    def score_actions(self, actions: Array, speed_mps: float) -> PolicyScore:
+        """Given actions (N, 3) on them."""
+        balls = self.balls(speed_mps)
+        outcomes = play(balls, actions, self._config)
+        return PolicyScore(speed_mps, outcomes.returned, landing_errors_mm(outcomes, balls.goals_m))
+
+
+def score_played(
+    backend: EpisodeBackend,
+    controller: ActionSource,
+    balls: Deliveries,
+    progress: Callable[[float], None] = lambda share: None,
+) -> PolicyScore:
+    """A policy on balls that the court itself serves, shows and plays out, one after another."""
+    returned, errors_mm = np.zeros(len(balls), np.bool_), np.full(len(balls), np.nan)
+    for i in range(len(balls)):
+        ball = backend.meet(balls[i : i + 1])
+        outcome = backend.play(ball, controller(ball.states, ball.racket_speeds_mps, ball.goals_m))
+        returned[i], errors_mm[i] = outcome.returned[0], landing_errors_mm(outcome, ball.goals_m)[0]
+        progress((i + 1) / len(balls))
+    return PolicyScore(balls.speed_mps, returned, errors_mm)
+
+
+def five_best_mm(errors_mm: Sequence[float]) -> float:
+    """Mean of the five lowest of a run's evaluations: the paper's figure, and too kind (it looks at the answers)."""
+    found = sorted(error for error in errors_mm if np.isfinite(error))[:BEST]
+    return float(np.mean(found)) if found else float("nan")

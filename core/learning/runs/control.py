@@ -1,0 +1,101 @@
+"""The two small files through which a training process and the one who watches it talk: status and control."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from core import files
+from core.errors import ConfigError
+from core.files import read_json, write_json
+
+RunCommand = Literal["run", "pause", "stop"]
+State = Literal["running", "paused", "stopped", "finished", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """What a person wants a training process to do."""
+
+    command: RunCommand = "run"
+    episodes_per_s: float | None = None
+    """Slow down to this many, to watch; None: as fast as it goes."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunStatus:
+    """How a training process is doing."""
+
+    state: State
+    pid: int
+    seed: int
+    episode: int
+    """Done in this seed."""
+    episodes: int
+    """Of one seed, at most."""
+    share: float
+    """Of the whole run, all seeds."""
+    speed_mps: float
+    seconds_left: float | None
+    message: str = ""
+
+
+def hold_run(run: Path) -> AbstractContextManager[object]:
+    """Be the only process that trains this run.
+
+    Raises:
+        ConfigError: if another one does.
+    """
+    try:
+        return files.hold(run / ".lock")
+    except TimeoutError as error:
+        raise ConfigError("another process is training this run", where=run) from error
+
+
+def is_held(run: Path) -> bool:
+    """Whether a process trains this run now; a number of a process alone may be another's after a restart."""
+    return files.is_held(run / ".lock")
+
+
+def write_control(run: Path, control: Control) -> None:
+    """Ask the process that trains this run to go on, pause, stop or slow down; it looks before every episode."""
+    write_json(run / "control.json", {"wish": control.command, "episodes_per_s": control.episodes_per_s})
+
+
+def read_control(run: Path) -> Control:
+    """What is asked for; to go on if nothing is, or nothing that makes sense."""
+    found = read_json(run / "control.json")
+    command, rate = found.get("wish"), found.get("episodes_per_s")
+    wanted: RunCommand = "pause" if command == "pause" else "stop" if command == "stop" else "run"
+    return Control(wanted, float(rate) if isinstance(rate, (int, float)) and rate > 0 else None)
+
+
+def write_status(run: Path, status: RunStatus) -> None:
+    """Tell how it goes."""
+    write_json(run / "status.json", dataclasses.asdict(status))
+
+
+def read_status(run: Path) -> RunStatus | None:
+    """How it goes, or went; None before a first word. A process that died is `failed`, whatever it last said."""
+    found = read_json(run / "status.json")
+    try:
+        status = RunStatus(**found)  # type: ignore[arg-type]
+    except TypeError:
+        return None
+    if status.state in ("running", "paused") and not _is_alive(status.pid):
+        return dataclasses.replace(status, state="failed", message=status.message or "the process ended unexpectedly")
+    return status
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

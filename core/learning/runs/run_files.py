@@ -1,0 +1,171 @@
+"""The files of a run: what was asked for, how it goes, what came of it. Nothing here needs torch.
+
+runs/<name>/config.toml       the whole configuration
+            versions.json     versions of what computed it
+            status.json       how the process is doing, a few times a second
+            control.json      what a person wants it to do: run, pause, stop, how fast
+            seed-<n>/metrics.jsonl      one line per episode
+                     evaluations.jsonl  one line per checkpoint: the policy on the fixed balls
+                     checkpoint.safetensors   everything to go on from, bit for bit
+                     policies/<episode>.safetensors   the policy at each checkpoint
+                     policy.safetensors, best.safetensors   the last, and the best of the evaluations
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import platform
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Literal
+
+from core.config import load_config, save_config
+from core.errors import ConfigError
+from core.files import write_json
+from core.learning.agents.policy import Policy, read_policy
+from core.learning.config import RunConfig
+
+PACKAGES = ("rallyscope", "numpy", "numba", "torch", "mujoco", "gymnasium", "stable-baselines3", "sb3-contrib")
+
+
+@dataclass(frozen=True, slots=True)
+class SeedFiles:
+    """Paths of one seed."""
+
+    folder: Path
+
+    @property
+    def metrics(self) -> Path:
+        """One line per episode."""
+        return self.folder / "metrics.jsonl"
+
+    @property
+    def evaluations(self) -> Path:
+        """One line per checkpoint."""
+        return self.folder / "evaluations.jsonl"
+
+    @property
+    def checkpoint(self) -> Path:
+        """To go on from."""
+        return self.folder / "checkpoint.safetensors"
+
+    @property
+    def policy(self) -> Path:
+        """The file of the last policy."""
+        return self.folder / "policy.safetensors"
+
+    @property
+    def best(self) -> Path:
+        """The best of the evaluations at the last speed."""
+        return self.folder / "best.safetensors"
+
+    def policy_at(self, episode: int) -> Path:
+        """The policy of a checkpoint."""
+        return self.folder / "policies" / f"{episode:06d}.safetensors"
+
+
+def seed_files(run: Path, seed: int) -> SeedFiles:
+    """The files of one seed of a run."""
+    return SeedFiles(run / f"seed-{seed}")
+
+
+def seeds_of(run: Path) -> tuple[int, ...]:
+    """The seeds that have a policy."""
+    found = [path.parent.name.removeprefix("seed-") for path in run.glob("seed-*/policy.safetensors")]
+    return tuple(sorted(int(name) for name in found if name.isdecimal()))
+
+
+def create_run(run: Path, config: RunConfig) -> None:
+    """Make the folder of a new run.
+
+    Raises:
+        ConfigError: if there is one already, or the folder cannot be made.
+    """
+    if (run / "config.toml").exists():
+        raise ConfigError("there is a run already", where=run, remedy="resume it, or take another name")
+    save_config(config, run / "config.toml")
+    write_json(run / "versions.json", _versions())
+
+
+def read_run(run: Path) -> RunConfig:
+    """The configuration of a run.
+
+    Raises:
+        ConfigError: if the folder holds no run.
+    """
+    if not (run / "config.toml").is_file():
+        raise ConfigError("not a training run", expected="a folder with config.toml", where=run)
+    return load_config(RunConfig, run / "config.toml")
+
+
+def load_policy(run: Path, seed: int | None = None, which: Literal["last", "best"] = "last") -> Policy:
+    """A trained policy: of a seed of a run (its first by default), last or best.
+
+    Raises:
+        ConfigError: if there is none.
+    """
+    if seed is None:
+        seeds = seeds_of(run)
+        if not seeds:
+            raise ConfigError("a run without a policy", where=run, remedy="train it first")
+        seed = seeds[0]
+    files = seed_files(run, seed)
+    return read_policy(files.best if which == "best" else files.policy)
+
+
+def read_lines(path: Path, start_byte: int = 0) -> tuple[list[dict[str, object]], int]:
+    """Complete lines of a growing .jsonl file from a byte on, and the byte to go on from."""
+    try:
+        with path.open("rb") as file:
+            file.seek(start_byte)
+            data = file.read()
+    except OSError:
+        return [], start_byte
+    end = data.rfind(b"\n") + 1
+    return [json.loads(line) for line in data[:end].splitlines()], start_byte + end
+
+
+class SeedWriter:
+    """Appends the lines of a seed; a line that is not in a checkpoint yet may be lost in a kill, and is made again."""
+
+    def __init__(self, files: SeedFiles) -> None:
+        self._metrics = files.metrics.open("ab")
+        self._evaluations = files.evaluations.open("ab")
+
+    def __enter__(self) -> SeedWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._metrics.close()
+        self._evaluations.close()
+
+    def metrics(self, line: dict[str, object]) -> None:
+        """One episode."""
+        self._metrics.write(json.dumps(line).encode() + b"\n")
+
+    def evaluation(self, line: dict[str, object]) -> None:
+        """One checkpoint."""
+        self._evaluations.write(json.dumps(line).encode() + b"\n")
+        self._evaluations.flush()
+
+    def flush(self) -> None:
+        """Let others see what was written."""
+        self._metrics.flush()
+
+    def sizes(self) -> dict[str, object]:
+        """Bytes of both files, on disk."""
+        for file in (self._metrics, self._evaluations):
+            file.flush()
+            os.fsync(file.fileno())
+        return {"metrics_bytes": self._metrics.tell(), "evaluations_bytes": self._evaluations.tell()}
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in PACKAGES:
+        with contextlib.suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found

@@ -1,0 +1,202 @@
+"""One seed of a run: the curriculum of speeds, episode by episode, with everything that a checkpoint must hold.
+
+Read it with `ddpg.py` (the networks) and `reward.py`: together they are the paper's method.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import ConfigError
+from core.learning.agents.agent import Agent, Losses, StageProgress
+from core.learning.agents.ddpg import DdpgAgent
+from core.learning.agents.landing_model import LandingModelAgent
+from core.learning.agents.policy import Policy
+from core.learning.agents.replay import ReplayBuffer, ReplayStart, start_stage
+from core.learning.config import RunConfig
+from core.learning.evaluation.episode_record import episode_line, transition_of
+from core.learning.task.environment import Deliveries, deliver
+from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend
+from core.learning.task.reward import episode_rewards, reward_weights
+from core.physics.episode import Case
+
+BALLS, CHOICES = 0, 1
+"""Streams of random numbers of a seed: what the world deals, and what the learner draws."""
+
+
+class Training:
+    """A seed of a run, always between two episodes."""
+
+    def __init__(self, config: RunConfig, seed: int, backend: EpisodeBackend | None = None) -> None:
+        self.config = config
+        self.seed = seed
+        self._backend = backend or ClosedFormBackend(config.environment)
+        self._backend.begin(seed)
+        self._rng = np.random.default_rng([seed, CHOICES])
+        self._agent = make_agent(config, self._rng)
+        self._buffer = ReplayBuffer(config.episodes)
+        self.episode = 0
+        """Done in all stages."""
+        self._stage = 0
+        self._stage_episode = 0
+        self._recent = np.zeros(config.curriculum.converged_window, np.bool_)
+        self._kept: ReplayStart | None = None
+        self._deliveries = self._deal()
+
+    @property
+    def finished(self) -> bool:
+        """The last stage is over."""
+        return self._stage == len(self.config.curriculum.speeds_mps)
+
+    @property
+    def share(self) -> float:
+        """Share of the run that is over, at most: stages that converge early shorten it."""
+        curriculum = self.config.curriculum
+        return (sum(curriculum.episodes[: self._stage]) + self._stage_episode) / self.config.episodes
+
+    @property
+    def speed_mps(self) -> float:
+        """Serve speed of this stage; of the last one at the end."""
+        speeds = self.config.curriculum.speeds_mps
+        return speeds[min(self._stage, len(speeds) - 1)]
+
+    @property
+    def policy(self) -> Policy:
+        """The policy as it is now."""
+        return self._agent.policy()
+
+    def play_episode(self) -> dict[str, object]:
+        """One serve, one action, one outcome, and what is learned from it; returns its line for the metrics."""
+        n, stage = self._stage_episode, self._stage
+        exploration, curriculum = self.config.exploration, self.config.curriculum
+        noise = max(exploration.smallest, exploration.scale * exploration.decay**n)
+        is_random = self.episode < exploration.random_episodes
+        delivery = self._backend.meet(self._deliveries[n : n + 1])
+        action = self._exploratory_action(delivery, noise, is_random)
+        outcome = self._backend.play(delivery, action)
+        weights = reward_weights(n, self.config.reward)
+        reward = float(episode_rewards(outcome, delivery.goals_m, weights, self.config.reward)[0])
+        losses = Losses(float("nan"), float("nan"))
+        if delivery.seen[0]:
+            self._buffer.add(transition_of(delivery, action[0], outcome, reward))
+        if len(self._buffer):
+            progress = StageProgress(n, n / curriculum.episodes[stage], weights)
+            losses = self._agent.learn(self._buffer, progress, self._rng)
+        line = episode_line(
+            episode=self.episode,
+            stage=stage,
+            stage_episode=n,
+            delivery=delivery,
+            action=action[0],
+            noise=noise,
+            is_random=is_random,
+            outcome=outcome,
+            reward=reward,
+            weights=weights,
+            buffer=len(self._buffer),
+            kept=self._kept if n == 0 else None,
+            losses=losses,
+        )
+        self._recent[n % len(self._recent)] = outcome.case[0] == Case.RETURNED
+        self.episode += 1
+        self._stage_episode += 1
+        if self._stage_is_over():
+            self._next_stage()
+        return line
+
+    def _exploratory_action(self, delivery: Deliveries, noise: float, is_random: bool) -> NDArray[np.float64]:
+        """The policy's action with noise, or a random one; both are always drawn, so that options can be compared."""
+        uniform, normal = self._rng.uniform(-1, 1, (1, 3)), self._rng.standard_normal((1, 3))
+        if is_random:
+            return uniform
+        action = self._agent.act(delivery.states, delivery.racket_speeds_mps, delivery.goals_m)
+        return np.clip(action + noise * normal, -1, 1)
+
+    def _stage_is_over(self) -> bool:
+        curriculum = self.config.curriculum
+        if self._stage_episode == curriculum.episodes[self._stage]:
+            return True
+        enough = self._stage_episode >= len(self._recent)
+        return curriculum.advance == "converged" and enough and bool(self._recent.mean() >= curriculum.converged_rate)
+
+    def _next_stage(self) -> None:
+        self._stage += 1
+        self._stage_episode = 0
+        self._recent[:] = False
+        if not self.finished:
+            self._kept = start_stage(self._buffer, self.config.curriculum)
+            self._deliveries = self._deal()
+
+    def _deal(self) -> Deliveries:
+        """All balls of this stage: the same for every agent with this seed."""
+        curriculum = self.config.curriculum
+        rng = np.random.default_rng([self.seed, BALLS, self._stage])
+        return deliver(
+            curriculum.speeds_mps[self._stage], curriculum.episodes[self._stage], self.config.environment, rng
+        )
+
+    def to_checkpoint(self) -> tuple[dict[str, NDArray[np.generic]], dict[str, object]]:
+        """Arrays and plain values to go on from, bit for bit."""
+        arrays: dict[str, NDArray[np.generic]] = {f"agent.{k}": v for k, v in self._agent.to_arrays().items()}
+        arrays |= {f"buffer.{k}": v for k, v in self._buffer.to_arrays().items()}
+        arrays["recent"] = self._recent.copy()
+        about: dict[str, object] = {
+            "seed": self.seed,
+            "episode": self.episode,
+            "stage": self._stage,
+            "stage_episode": self._stage_episode,
+            "kept": None if self._kept is None else [self._kept.kept, self._kept.dropped],
+            "random": self._rng.bit_generator.state,
+        }
+        return arrays, about
+
+    @classmethod
+    def from_checkpoint(
+        cls,
+        config: RunConfig,
+        seed: int,
+        arrays: dict[str, NDArray[np.generic]],
+        about: dict[str, object],
+        backend: EpisodeBackend | None = None,
+    ) -> Training:
+        """The training that gave the checkpoint.
+
+        Raises:
+            ConfigError: if it is another run's.
+        """
+        training = cls(config, seed, backend)
+        try:
+            training._restore(arrays, about)
+        except (KeyError, ValueError, TypeError, RuntimeError) as error:
+            raise ConfigError("a checkpoint of another run", got=str(error), where=f"seed {seed}") from error
+        return training
+
+    def _restore(self, arrays: dict[str, NDArray[np.generic]], about: dict[str, object]) -> None:
+        if about["seed"] != self.seed:
+            raise ValueError(f"seed {about['seed']}")
+        self._agent.restore({k.removeprefix("agent."): v for k, v in arrays.items() if k.startswith("agent.")})
+        buffer = {k.removeprefix("buffer."): v for k, v in arrays.items() if k.startswith("buffer.")}
+        self._buffer.restore(buffer)  # type: ignore[arg-type]
+        self._recent[:] = arrays["recent"]
+        self.episode = int(about["episode"])  # type: ignore[call-overload]
+        self._stage = int(about["stage"])  # type: ignore[call-overload]
+        self._stage_episode = int(about["stage_episode"])  # type: ignore[call-overload]
+        kept = about["kept"]
+        self._kept = None if kept is None else ReplayStart(*kept)  # type: ignore[misc]
+        self._rng.bit_generator.state = about["random"]  # type: ignore[assignment]
+        if not self.finished and self._stage > 0:
+            self._deliveries = self._deal()
+
+
+def make_agent(config: RunConfig, rng: np.random.Generator) -> Agent:
+    """A new agent by the config's name.
+
+    Raises:
+        ConfigError: if it is one of stable-baselines3, which trains itself.
+    """
+    if config.agent == "ddpg":
+        return DdpgAgent(config, rng)
+    if config.agent == "landing-model":
+        return LandingModelAgent(config, rng)
+    raise ConfigError("an agent that trains itself", expected="ddpg or landing-model", got=config.agent)

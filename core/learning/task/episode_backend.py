@@ -1,0 +1,81 @@
+"""Where served balls are met and struck: in the closed-form simulator, which needs microseconds, or somewhere slower
+that plays the same task, ball by ball: through the event cameras, or in a simulation server.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import ConfigError
+from core.learning.config import EnvironmentConfig
+from core.learning.task.environment import Deliveries, play
+from core.physics.episode import Outcomes
+
+Array = NDArray[np.float64]
+
+
+class EpisodeBackend(Protocol):
+    """Takes balls one at a time: `meet`, then `play` the same ball."""
+
+    def begin(self, seed: int) -> None:
+        """Start anew: from here on, equal balls are seen equally after an equal seed."""
+        ...
+
+    def meet(self, delivery: Deliveries) -> Deliveries:
+        """Serve the one ball of `delivery` and give it back with what is seen of it, up to the decision."""
+        ...
+
+    def play(self, delivery: Deliveries, action: Array) -> Outcomes:
+        """What comes of the action (1, 3) on the ball that `meet` gave."""
+        ...
+
+    def close(self) -> None:
+        """Give back threads and connections."""
+        ...
+
+
+class ClosedFormBackend:
+    """The simulator of `environment`: a delivery already holds what is seen of its ball."""
+
+    def __init__(self, config: EnvironmentConfig) -> None:
+        """Raises ConfigError for a source of states that only the chain of event cameras has."""
+        if config.state_source == "events":
+            raise ConfigError(
+                "states from events need event cameras",
+                where="state_source",
+                remedy="give the training the court of core.rally.simulated.event_environment, as `rallyscope train`"
+                " does",
+            )
+        self._config = config
+
+    def begin(self, seed: int) -> None:
+        """Nothing is random here."""
+
+    def meet(self, delivery: Deliveries) -> Deliveries:
+        """Give back the delivery, which already holds what is seen."""
+        return delivery
+
+    def play(self, delivery: Deliveries, action: Array) -> Outcomes:
+        """Play the balls as `environment.play` does."""
+        return play(delivery, action, self._config)
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+def observe_all(backend: EpisodeBackend, deliveries: Deliveries) -> Deliveries:
+    """Many balls, each as the court saw it, to be played in closed form: what is seen does not depend on the action."""
+    met = [backend.meet(deliveries[i : i + 1]) for i in range(len(deliveries))]
+    aims = [(one.aim_ps_m, one.aim_t_s) for one in met]
+    known = [(p, t) for p, t in aims if p is not None and t is not None]
+    return dataclasses.replace(
+        deliveries,
+        seen=np.concatenate([one.seen for one in met]),
+        states=np.concatenate([one.states for one in met]),
+        aim_ps_m=np.concatenate([p for p, _ in known]) if len(known) == len(met) else None,
+        aim_t_s=np.concatenate([t for _, t in known]) if len(known) == len(met) else None,
+    )

@@ -1,0 +1,76 @@
+"""The chain with a controller behind it: every prediction of the hitting plane is answered with a decision."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+from core.events import Window
+from core.rally.chain.chain import ChainState, RallyChain
+from core.rally.control.controller import Controller
+from core.rally.control.decision import RacketDecision
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlayerState:
+    """What is known and decided after one step."""
+
+    chain: ChainState
+    decision: RacketDecision | None
+    """The newest of this flight, maybe of an earlier step; None before there is one."""
+    is_new: bool
+    """Whether it was decided in this step."""
+    control_s: float
+    """Wall time of deciding; the chain's stages tell their own."""
+
+
+FREEZE_S: Final = 0.012
+"""So short before the impact nothing is decided any more: the ball is in front of the racket and their events mix, and
+what is seen after the impact still looks like the old flight for some windows (our measurement: predictions of the time
+that are 7 to 15 ms off)."""
+
+
+class Player:
+    """Sees and decides; what carries out the decisions is somebody else's."""
+
+    def __init__(self, chain: RallyChain, controller: Controller) -> None:
+        self.chain = chain
+        self.controller = controller
+        self._decision: RacketDecision | None = None
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.chain.reset()
+        self._decision = None
+
+    def forget_flight(self) -> None:
+        """Expect a new ball."""
+        self.chain.forget_flight()
+        self._decision = None
+
+    def step(self, windows: Mapping[str, Window]) -> PlayerState:
+        """Take the next window of each camera, in order of time.
+
+        Raises:
+            RecordingError: for a camera that the chain does not have.
+        """
+        state = self.chain.step(windows)
+        started = time.perf_counter()
+        answer = self._answer(state)
+        if state.prediction is None:
+            self._decision = None
+        self._decision = answer or self._decision
+        return PlayerState(state, self._decision, answer is not None, time.perf_counter() - started)
+
+    def _answer(self, state: ChainState) -> RacketDecision | None:
+        if not state.is_new or state.prediction is None or state.prediction.hit_plane is None:
+            return None
+        hit = state.prediction.hit_plane
+        impact_s = hit.t_s if self._decision is None else min(hit.t_s, self._decision.target.t_s)
+        if impact_s - state.t_us * 1e-6 < FREEZE_S:
+            return None
+        p, v = hit.p_world_m, hit.v_world_mps
+        found = self.controller.decide(hit.t_s, p, v, stage=hit.stage, spin_radps=hit.spin_radps)
+        return None if found is None else replace(found, t_us=state.t_us)

@@ -1,0 +1,96 @@
+"""The chain over a recording, in the background: its history grows while it is watched."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+from core.cameras import Camera
+from core.detection.window import windows_side_by_side
+from core.rally.chain.chain import RallyChain
+from core.rally.chain.config import ChainConfig
+from core.rally.chain.follow import calibrated_cameras
+from core.rally.control.controller import BuiltInController
+from core.rally.control.player import Player
+from core.rally.history.rally_history import RallyHistory
+from core.rally.history.recorded_history import add_known
+from core.recordings import Recording
+from core.recordings.reader import FileRecording
+
+logger = logging.getLogger(__name__)
+WINDOW_US = 2_000
+
+
+def is_stereo(recording: Recording) -> bool:
+    """Whether the ball can be found in space: two cameras or more, all calibrated."""
+    streams = recording.cameras.values()
+    return len(streams) > 1 and all(stream.calibration is not None for stream in streams)
+
+
+class Following:
+    """One pass over one stereo recording. What the file itself knows of racket and outcomes is there at once."""
+
+    def __init__(self, recording: Recording) -> None:
+        self.history = RallyHistory()
+        self.cameras: dict[str, Camera] = calibrated_cameras(recording)
+        self.share = 0.0
+        """Of the recording that has been followed."""
+        self._recording = recording
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="following", daemon=True)
+        self._thread.start()
+
+    def wait(self) -> None:
+        """Until all of it has been followed."""
+        self._thread.join()
+
+    def stop(self) -> None:
+        """Give up."""
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            if isinstance(self._recording, FileRecording):
+                add_known(self.history, self._recording.ball, self._recording)
+            elif self._recording.ball is not None:
+                self.history.add_truth(self._recording.ball)
+            self._follow()
+        except Exception:
+            logger.exception("the chain failed on a recording")
+
+    def _follow(self) -> None:
+        player = Player(RallyChain(self.cameras, ChainConfig()), BuiltInController())
+        duration_us = self._recording.duration_us
+        for windows in windows_side_by_side(self._recording.cameras, 0, duration_us, WINDOW_US):
+            if self._stop.is_set():
+                return
+            state = player.step(windows)
+            self.history.add_step(state)
+            self.share = state.chain.t_us / duration_us
+        self.share = 1.0
+
+
+class Followings:
+    """One Following a recording, shared by all browsers."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._found: dict[str, Following] = {}
+
+    def of(self, recording: Recording) -> Following | None:
+        """The one of a recording, begun now if need be; None if it is not stereo."""
+        if not is_stereo(recording):
+            return None
+        with self._lock:
+            found = self._found.get(recording.uuid)
+            if found is None:
+                found = self._found[recording.uuid] = Following(recording)
+            return found
+
+    def close(self) -> None:
+        """Give up all."""
+        with self._lock:
+            for following in self._found.values():
+                following.stop()
+            self._found.clear()

@@ -1,0 +1,71 @@
+"""What the 3D scene shows at one moment: a frozen value that the live rally, recordings and training all make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.physics.episode import Case
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pose:
+    """Of a racket: its centre, and the rotation from its frame (normal along +x) to the world."""
+
+    p_world_m: Array
+    wxyz: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UncertaintyEllipse:
+    """How sure a point in a plane is: an ellipse."""
+
+    centre: Array
+    """(3,)"""
+    axes: Array
+    """(2, 3) half axes, one standard deviation long."""
+
+
+@dataclass(frozen=True, slots=True)
+class LandingSpot:
+    """Where a past ball came down."""
+
+    x_m: float
+    y_m: float
+    case: Case
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RallyPicture:
+    """World frame, metres. None or empty is not drawn."""
+
+    ball: Array | None = None
+    """(3,) as it was measured."""
+    trail: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(N, 3), oldest first."""
+    truth: Array | None = None
+    rays: tuple[tuple[Array, Array], ...] = ()
+    """From each camera to the ball that it sees."""
+    before_bounce: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(N, 3) the flight as predicted before the bounce, up to the hitting plane."""
+    after_bounce: Array = field(default_factory=lambda: np.empty((0, 3)))
+    tube: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(N, 3) the newest prediction's path."""
+    tube_sigmas: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(N, 3) its standard deviations."""
+    spreads: tuple[UncertaintyEllipse, ...] = ()
+    """Of the expected bounce and of the hit."""
+    bounce: Array | None = None
+    """Where it bounces or did bounce."""
+    hit: Array | None = None
+    """Where it is expected at the hitting plane."""
+    racket: Pose | None = None
+    racket_target: Pose | None = None
+    landing_target: Array | None = None
+    """(2,) on the table."""
+    spots: tuple[LandingSpot, ...] = ()
+    """Of past balls, oldest first."""

@@ -1,0 +1,1 @@
+"""Simulated worlds, and whole balls through perception inside one process."""

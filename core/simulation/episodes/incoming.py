@@ -1,0 +1,134 @@
+"""What an opponent's ball does before the robot can hit it: which balls are to be played, and why others are not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.jit import njit
+from core.physics import contact
+from core.physics.contact import next_contact
+from core.physics.episode import Arrivals, Serves
+from core.physics.flight import Air, air_from_config, fall_through
+from core.physics.impact import Surface, strike, surfaces_from_config
+from core.physics.task import TaskConfig
+from core.table import BALL_RADIUS_M
+
+Array = NDArray[np.float64]
+
+_UP = (0.0, 0.0, 1.0)
+_STILL = (0.0, 0.0, 0.0)
+MOST_BOUNCES = 8
+
+
+class Incoming(IntEnum):
+    """Why a ball is or is not the robot's to hit."""
+
+    PLAYABLE = 0
+    """One bounce, on the robot's half, then the hitting plane. A service may bounce on the server's half first."""
+    NET = 1
+    """It touches the net."""
+    NO_BOUNCE = 2
+    """It passes the robot's half without a bounce, beyond its end or beside it."""
+    FAR_HALF = 3
+    """It comes down on the opponent's half and does not come over, or does so twice."""
+    TWO_BOUNCES = 4
+    """It bounces twice on the robot's half before the hitting plane: too short for a robot that waits there."""
+    SHORT = 5
+    """It bounces once and falls beside the table before the hitting plane."""
+
+
+_WHY = (Incoming.NET, Incoming.NO_BOUNCE, Incoming.FAR_HALF, Incoming.TWO_BOUNCES, Incoming.SHORT, Incoming.PLAYABLE)
+_NET, _NO_BOUNCE, _FAR_HALF, _TWO_BOUNCES, _SHORT, _PLAYABLE = (int(one) for one in _WHY)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IncomingBalls:
+    """What struck balls do, each up to the hitting plane or to what ends it."""
+
+    incoming: NDArray[np.int8]
+    """(N,) values of `Incoming`."""
+    is_service: NDArray[np.bool_]
+    """(N,) it bounces on the opponent's half first."""
+    arrivals: Arrivals
+    """At the hitting plane; `legal` is what is playable, everything else is NaN."""
+
+
+def fly_incoming(balls: Serves, config: TaskConfig) -> IncomingBalls:
+    """Every ball up to the hitting plane."""
+    n = len(balls)
+    incoming, is_service = np.full(n, _NO_BOUNCE, np.int8), np.zeros(n, np.bool_)
+    bounce_t, arrival_t = np.full((2, n), np.nan)
+    bounce_states, arrival_states = np.full((2, n, 9), np.nan)
+    _fly(
+        np.ascontiguousarray(balls.states()),
+        config.stroke.hit_plane_x_m,
+        air_from_config(config.physics),
+        surfaces_from_config(config.physics)[0],
+        incoming,
+        is_service,
+        bounce_t,
+        bounce_states,
+        arrival_t,
+        arrival_states,
+    )
+    legal = incoming == Incoming.PLAYABLE
+    for column in (bounce_t, bounce_states, arrival_t, arrival_states):
+        column[~legal] = np.nan
+    return IncomingBalls(incoming, is_service, Arrivals(legal, bounce_t, bounce_states, arrival_t, arrival_states))
+
+
+@njit
+def _fly(
+    balls: Array,
+    hit_x: float,
+    air: Air,
+    table: Surface,
+    incoming: NDArray[np.int8],
+    is_service: NDArray[np.bool_],
+    bounce_t: Array,
+    bounce_states: Array,
+    arrival_t: Array,
+    arrival_states: Array,
+) -> None:
+    touched, at_plane, s = np.empty(9), np.empty(9), np.empty(9)
+    for i in range(len(balls)):
+        s[:] = balls[i]
+        t = 0.0
+        near = far = 0
+        for _ in range(MOST_BOUNCES):
+            what, dt = next_contact(s, air, touched)
+            dt_plane = fall_through(s, (1.0, 0.0, 0.0, 0.0, -hit_x), air, at_plane)
+            if not math.isnan(dt_plane) and dt_plane <= dt:
+                incoming[i] = _PLAYABLE if near == 1 else _NO_BOUNCE
+                arrival_t[i] = t + dt_plane
+                arrival_states[i] = at_plane
+                break
+            if what == contact.NET:
+                incoming[i] = _NET
+                break
+            if what == contact.FAR_TOP:
+                far += 1
+                is_service[i] = near == 0
+                if far > 1 or near > 0:
+                    incoming[i] = _FAR_HALF
+                    break
+            elif what == contact.OWN_TOP:
+                near += 1
+                if near > 1:
+                    incoming[i] = _TWO_BOUNCES
+                    break
+            else:
+                incoming[i] = _SHORT if near == 1 else _FAR_HALF if far else _NO_BOUNCE
+                break
+            t += dt
+            s[:] = touched
+            strike(s, _UP, _STILL, table)
+            s[2] = BALL_RADIUS_M
+            if near:
+                bounce_t[i] = t
+                bounce_states[i] = s

@@ -1,0 +1,1 @@
+"""Simulated event cameras: the event kernel, one camera, several on one clock."""

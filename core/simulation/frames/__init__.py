@@ -1,0 +1,1 @@
+"""Pictures of an ordinary colour camera of the same scenes."""

@@ -1,0 +1,212 @@
+"""Pictures of an ordinary colour camera: the same scene through the same lens, blurred by what moves while it exposes.
+
+Linear light is averaged over instants of the exposure, closer together the faster something moves. Only pixels that
+something moves over are worked on; the rest of a picture is the static room.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from core.config import check_settings, setting
+from core.errors import ConfigError
+from core.jit import njit
+from core.simulation.bodies import MovingBodies
+from core.simulation.bodies.shading import FAR_COVER, LOG_TOTAL, NEAR_COVER, light_among
+from core.simulation.flights.ball_path import BallPath
+from core.simulation.frames.colours import BallColour, coloured_scenes
+from core.simulation.frames.frame_bodies import FrameBodies
+from core.simulation.scenes.background import LOG_LIGHT, make_background
+from core.simulation.scenes.block_view import STEP_PX, RacketView, Steps, moving_steps, view_numbers
+from core.simulation.scenes.flicker import flicker_log_light
+from core.simulation.scenes.racket_shape import RacketPath
+from core.simulation.scenes.scene import SceneConfig
+from core.simulation.scenes.shading import UNTOUCHED, pixel_light, pixel_seen
+
+LEAST_INSTANTS: Final = 8
+"""Of an exposure, however little moves."""
+BLUR_STEP_PX: Final = 0.7
+"""Most motion between two instants, less than half an edge: a streak is right to 1.5 levels of 255 (measured)."""
+BALL_DEPTH, BALL_LIGHT, RACKET_LIGHT = 2, 13, 6
+"""Columns of a ball's row: camera z, and light; and the light in a racket's."""
+TONES: Final = 1 << 16
+"""Steps of the tone curve's table: right to half a level from 0.1 % of white on."""
+NO_LAYERS: Final = np.zeros((0, 8), np.float32)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameConfig:
+    """An ordinary camera in the place of each event camera."""
+
+    rate_hz: float = setting(60.0, 1.0, 1000.0)
+    """Pictures per second."""
+    exposure_us: int = setting(5000, 100, 50_000)
+    """A 5 m/s ball moves by 25 mm in 5 ms, more than its radius."""
+    gamma: float = setting(2.2, 1.0, 3.0)
+    """Of the tone curve: level = 255 light^(1 / gamma). White paper is 255, whatever the exposure: the lens is opened
+    as far as that needs."""
+    read_noise: float = setting(0.00025, 0.0, 0.1)
+    """Standard deviation of the light that is read, as a share of white: 2.5 of 10,000 electrons, 72 dB, as in data
+    sheets of machine-vision sensors. The noise of the light itself is left out: pictures would take up thrice as much
+    for nothing that a detector notices."""
+    ball_colour: BallColour = "orange"
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if self.exposure_us * self.rate_hz > 1e6:
+            most = f"at most {1e6 / self.rate_hz:.0f} us at {self.rate_hz:g} Hz"
+            raise ConfigError("an exposure is longer than a picture", expected=most, got=self.exposure_us)
+
+
+class FrameCamera:
+    """One colour camera. Its noise is drawn picture by picture, so that pictures are asked for in order."""
+
+    def __init__(
+        self,
+        camera: Camera,
+        scene: SceneConfig,
+        config: FrameConfig,
+        rng: np.random.Generator,
+        bodies: MovingBodies | None = None,
+    ) -> None:
+        self.camera = camera
+        self._config, self._rng = config, rng
+        self._scenes = coloured_scenes(scene, config.ball_colour)
+        self._maps = [make_background(camera, channel) for channel in self._scenes]
+        self._view = view_numbers(camera)
+        self._still = np.stack([np.exp(maps[:, LOG_LIGHT]) for maps in self._maps], axis=1)
+        self._bodies = None if bodies is None else FrameBodies(camera, scene, bodies, self._maps)
+        self._tones = np.rint(255.0 * np.linspace(0.0, 1.0, TONES) ** (1.0 / config.gamma)).astype(np.uint8)
+
+    def take(self, path: BallPath, racket: RacketPath | None, t_us: int) -> NDArray[np.uint8]:
+        """The picture (height, width, 3 = RGB) whose exposure has its middle at `t_us`."""
+        least, scene = LEAST_INSTANTS, self._scenes[0]
+        start_us = t_us - self._config.exposure_us // 2
+        end_us = start_us + self._config.exposure_us
+        seen = None if racket is None else RacketView(racket, scene.racket, None)
+        if self._bodies is not None:
+            least = max(least, self._bodies.instants(start_us, end_us, STEP_PX))
+        steps = moving_steps(self.camera, scene, path, seen, start_us, end_us, least)
+        assert steps is not None, "with so many steps at least there are always some"
+        instants = chosen_instants(len(steps.t_us))
+        span = np.diff(steps.t_us[instants]) / (steps.t_us[-1] - steps.t_us[0])
+        shares = 0.5 * (np.append(span, 0.0) + np.append(0.0, span))  # the trapezoidal rule
+        shares *= np.exp(flicker_log_light(scene, steps.t_us[instants]))
+        pixels, mean = self._mean_light(steps, instants, shares)
+        light = self._still * np.float32(shares.sum())
+        light[pixels] = mean
+        return self._develop(light)
+
+    def _mean_light(
+        self, steps: Steps, instants: NDArray[np.intp], shares: NDArray[np.float64]
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Pixels that something moves over, and their light (N, 3): so much of that at each instant."""
+        swept, bodies = _swept(steps.boxes[instants], self.camera), self._bodies
+        probes = None if bodies is None else bodies.probe(steps.t_us[instants])
+        pixels = np.flatnonzero(swept if bodies is None or probes is None else swept | bodies.cover(probes))
+        in_boxes = swept.ravel()[pixels]
+        mean, see_racket = np.zeros((len(pixels), 3)), steps.outlines.shape[1] > 0
+        for number, instant in enumerate(instants):
+            ball, racket = steps.rows[instant].copy(), steps.rackets[instant].copy()
+            if bodies is not None and probes is not None:
+                ball_m = float(ball[BALL_DEPTH]) if ball[BALL_DEPTH] > 0 else np.inf
+                bodies.look(probes, number, ball_m, steps.boxes[instant])
+            for channel, (scene, maps) in enumerate(zip(self._scenes, self._maps, strict=True)):
+                ball[BALL_LIGHT], racket[RACKET_LIGHT] = scene.ball, scene.racket
+                layers = NO_LAYERS if bodies is None else bodies.layers[channel]
+                _add_light(
+                    maps, layers, self._view, tuple(ball.tolist()), tuple(racket.tolist()), see_racket,
+                    shares[number], pixels, in_boxes, mean[:, channel],
+                )  # fmt: skip
+        return pixels, mean
+
+    def _develop(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
+        """Light as 8-bit levels, with what the sensor adds."""
+        config, size = self._config, self.camera.sensor
+        if config.read_noise:
+            light += config.read_noise * self._rng.standard_normal(light.shape, np.float32)
+        levels = np.empty(light.shape, np.uint8)
+        _expose(light.ravel(), self._tones, levels.ravel())
+        return levels.reshape(size.height_px, size.width_px, 3)
+
+
+class FrameTrack:
+    """Pictures of several cameras at once, at a steady rate from time 0 on."""
+
+    def __init__(
+        self,
+        cameras: Mapping[str, Camera],
+        scene: SceneConfig,
+        config: FrameConfig,
+        seed: int,
+        bodies: MovingBodies | None = None,
+    ) -> None:
+        self.config = config
+        seeds = np.random.SeedSequence([seed, 0xF4A3E5]).spawn(len(cameras))  # apart from those of the events
+        self._cameras = {
+            name: FrameCamera(camera, scene, config, np.random.default_rng(own), bodies)
+            for (name, camera), own in zip(cameras.items(), seeds, strict=True)
+        }
+        self._taken = 0
+
+    def take_until(
+        self, end_us: int, path: BallPath, racket: RacketPath | None = None
+    ) -> list[tuple[int, dict[str, NDArray[np.uint8]]]]:
+        """The pictures, with their times at mid exposure, whose exposure is over at `end_us` and was not before."""
+        found = []
+        while (t_us := self._next_us()) + self.config.exposure_us - self.config.exposure_us // 2 <= end_us:
+            found.append((t_us, {name: camera.take(path, racket, t_us) for name, camera in self._cameras.items()}))
+            self._taken += 1
+        return found
+
+    def _next_us(self) -> int:
+        return round((self._taken + 0.5) * 1e6 / self.config.rate_hz)
+
+
+def chosen_instants(count: int) -> NDArray[np.intp]:
+    """Which of `count` instants are enough for a picture: the events need them closer together."""
+    most = max(LEAST_INSTANTS, round((count - 1) * STEP_PX / BLUR_STEP_PX))
+    return np.unique(np.rint(np.linspace(0, count - 1, min(most, count - 1) + 1)).astype(np.intp))
+
+
+def _swept(boxes: NDArray[np.int64], camera: Camera) -> NDArray[np.bool_]:
+    """(height, width): the pixels in any of the boxes (..., 4)."""
+    swept = np.zeros((camera.sensor.height_px, camera.sensor.width_px), np.bool_)
+    for x0, y0, x1, y1 in np.unique(boxes.reshape(-1, 4), axis=0):
+        swept[y0:y1, x0:x1] = True
+    return swept
+
+
+@njit(error_model="numpy")
+def _add_light(maps, layers, view, ball, racket, see_racket, share, pixels, in_boxes, mean):
+    """Add this share of the light of the pixels at one instant to their mean.
+
+    Ball, shadow and robot's racket are looked for only where `in_boxes`.
+    """
+    for number in range(len(pixels)):
+        pixel = pixels[number]
+        among = len(layers) > 0 and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0)
+        if not in_boxes[number]:
+            mean[number] += share * math.exp(layers[pixel, LOG_TOTAL] if among else maps[pixel, LOG_LIGHT])
+            continue
+        seen = pixel_seen(maps, pixel)
+        if among:
+            light = light_among(seen, layers, pixel, view, ball, racket, True, True, see_racket)
+            rest = float(layers[pixel, LOG_TOTAL])
+        else:
+            light = pixel_light(seen, view, ball, racket, True, True, see_racket)
+            rest = seen[LOG_LIGHT]
+        mean[number] += share * (math.exp(rest) if light == UNTOUCHED else light)
+
+
+@njit(error_model="numpy")
+def _expose(light, tones, levels):
+    for index in range(len(light)):
+        levels[index] = tones[int(min(max(light[index], 0.0), 1.0) * (len(tones) - 1) + 0.5)]

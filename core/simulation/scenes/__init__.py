@@ -1,0 +1,1 @@
+"""What cameras look at: light, background, shading, the robot's racket, flicker."""

@@ -1,0 +1,119 @@
+"""The racket in the picture: a matt black cylinder, as thick as the physics has it, that hides and is hidden.
+
+Its light does not change as it turns, so that a moving racket makes events at its outline only. It casts no shadow and
+the ball casts none on it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.cameras import Camera
+from core.jit import njit
+
+Array = NDArray[np.float64]
+
+RACKET_COLUMNS = 14
+"""A row that describes the racket at one instant to one camera: 0-2 middle of its face in the camera's frame, 3-5
+normal of the face there, 6 its light, 7 width of an edge at it in metres, 8 radius, 9 thickness, 10-12 middle of its
+body, 13 squared length of a tangent to the sphere round the body and its edge."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RacketPoses:
+    """The racket at N times: the middle of its face and the face's normal, away from the body."""
+
+    p_world_m: Array
+    """(N, 3)."""
+    normal_world: Array
+    """(N, 3) unit vectors."""
+
+
+class RacketPath(Protocol):
+    """Where the racket is at any time."""
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the racket's face."""
+        ...
+
+    @property
+    def thickness_m(self) -> float:
+        """Thickness of the body behind the face."""
+        ...
+
+    def at(self, t_s: ArrayLike) -> RacketPoses:
+        """The racket at the times `t_s` (N,)."""
+        ...
+
+
+def racket_shading_rows(camera: Camera, light: float, edge_px: float, path: RacketPath, poses: RacketPoses) -> Array:
+    """The racket at each time, as rows (N, RACKET_COLUMNS)."""
+    ps = camera.to_camera(poses.p_world_m)
+    normals = poses.normal_world @ camera.T_world_camera[:3, :3]
+    middles = ps - 0.5 * path.thickness_m * normals
+    distance2 = np.einsum("ij,ij->i", middles, middles)
+    px_per_m = np.sqrt(camera.K[0, 0] * camera.K[1, 1]) / np.maximum(np.abs(middles[:, 2]), 1e-3)
+    rows = np.empty((len(ps), RACKET_COLUMNS))
+    rows[:, 0:3], rows[:, 3:6], rows[:, 6] = ps, normals, light
+    rows[:, 7] = edge_px / px_per_m
+    rows[:, 8], rows[:, 9], rows[:, 10:13] = path.radius_m, path.thickness_m, middles
+    rows[:, 13] = distance2 - (math.hypot(path.radius_m, 0.5 * path.thickness_m) + rows[:, 7]) ** 2
+    return rows
+
+
+@njit(error_model="numpy")
+def racket_gap(racket, x, y):
+    """(how far the ray of a pixel stays outside the body, negative inside; camera z where it enters or passes).
+
+    The gap at a point is the largest of its distances beyond the side, the face and the back, a convex function along
+    the ray; its least value is 0 exactly at the outline.
+    """
+    length2 = x * x + y * y + 1.0
+    along = x * racket[10] + y * racket[11] + racket[12]
+    if along <= 0.0 or along * along <= racket[13] * length2:
+        return 1.0, 0.0
+    nd = racket[3] * x + racket[4] * y + racket[5]
+    nc = racket[3] * racket[0] + racket[4] * racket[1] + racket[5] * racket[2]
+    dc = x * racket[0] + y * racket[1] + racket[2]
+    cc = racket[0] * racket[0] + racket[1] * racket[1] + racket[2] * racket[2]
+    # Squared distance from the axis at camera z = t: A t^2 - 2 B t + C.
+    A, B, C = max(length2 - nd * nd, 1e-12), dc - nd * nc, max(cc - nc * nc, 0.0)
+    t, radius, thickness = B / A, racket[8], racket[9]
+    height = t * nd - nc
+    gap, beyond = math.sqrt(max(C - B * B / A, 0.0)) - radius, max(height, -thickness - height)
+    if beyond > gap:
+        # Nearest to the axis it is before the face or behind the back: go along the ray until the side is as far.
+        slope, start = (nd, -nc) if height >= -thickness - height else (-nd, nc - thickness)
+        gap, t = _meet(A, B, C, radius, slope, start, t, beyond)
+        gap = max(gap, -0.5 * thickness)
+    if gap < 0.0:
+        enter = (B - math.sqrt(max(B * B - A * (C - radius * radius), 0.0))) / A
+        if abs(nd) > 1e-9:
+            enter = max(enter, nc / nd if nd < 0.0 else (nc - thickness) / nd)
+        t = enter
+    return gap, t
+
+
+@njit(error_model="numpy")
+def _meet(A, B, C, radius, slope, start, t0, at_t0):
+    """Least of the larger of (distance from the axis - radius) and (start + slope t), on the falling side of t0."""
+    if abs(slope) < 1e-9:
+        return at_t0, t0
+    k = radius + start
+    a, b, c = A - slope * slope, B + k * slope, C - k * k
+    if abs(a) < 1e-12:
+        t = c / (2.0 * b) if b != 0.0 else t0
+    else:
+        root = math.sqrt(max(b * b - a * c, 0.0))
+        low, high = (b - root) / a, (b + root) / a
+        if low > high:
+            low, high = high, low
+        before, after = high if high <= t0 else low, low if low >= t0 else high
+        t = before if slope > 0.0 else after
+    return start + slope * t, t

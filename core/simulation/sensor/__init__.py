@@ -1,0 +1,1 @@
+"""The event sensor: its settings, its pixels, noise and readout."""

@@ -1,0 +1,170 @@
+"""How one pixel turns intensity over time into events: the numba kernels under every simulated camera.
+
+A pixel's life is a string of *ramps* (log intensity changes linearly between two instants) and *rests* (it is
+constant). The first-order photoreceptor's answer to both is known in closed form. Over a ramp, which is at most a few
+tenths of a pixel of motion, its output is taken as straight between the two ends and events are placed where that line
+crosses a threshold; over a rest the crossing of the exponential itself is solved.
+
+Kernels take the rows of `PixelState` and the rows of `event_buffer`. They are given whole arrays, not tuples of
+columns: numba counts references to every array of a tuple at every call, which cost more than the arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from core.jit import njit
+from core.simulation.sensor.sensor import (
+    OFF_THRESHOLD,
+    ON_THRESHOLD,
+    RECEPTOR,
+    REFERENCE,
+    RELEASE_US,
+    TARGET,
+    TIME_US,
+)
+
+EVENT_TIME_US, EVENT_PIXEL, EVENT_ON = range(3)
+SETTLED = 1e-6
+"""A receptor this close to its target has arrived; 2e5 times less than a threshold."""
+
+
+@njit(error_model="numpy")
+def rest_pixel(rows, pixel, end_us, tau_us, refractory_us, events, count):
+    """Bring a pixel under constant intensity to `end_us`; returns the new event count."""
+    start_us = rows[pixel, TIME_US]
+    if end_us <= start_us:
+        return count
+    goal = rows[pixel, TARGET]
+    gap = rows[pixel, RECEPTOR] - goal
+    rows[pixel, TIME_US] = end_us
+    if abs(gap) <= SETTLED:
+        rows[pixel, RECEPTOR] = goal
+        gap = 0.0
+    else:
+        rows[pixel, RECEPTOR] = goal + gap * math.exp(-(end_us - start_us) / tau_us)
+    ref = rows[pixel, REFERENCE]
+    free_us = start_us
+    if rows[pixel, RELEASE_US] > start_us:  # held in reset: it starts again from what it sees at the release
+        free_us = rows[pixel, RELEASE_US]
+        if free_us > end_us:
+            return count
+        ref = goal + (gap * math.exp(-(free_us - start_us) / tau_us) if gap != 0.0 else 0.0)
+    while True:
+        if goal - ref > rows[pixel, ON_THRESHOLD]:
+            level, on = ref + rows[pixel, ON_THRESHOLD], True
+        elif ref - goal > rows[pixel, OFF_THRESHOLD]:
+            level, on = ref - rows[pixel, OFF_THRESHOLD], False
+        else:
+            break
+        ratio = (level - goal) / gap if gap != 0.0 else 1.0
+        crossing_us = start_us - tau_us * math.log(ratio) if 0.0 < ratio < 1.0 else free_us
+        crossing_us = max(crossing_us, free_us)
+        if crossing_us >= end_us:
+            break
+        events[count, EVENT_TIME_US] = crossing_us
+        events[count, EVENT_PIXEL] = pixel
+        events[count, EVENT_ON] = on
+        count += 1
+        ref = level
+        if refractory_us > 0.0:
+            free_us = crossing_us + refractory_us
+            rows[pixel, RELEASE_US] = free_us
+            if free_us > end_us:
+                break
+            ref = goal + (gap * math.exp(-(free_us - start_us) / tau_us) if gap != 0.0 else 0.0)
+    rows[pixel, REFERENCE] = ref
+    return count
+
+
+@njit(error_model="numpy")
+def receptor_after_ramp(before, goal, receptor, duration_us, tau_us, decay):
+    """What the photoreceptor shows after its input went linearly from `before` to `goal`; decay is exp(-t / tau)."""
+    lag = (goal - before) / duration_us * tau_us
+    return goal - lag + (receptor - before + lag) * decay
+
+
+@njit(error_model="numpy")
+def ramp_pixel(rows, pixel, goal, end_us, decay, tau_us, refractory_us, events, count):
+    """Take a pixel to `end_us` while its log intensity moves linearly to `goal`; returns the new event count.
+
+    `decay` is exp(-duration / tau), the same for most pixels of a step.
+    """
+    start_us = rows[pixel, TIME_US]
+    before = rows[pixel, TARGET]
+    v0 = rows[pixel, RECEPTOR]
+    duration = end_us - start_us
+    v1 = receptor_after_ramp(before, goal, v0, duration, tau_us, decay)
+    rows[pixel, TARGET] = goal
+    rows[pixel, RECEPTOR] = v1
+    rows[pixel, TIME_US] = end_us
+    slope = (v1 - v0) / duration
+    ref = rows[pixel, REFERENCE]
+    if rows[pixel, RELEASE_US] > start_us:
+        if rows[pixel, RELEASE_US] > end_us:
+            return count
+        ref = v0 + slope * (rows[pixel, RELEASE_US] - start_us)
+    while True:
+        if v1 - ref >= rows[pixel, ON_THRESHOLD]:
+            level, on = ref + rows[pixel, ON_THRESHOLD], True
+        elif ref - v1 >= rows[pixel, OFF_THRESHOLD]:
+            level, on = ref - rows[pixel, OFF_THRESHOLD], False
+        else:
+            break
+        # A reference outside [v0, v1] was overtaken between a release and now: it crosses at once.
+        share = (level - v0) / (v1 - v0) if v1 != v0 else 1.0
+        crossing_us = start_us + duration * min(max(share, 0.0), 1.0)
+        crossing_us = max(crossing_us, rows[pixel, RELEASE_US])
+        events[count, EVENT_TIME_US] = crossing_us
+        events[count, EVENT_PIXEL] = pixel
+        events[count, EVENT_ON] = on
+        count += 1
+        ref = level
+        if refractory_us > 0.0:
+            free_us = crossing_us + refractory_us
+            rows[pixel, RELEASE_US] = free_us
+            if free_us > end_us:
+                break
+            ref = v0 + slope * (free_us - start_us)
+    rows[pixel, REFERENCE] = ref
+    return count
+
+
+@njit(inline="always", error_model="numpy")
+def follow_pixel(rows, pixel, goal, start_us, now_us, decay, tau_us, refractory_us, events, count):
+    """Like `ramp_pixel` for a pixel that is known up to `start_us`, without the call where nothing happens.
+
+    That is so most of the time, and the call would cost more than the arithmetic. It is written out in its callers.
+    """
+    receptor = receptor_after_ramp(rows[pixel, TARGET], goal, rows[pixel, RECEPTOR], now_us - start_us, tau_us, decay)
+    contrast = receptor - rows[pixel, REFERENCE]
+    if rows[pixel, RELEASE_US] <= start_us and -rows[pixel, OFF_THRESHOLD] < contrast < rows[pixel, ON_THRESHOLD]:
+        rows[pixel, TARGET] = goal
+        rows[pixel, RECEPTOR] = receptor
+        rows[pixel, TIME_US] = now_us
+    else:
+        count = ramp_pixel(rows, pixel, goal, now_us, decay, tau_us, refractory_us, events, count)
+    return count
+
+
+@njit(error_model="numpy")
+def settle_active(rows, active, active_list, active_count, end_us, tau_us, refractory_us, events, count):
+    """Bring every awake pixel to `end_us` and let those that have settled sleep; returns (event count, awake count)."""
+    kept = 0
+    for place in range(active_count):
+        pixel = active_list[place]
+        count = rest_pixel(rows, pixel, end_us, tau_us, refractory_us, events, count)
+        if abs(rows[pixel, RECEPTOR] - rows[pixel, TARGET]) <= SETTLED and rows[pixel, RELEASE_US] <= end_us:
+            rows[pixel, RECEPTOR] = rows[pixel, TARGET]
+            active[pixel] = False
+        else:
+            active_list[kept] = pixel
+            kept += 1
+    return count, kept
+
+
+def event_buffer(capacity: int) -> np.ndarray:
+    """Rows (capacity, 3) that kernels write events to: time in microseconds, pixel index, 1 for ON; all exact."""
+    return np.empty((capacity, 3))

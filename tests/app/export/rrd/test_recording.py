@@ -1,0 +1,181 @@
+"""The Rerun file, judged by Rerun's own command line; its warnings are errors here."""
+
+import io
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rerun as rr
+from PIL import Image
+
+from app.cli import main
+from app.export.rrd.camera_picture import EventStage, PictureJob, make_picture
+from app.export.rrd.recording import RrdContents, export_rrd
+from app.export.selection import Span, span_of
+from app.export.small_png import polarity_png
+from app.export.steps import follow_span
+from app.export.unfinished import ExportCancelledError
+from app.pictures.palette import palette
+from core.detection import DetectorConfig
+from core.errors import CommandError
+from core.rally import ChainConfig
+from core.recordings import RecordingWriter, open_recording
+from labels.model import Label, LabelState
+from labels.store import LabelStore
+
+SPAN = Span(100_000, 260_000)
+
+
+@pytest.fixture(autouse=True)
+def _strict():
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+    rr.set_strict_mode(before)
+
+
+def rerun(*words: str) -> str:
+    done = subprocess.run([sys.executable, "-m", "rerun", "rrd", *words], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert "WARN" not in done.stderr and "ERROR" not in done.stderr
+    return done.stdout + done.stderr
+
+
+def entities(path: Path) -> set[str]:
+    section = rerun("stats", str(path)).partition("Num chunks per entity")[2]
+    return {line.partition(":")[0].strip("/") for line in section.splitlines() if line.startswith("/")}
+
+
+@pytest.fixture(scope="module")
+def exported(serve_recording: Path, tmp_path_factory) -> Path:
+    with open_recording(serve_recording) as recording:
+        path = tmp_path_factory.mktemp("rrd") / "serve.rrd"
+        shares: list[float] = []
+        export_rrd(recording, path, SPAN, RrdContents(), groups=recording.read_rows, progress=shares.append)
+        assert shares[-1] == 1.0 and shares == sorted(shares)
+        return path
+
+
+def test_rerun_finds_nothing_wrong_with_the_file(exported: Path) -> None:
+    assert "verified without error" in rerun("verify", str(exported))
+    assert [path.name for path in exported.parent.iterdir()] == ["serve.rrd"], "nothing else is left"
+
+
+def test_everything_that_was_seen_is_in_the_file(exported: Path) -> None:
+    found = entities(exported)
+    rally = {"ball/truth", "ball/triangulated", "ball/trail", "prediction/flight", "prediction/hit"}
+    still = {"table", "table/lines", "net", "hitting_plane"}
+    camera = {"", "/stages/events", "/stages/hulls", "/stages/roi", "/detection", "/truth"}
+    pictures = {f"cameras/{name}/picture{layer}" for name in ("left", "right") for layer in camera}
+    assert {f"world/{name}" for name in rally | still | pictures} <= found
+    plots = {"event_rate/left", "latency/detect", "latency/predict", "error_px/right", "error_px/residual"}
+    assert {f"plots/{name}" for name in plots | {"error_mm/ball"}} <= found
+    assert "recording_time" in rerun("print", "-vv", str(exported))
+
+
+def test_the_command_line_shows_racket_episodes_predictions_and_labels(serve_recording, tmp_path, capsys) -> None:
+    source = _recording_of_a_rally(serve_recording, tmp_path / "rally.h5")
+    data = ["--data", str(tmp_path / "data")]
+    with open_recording(source) as recording:
+        uuid = recording.uuid
+    with LabelStore.open(tmp_path / "data" / "labels", uuid, "left", "Anna") as store:
+        store.put(Label(t_us=20_000, state=LabelState.VISIBLE, x_px=300.0, y_px=200.0, r_px=9.0))
+    out = tmp_path / "rally.rrd"
+    words = ["export", str(source), "--rrd", str(out), "--end-us", "60000", "--stride-us", "10000", "--json"]
+    assert main([*words, "--annotator", "Anna", *data]) == 0, capsys.readouterr().err
+    found = entities(out)
+    assert {f"world/{name}" for name in ("racket", "racket/blade", "racket_target", "target", "landings")} <= found
+    assert {"plots/reward", "world/prediction/recorded_hit", "world/cameras/left/picture/label"} <= found
+    assert main(words) == 2 and "exists already" in capsys.readouterr().err
+    assert main([*words, "--force"]) == 0
+    assert "world/cameras/left/picture/label" not in entities(out)
+
+
+def test_a_single_camera_without_calibration_has_pictures_and_detections_only(serve_recording, tmp_path) -> None:
+    source = tmp_path / "one.h5"
+    with open_recording(serve_recording) as recording:
+        left = recording.cameras["left"]
+        with RecordingWriter(source, {"eye": left.sensor}) as writer:
+            writer.append("eye", left.slice(0, 200_000))
+    assert main(["export", str(source), "--rrd", str(tmp_path / "one.rrd")]) == 0
+    found = entities(tmp_path / "one.rrd")
+    assert {"pictures/eye", "pictures/eye/detection", "pictures/eye/stages/events", "plots/event_rate/eye"} <= found
+    assert not any(name.startswith("world") for name in found)
+    assert "verified without error" in rerun("verify", str(tmp_path / "one.rrd"))
+
+
+def test_a_cancelled_export_leaves_no_file(serve_recording: Path, tmp_path) -> None:
+    asked = iter([False] * 20 + [True] * 1000)
+    with open_recording(serve_recording) as recording, pytest.raises(ExportCancelledError):
+        export_rrd(recording, tmp_path / "a.rrd", SPAN, RrdContents(), cancelled=lambda: next(asked))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_part_that_does_not_exist_is_refused(serve_recording: Path) -> None:
+    with open_recording(serve_recording) as recording:
+        assert span_of(recording) == Span(0, recording.duration_us)
+        assert span_of(recording, 5, 10**9) == Span(5, recording.duration_us)
+        for start, end in ((-1, 5), (7, 7), (recording.duration_us, None)):
+            with pytest.raises(CommandError, match="no such part"):
+                span_of(recording, start, end)
+
+
+@pytest.mark.parametrize("shape", [(3, 4), (5, 7), (2, 9), (720, 1280)])
+def test_a_small_png_is_the_picture(shape) -> None:
+    picture = np.random.default_rng(3).integers(0, 3, shape).astype(np.uint8)
+    image = Image.open(io.BytesIO(polarity_png(picture)))
+    assert np.array_equal(np.asarray(image.convert("RGB")), palette("orange / blue")[picture])
+
+
+def test_the_stages_of_a_picture_are_those_that_the_chain_ran(serve_recording: Path) -> None:
+    detections = 0
+    with open_recording(serve_recording) as recording:
+        for step in follow_span(recording, SPAN, ChainConfig(), picture_every=1):
+            assert step.before is not None
+            found = step.detections["left"]
+            picture = make_picture(PictureJob(step.windows["left"], step.before["left"], DetectorConfig(), True))
+            assert picture.t_us == step.end_us and len(picture.fates) == len(picture.events_px)
+            edge = picture.events_px[picture.fates == EventStage.LEADING]
+            if found is not None and len(edge):
+                detections += 1
+                reach = np.hypot(*(edge - (found.u_px, found.v_px)).T)
+                assert reach.max() < 1.05 * found.r_px + 0.1, "the circle goes round the leading edge"
+    assert detections > 40
+
+
+def _recording_of_a_rally(serve: Path, path: Path) -> Path:
+    rows = {"t_us": np.arange(0, 100_000, 2000)}
+    n = len(rows["t_us"])
+    with open_recording(serve) as recording:
+        streams = recording.cameras
+        sensors = {name: one.sensor for name, one in streams.items()}
+        calibration = {name: one.calibration for name, one in streams.items() if one.calibration is not None}
+        with RecordingWriter(path, sensors, calibration=calibration) as writer:
+            for name, stream in streams.items():
+                writer.append(name, stream.slice(0, 100_000))
+            writer.append_rows("/racket", {
+                **rows, "p_world_m": np.tile([-1.4, 0.0, 0.2], (n, 1)),
+                "q_world_wxyz": np.tile([1.0, 0, 0, 0], (n, 1)), "v_world_mps": np.zeros((n, 3)),
+            })  # fmt: skip
+            writer.append_rows("/racket_targets", {
+                "t_us": np.array([15_000]), "p_world_m": np.array([[-1.42, 0, 0.2]]),
+                "q_world_wxyz": np.array([[1.0, 0, 0, 0]]), "g": np.array([[0.7, 0.1]]),
+            })  # fmt: skip
+            writer.append_rows("/predictions", {
+                "t_us": np.array([10_000, 20_000]), "stage": np.array([b"pre", b"post"]),
+                "t_hit_us": np.array([400_000, 410_000]), "p_hit_m": np.array([[-1.42, 0, 0.2], [np.nan] * 3]),
+                "v_hit_mps": np.zeros((2, 3)), "cov": np.tile(np.eye(6) * 1e-4, (2, 1, 1)),
+            })  # fmt: skip
+            writer.append_rows("/episodes", {
+                "serve_us": np.array([0, 50_000]), "speed_mps": np.array([5.0, 5.0]), "s": np.zeros((2, 6)),
+                "g": np.array([[0.7, 0.1], [np.nan, np.nan]]), "a": np.zeros((2, 3)),
+                "q_wxyz": np.tile([1.0, 0, 0, 0], (2, 1)), "case": np.array([4, 5]),
+                "f": np.array([[0.8, 0.0], [np.nan, np.nan]]), "s_next": np.zeros((2, 6)),
+                "reward": np.zeros(2), "policy": np.array([b"live"] * 2),
+            })  # fmt: skip
+    return path

@@ -1,0 +1,62 @@
+"""Runs on disk, made by the real training code, and a trainer whose process is always ended."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from app.modes.train.plan import TrainingPlan, run_of_plan
+from app.shared.training.run_state import RunState
+from app.shared.training.trainer import Trainer
+from app.shared.workspace import Workspace
+from core.learning.runs.run_files import create_run
+
+
+def train_here(run: Path, plan: TrainingPlan) -> None:
+    """Train in this process."""
+    from core.learning.runs.running import run_training
+
+    create_run(run, run_of_plan(plan))
+    assert run_training(run, progress=lambda share: None, stopped=lambda: False) == "finished"
+
+
+@pytest.fixture(scope="session")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+    """A workspace with a finished run, `small`: 40 balls at 5 m/s, two seeds. Do not write to it."""
+    workspace = Workspace(tmp_path_factory.mktemp("trained"))
+    train_here(workspace.run_path("small"), TrainingPlan(episodes=(40,), seeds=2))
+    return workspace
+
+
+@pytest.fixture
+def trainer(tmp_path: Path) -> Iterator[Trainer]:
+    """Of an empty workspace."""
+    trainer = Trainer(Workspace(tmp_path / "workspace"))
+    yield trainer
+    trainer.ask("stop")
+    wait_until(lambda: trainer.active() is None, "the training to end")
+
+
+def wait_until(condition: Callable[[], object], what: str, timeout_s: float = 60.0) -> None:
+    """Return once the condition holds."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline, f"waited in vain for {what}"
+        time.sleep(0.05)
+
+
+@pytest.fixture(name="wait_until")
+def _wait_until() -> Callable:
+    return wait_until
+
+
+@pytest.fixture
+def state_of() -> Callable[[Trainer, str], RunState]:
+    """The state of a run by its name."""
+
+    def find(trainer: Trainer, name: str) -> RunState:
+        (state,) = [state for state in trainer.runs() if state.name == name]
+        return state
+
+    return find

@@ -1,0 +1,77 @@
+"""A ball that is played again ends as it did in the training."""
+
+import math
+
+import numpy as np
+import pytest
+
+from app.modes.train.replay import LONGEST_S, ball_of_line, replay_ball
+from app.shared.workspace import Workspace
+from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
+from core.physics.episode import Case
+from core.table import BALL_RADIUS_M
+
+
+@pytest.fixture(scope="module")
+def lines(trained: Workspace) -> list[dict]:
+    return read_lines(seed_files(trained.run_path("small"), 0).metrics)[0]
+
+
+@pytest.fixture(scope="module")
+def environment(trained: Workspace):
+    return read_run(trained.run_path("small")).environment
+
+
+def test_case_and_error_are_those_of_the_record(lines, environment) -> None:
+    for line in lines:
+        replay = replay_ball(ball_of_line(line), environment, None, "")
+        assert replay.case == line["case"]
+        assert replay.error_mm == pytest.approx(line["error_mm"], abs=0.05)
+
+
+def test_a_returned_ball_comes_down_where_the_record_says(lines, environment) -> None:
+    line = next(line for line in lines if line["case"] == Case.RETURNED)
+    replay = replay_ball(ball_of_line(line), environment, None, "")
+    landing = [event for event in replay.path.events if event.kind == "bounce"][1]
+    assert landing.state[:2] == pytest.approx(line["landing_m"], abs=1e-4)
+    assert landing.t_s < replay.duration_s <= LONGEST_S + 1
+
+
+def test_the_racket_touches_the_ball_at_the_impact(lines, environment) -> None:
+    replay = replay_ball(ball_of_line(lines[-1]), environment, None, "")
+    hit = next(event for event in replay.path.events if event.kind == "hit")
+    near = min(np.linalg.norm(hit.state[:3] - pose.p_world_m) for pose in replay.rackets)
+    assert near == pytest.approx(BALL_RADIUS_M, abs=0.02)  # a pose every 1/60 s, at about 1 m/s
+    assert replay.target is not None
+    assert np.linalg.norm(hit.state[:3] - replay.target.p_world_m) == pytest.approx(BALL_RADIUS_M, abs=1e-3)
+
+
+def test_the_picture_follows_the_ball_and_stops_at_the_end(lines, environment) -> None:
+    replay = replay_ball(ball_of_line(lines[-1]), environment, None, "")
+    start, end = replay.picture(0.0, ()), replay.picture(1e9, ())
+    assert start.ball == pytest.approx(lines[-1]["serve"][:3])
+    assert end.ball == pytest.approx(replay.path.at(replay.duration_s)[:3])
+    assert replay.picture(0.3, ()).trail[-1] == pytest.approx(replay.path.at(0.3)[:3])
+    assert start.landing_target == pytest.approx(lines[-1]["goal_m"])
+
+
+def test_a_policy_plays_the_same_serve_without_noise(trained: Workspace, lines, environment) -> None:
+    ball = ball_of_line(lines[-1])
+    assert ball is not None
+    policy = load_policy(trained.run_path("small"), 0)
+    replay = replay_ball(ball, environment, policy, "")
+    assert replay.path.at(0.2) == pytest.approx(replay_ball(ball, environment, None, "").path.at(0.2))
+    assert replay.case == Case.RETURNED and replay.error_mm != pytest.approx(lines[-1]["error_mm"])
+
+
+def test_a_ball_that_nobody_saw_is_missed(lines, environment) -> None:
+    ball = ball_of_line(lines[-1] | {"state": [None] * 6})
+    assert ball is not None
+    replay = replay_ball(ball, environment, None, "")
+    assert replay.case == Case.MISSED and math.isnan(replay.error_mm) and replay.target is None
+
+
+@pytest.mark.parametrize("change", [{"serve": [1.0]}, {"action": None}, {"goal_m": [None, 0.0]}, {"episode": "x"}])
+def test_a_line_that_does_not_tell_enough_is_no_ball(lines, change: dict) -> None:
+    assert ball_of_line(lines[-1] | change) is None
+    assert ball_of_line({}) is None

@@ -1,0 +1,62 @@
+"""The start beside the app: what fails is said, what is started ends."""
+
+import threading
+import time
+
+import pytest
+
+from app.preparation.startup import Startup
+from app.shared.workspace import Workspace
+from core.cameras import stereo_preset
+from core.errors import LinkError
+from core.events import SensorSize
+from core.rally.link.server import ServerConfig, SimulationServer
+
+
+def wait_for(condition, seconds: float = 60.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def states(startup: Startup) -> list[str]:
+    return [step.state for step in startup.preparation.steps]
+
+
+def test_a_simulation_that_does_not_start_is_said_in_words(tmp_path) -> None:
+    said: list[str] = []
+    startup = Startup(Workspace(tmp_path), arguments=("--physics", "moon"), say=said.append)
+    wait_for(lambda: states(startup)[0] == "failed")
+    assert isinstance(startup.problem, LinkError)
+    assert any("invalid choice" in line for line in said)
+    startup.stop()
+
+
+def test_nobody_at_the_address_is_known_at_once(tmp_path) -> None:
+    startup = Startup(Workspace(tmp_path), address="tcp://127.0.0.1:1")
+    startup.wait_for_news()
+    assert "no answer from a simulation server" in str(startup.problem)
+    startup.stop()
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_the_rally_of_a_server_is_handed_over_once(tmp_path, before) -> None:
+    server = SimulationServer(ServerConfig(), stereo_preset("side", SensorSize(64, 48)), "tcp://127.0.0.1:0")
+    ended, taken = threading.Event(), []
+    running = threading.Thread(target=server.run, args=(ended.is_set,))
+    startup = Startup(Workspace(tmp_path), address=server.address)
+    startup.wait_for_news()  # it is being prepared
+    if before:
+        startup.hand_over(taken.append)
+    running.start()
+    wait_for(lambda: states(startup)[-1] == "done")
+    if not before:
+        startup.hand_over(taken.append)
+    wait_for(lambda: taken)
+    (live,) = taken
+    assert live.client.status == "connected" or live.client.welcome.session
+    startup.stop()
+    live.close()
+    ended.set()
+    running.join()

@@ -1,0 +1,82 @@
+from dataclasses import replace
+
+import pytest
+
+from app.state import commands as c
+from app.state.client_state import ClientState, Configs
+from app.state.playback import Playhead
+from app.state.undo import History
+from core.config import get_setting
+from core.detection import DetectorConfig
+from core.errors import ConfigError
+
+
+@pytest.fixture
+def state() -> ClientState:
+    configs = History(Configs(DetectorConfig(), DetectorConfig()))
+    return ClientState("demo", ("left", "right"), "left", Playhead(1_000_000), configs)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        c.SetMode("Hack"),
+        c.SetRendering("<b>"),
+        c.SetColours("none"),
+        c.SetArrangement("spiral"),
+        c.SetOverlay(""),
+        c.SetSlot("C"),
+        c.SetZoom(float("nan")),
+        c.LookAt((float("inf"), 0.0)),
+        c.SetStep(7),
+        c.SetPlaybackSpeed(-1.0),
+        c.SetCamera("../x"),
+    ],
+)
+def test_a_value_no_control_offers_changes_nothing(state: ClientState, command: c.Command) -> None:
+    assert command.apply(state, 0.0) == state
+
+
+def test_numbers_are_kept_in_their_ranges(state: ClientState) -> None:
+    assert c.SetWindow(10**9).apply(state, 0.0).look.window_us == c.WINDOW_RANGE_US[1]
+    assert c.SetWindow(-5).apply(state, 0.0).look.window_us == c.WINDOW_RANGE_US[0]
+    assert c.SetZoom(1e9).apply(state, 0.0).tune.zoom == c.ZOOM_RANGE[1]
+    assert c.Seek(2**80).apply(state, 0.0).playhead.position_us(0.0) == 1_000_000
+
+
+def test_steps_go_by_the_chosen_step(state: ClientState) -> None:
+    state = c.SetStep(2_000).apply(state, 0.0)
+    assert c.StepTime(3).apply(state, 0.0).playhead.position_us(0.0) == 6_000
+
+
+def test_play_toggles(state: ClientState) -> None:
+    playing = c.TogglePlay().apply(state, 1.0)
+    assert playing.playhead.playing and not c.TogglePlay().apply(playing, 2.0).playhead.playing
+
+
+def test_a_slider_changes_only_the_config_that_is_edited(state: ClientState) -> None:
+    path = ("cluster", "eps_px")
+    edited = c.EditSetting(path, 3.0).apply(c.SetSlot("B").apply(state, 0.0), 0.0)
+    assert get_setting(edited.configs.present.b, path) == 3.0
+    assert edited.configs.present.a == DetectorConfig()
+    assert c.Undo().apply(edited, 0.0).configs.present.b == DetectorConfig()
+    assert c.Redo().apply(c.Undo().apply(edited, 0.0), 0.0).configs.present == edited.configs.present
+
+
+def test_a_slider_out_of_range_is_refused_by_name(state: ClientState) -> None:
+    with pytest.raises(ConfigError, match=r"ClusterConfig\.eps_px"):
+        c.EditSetting(("cluster", "eps_px"), -3.0).apply(state, 0.0)
+
+
+def test_copy_gives_the_other_slot_the_edited_config(state: ClientState) -> None:
+    edited = c.EditSetting(("cluster", "eps_px"), 3.0).apply(state, 0.0)
+    copied = c.CopyToOther().apply(edited, 9.0)
+    assert copied.configs.present.b == edited.configs.present.a
+    assert c.UseConfig(DetectorConfig()).apply(copied, 20.0).configs.present.a == DetectorConfig()
+
+
+def test_another_camera_is_looked_at_as_a_whole(state: ClientState) -> None:
+    assert c.LookAt((3.0, 4.0)).apply(state, 0.0) == state
+    zoomed = c.LookAt((3.0, 4.0)).apply(c.SetZoom(4.0).apply(state, 0.0), 0.0)
+    assert zoomed.tune.centre_px == (3.0, 4.0)
+    assert c.SetCamera("right").apply(zoomed, 0.0).tune == replace(zoomed.tune, centre_px=None)

@@ -1,0 +1,29 @@
+import pytest
+
+from app.pictures.canvas import Canvas, Region
+from app.views.mosaic import GAP_PX, lay_out
+
+
+@pytest.mark.parametrize("arrangement", ["side by side", "stacked"])
+def test_sensor_points_are_found_in_every_picture(arrangement) -> None:
+    canvases = [Canvas(Region(0, 0, 64, 48)), Canvas(Region(10, 20, 16, 12))]
+    sheet = lay_out(canvases, "orange / blue", arrangement)
+    for picture in sheet.pictures:
+        region = picture.region
+        middle = sheet.sensor_point(picture.x + picture.width / 2, picture.y + picture.height / 2)
+        assert middle == pytest.approx((region.x + region.width / 2 - 0.5, region.y + region.height / 2 - 0.5))
+        corner = sheet.sensor_point(picture.x, picture.y)
+        assert corner == pytest.approx((region.x - 0.5, region.y - 0.5))
+    assert sheet.sensor_point(-1, 5) is None and sheet.sensor_point(5, sheet.height + 1) is None
+
+
+def test_pictures_do_not_overlap() -> None:
+    canvases = [Canvas(Region(0, 0, 64, 48))] * 2
+    beside = lay_out(canvases, "orange / blue", "side by side")
+    assert beside.pictures[1].x == beside.pictures[0].width + GAP_PX and beside.width == beside.pictures[1].x + 1280
+    below = lay_out(canvases, "orange / blue", "stacked")
+    assert below.pictures[1].y == below.pictures[0].height + GAP_PX and below.width == 1280
+
+
+def test_an_empty_sheet_has_a_size() -> None:
+    assert (lay_out([], "orange / blue", "stacked").width, lay_out([], "orange / blue", "stacked").height) == (1, 1)

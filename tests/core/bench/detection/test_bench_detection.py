@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from core.bench.detection.bench_detection import accuracy, time_both
+from core.bench.detection.simulated_streams import MemoryStream, simulate_flights
+from core.config import replace_setting
+from core.detection import auto_config, paper_config
+
+NO_EVICTION = np.zeros(1, np.int64)
+
+
+@pytest.fixture(scope="module")
+def streams() -> list[MemoryStream]:
+    return simulate_flights("ball", 1.0, (6.0,), seed=4)
+
+
+def test_both_cameras_have_events_and_truth_on_the_same_clock(streams) -> None:
+    assert [stream.name for stream in streams] == ["left", "right"]
+    for stream in streams:
+        assert stream.counts_per_ms().sum() == stream.event_count > 100_000
+        assert stream.truth.visible.any() and stream.truth.t_us[-1] <= stream.duration_us
+
+
+@pytest.mark.parametrize("mode", ["full", "roi"])
+@pytest.mark.parametrize("config", [auto_config(), paper_config()], ids=["auto", "paper"])
+def test_the_timed_windows_agree_and_the_fast_path_is_faster(streams, mode: str, config) -> None:
+    config = replace_setting(config, ("roi", "enabled"), mode == "roi")
+    timing = time_both(streams, config, 2000, 40, NO_EVICTION)
+    assert timing.windows == 40 and timing.differing == 0
+    assert timing.ratio_p50 == pytest.approx(timing.reference_p50_ms / timing.p50_ms)
+    assert timing.ratio_p50 > 5, "far below what `rallyscope bench detection` measures"
+    assert 0 < timing.p50_ms <= timing.p99_ms
+
+
+def test_simulated_balls_are_found_with_the_default_thresholds(streams) -> None:
+    for config in (auto_config(), paper_config()):
+        figures = accuracy(streams, config, 2000)
+        assert figures["precision"] >= 0.95 and figures["recall"] >= 0.95 and figures["median_error_px"] <= 2.0
+
+
+def test_a_dark_ball_needs_auto() -> None:
+    dark = simulate_flights("dark", 0.5, (6.0,), seed=4)
+    auto, paper = (accuracy(dark, config, 2000) for config in (auto_config(), paper_config()))
+    assert auto["precision"] >= 0.95 and auto["recall"] >= 0.95 and auto["median_error_px"] <= 2.0
+    assert paper["median_error_px"] > 4.0

@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from core.bench.rally.bench_rally import Watched, measure_rally
+from core.cameras.presets import SENSOR_720
+from core.rally.chain.config import ChainConfig
+from core.recordings import BallTruth
+
+
+def test_two_balls_give_a_row_whose_parts_agree() -> None:
+    row = measure_rally(SENSOR_720, 5.0, 2)
+    assert row["balls"] == 2 and row["seen"] == 1.0
+    others = sum(int(row[name]) for name in ("own_half", "net", "out", "missed"))  # type: ignore[call-overload]
+    assert others == 2 - 2 * row["returned"]  # type: ignore[operator]
+    assert 0.1 < row["point_mm_median"] < 5.0 <= 5.0 + row["point_mm_p95"]  # type: ignore[operator]
+    assert row["points"] > 200 and 0 < row["step_ms_p50"] <= row["step_ms_p99"]  # type: ignore[operator]
+
+
+def test_another_prediction_plays_another_rally() -> None:
+    fit, filtered = (
+        measure_rally(SENSOR_720, 9.0, 1, chain=ChainConfig(prediction=kind)) for kind in ("fit", "filter")
+    )
+    assert fit["point_mm_median"] == pytest.approx(filtered["point_mm_median"], rel=0.2)
+    assert fit["aim_mm_median"] != filtered["aim_mm_median"]
+
+
+def test_errors_are_distances_to_the_truth_at_the_points_own_times() -> None:
+    t_us = np.arange(0, 5000, 500)
+    p = np.outer(t_us * 1e-6, [4.0, 0.0, 0.0])
+    nothing = np.zeros((10, 3))
+    watched = Watched(truth=[BallTruth(t_us, p, nothing, nothing, np.ones(10, bool))])
+    watched.t_us, watched.ps_world_m = [1250, 9000], [np.array([0.005, 0.003, 0.0]), np.zeros(3)]
+    assert watched.errors_m() == pytest.approx([0.003])  # nobody knows of the second one
+    assert len(Watched().errors_m()) == 0

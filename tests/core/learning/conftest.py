@@ -1,0 +1,13 @@
+"""Trainings here run as in a process of their own: with one thread."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from core.learning.agents.networks import one_thread
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _one_thread() -> Iterator[None]:
+    with one_thread():
+        yield

@@ -1,0 +1,51 @@
+"""What a policy is worth, and what costs nothing."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from core.learning.config import EnvironmentConfig
+from core.learning.evaluation.policy_evaluator import PolicyEvaluator, PolicyScore, five_best_mm
+from core.learning.evaluation.trivial_policies import oracle_actions, score_trivial_policies
+from core.learning.runs.summary import spread_of, summarise_scores
+
+TRUTH = EnvironmentConfig(state_source="truth")
+
+
+def test_the_trivial_policies_score_what_they_did_when_the_task_was_chosen() -> None:
+    evaluator = PolicyEvaluator(TRUTH, 300)
+    found = score_trivial_policies(evaluator, 5.0, TRUTH)
+    assert found.zero.return_rate == pytest.approx(0.57, abs=0.06)
+    assert found.random.return_rate == pytest.approx(0.41, abs=0.06)
+    assert found.constant_mm == pytest.approx(298, abs=15)
+    assert found.oracle.return_rate == 1 and found.oracle.error_mm < 6
+
+
+def test_the_oracle_takes_a_known_actuator_error_back() -> None:
+    evaluator = PolicyEvaluator(TRUTH, 40)
+    balls = evaluator.balls(5.0)
+    biased = dataclasses.replace(balls, action_errors=np.full((40, 3), 0.1))
+    difference = oracle_actions(balls, TRUTH)[:, 1:] - oracle_actions(biased, TRUTH)[:, 1:]
+    assert np.median(difference) == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_missed_ball_has_no_landing_but_counts_as_not_returned() -> None:
+    score = PolicyScore(5.0, np.array([True, False, False]), np.array([10.0, 30.0, math.nan]))
+    assert (score.return_rate, score.error_mm, score.error_returned_mm) == (pytest.approx(1 / 3), 20.0, 10.0)
+    row = summarise_scores([score, score])
+    assert row["missed"] == pytest.approx(1 / 3) and row["seeds"] == 2 and row["balls"] == 3
+
+
+def test_five_best_takes_the_lowest_five() -> None:
+    assert five_best_mm([9, 1, 2, 3, 4, 5, math.nan]) == 3
+    assert math.isnan(five_best_mm([math.nan]))
+
+
+def test_the_interval_of_a_mean_is_student_s() -> None:
+    spread = spread_of([1.0, 2.0, 3.0, 4.0, math.nan])
+    assert (spread.mean, spread.count) == (2.5, 4)
+    assert spread.std == pytest.approx(1.29099, abs=1e-5)
+    assert spread.high - spread.mean == pytest.approx(3.18245 * 1.29099 / 2, abs=1e-4)
+    assert math.isnan(spread_of([]).mean) and math.isnan(spread_of([1.0]).std)

@@ -1,0 +1,155 @@
+"""Runs on disk: killed, paused, stopped and gone on with, they give the same numbers."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.errors import ConfigError
+from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig
+from core.learning.runs.checkpoints import load_checkpoint
+from core.learning.runs.control import Control, hold_run, read_control, read_status, write_control
+from core.learning.runs.run_files import create_run, load_policy, read_lines, read_run, seed_files
+from core.learning.runs.running import run_training
+
+CONFIG = RunConfig(
+    environment=EnvironmentConfig(state_source="truth"),
+    curriculum=CurriculumConfig(speeds_mps=(3.0, 5.0), episodes=(70, 60)),
+    checkpoint_every=20,
+    evaluation_balls=20,
+)
+TRAIN = (
+    "import sys; from pathlib import Path; from core.learning.runs.running import run_training; "
+    "print(run_training(Path(sys.argv[1]), progress=lambda s: None, stopped=lambda: False))"
+)
+
+
+def train(run: Path, config: RunConfig = CONFIG) -> Path:
+    create_run(run, config)
+    assert run_training(run, progress=lambda share: None, stopped=lambda: False) == "finished"
+    return run
+
+
+def assert_same_run(a: Path, b: Path) -> None:
+    for name in ("metrics.jsonl", "evaluations.jsonl"):
+        assert (a / "seed-0" / name).read_bytes() == (b / "seed-0" / name).read_bytes(), name
+    ours, theirs = (load_checkpoint(seed_files(run, 0).checkpoint) for run in (a, b))
+    assert ours[1] == theirs[1] and ours[0].keys() == theirs[0].keys()
+    for name, array in ours[0].items():
+        np.testing.assert_array_equal(array, theirs[0][name], err_msg=name)
+    for name in ("policy.safetensors", "best.safetensors"):
+        assert (a / "seed-0" / name).read_bytes() == (b / "seed-0" / name).read_bytes(), name
+
+
+def wait_for_episode(run: Path, episode: int) -> None:
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        if len(read_lines(seed_files(run, 0).metrics)[0]) >= episode:
+            return
+        time.sleep(0.01)
+    raise AssertionError("the training does not move")
+
+
+def test_a_killed_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
+    whole = train(tmp_path / "whole")
+    killed = tmp_path / "killed"
+    create_run(killed, CONFIG)
+    write_control(killed, Control(episodes_per_s=150))
+    for episode in (30, 75):
+        process = subprocess.Popen([sys.executable, "-c", TRAIN, str(killed)])
+        wait_for_episode(killed, episode)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        status = read_status(killed)
+        assert status is not None and status.state == "failed"
+    # Whatever came after the checkpoint, half a line included, is made again.
+    with (killed / "seed-0" / "metrics.jsonl").open("ab") as file:
+        file.write(b'{"episode": 7')
+    write_control(killed, Control())
+    assert run_training(killed, progress=lambda share: None, stopped=lambda: False) == "finished"
+    assert_same_run(whole, killed)
+
+
+def test_a_stopped_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
+    whole = train(tmp_path / "whole")
+    stopped = tmp_path / "stopped"
+    create_run(stopped, CONFIG)
+    asked = iter(range(10**6))
+    assert run_training(stopped, progress=lambda share: None, stopped=lambda: next(asked) == 33) == "stopped"
+    status = read_status(stopped)
+    assert status is not None and status.state == "stopped"
+    assert len(read_lines(seed_files(stopped, 0).metrics)[0]) == 33
+    assert run_training(stopped, progress=lambda share: None, stopped=lambda: False) == "finished"
+    assert_same_run(whole, stopped)
+
+
+def test_another_process_pauses_slows_and_stops_a_run(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    create_run(run, CONFIG)
+    write_control(run, Control(episodes_per_s=100))
+    process = subprocess.Popen([sys.executable, "-c", TRAIN, str(run)], stdout=subprocess.PIPE, text=True)
+    wait_for_episode(run, 5)
+    write_control(run, Control("pause"))
+    deadline = time.monotonic() + 30
+    while (status := read_status(run)) is None or status.state != "paused":
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    before = len(read_lines(seed_files(run, 0).metrics)[0])
+    time.sleep(0.4)
+    assert len(read_lines(seed_files(run, 0).metrics)[0]) == before == status.episode
+    assert process.poll() is None
+    with pytest.raises(ConfigError, match="another process"), hold_run(run):
+        pass
+    write_control(run, Control("stop"))
+    assert process.communicate(timeout=30)[0].strip() == "stopped"
+    assert read_control(run).command == "stop"
+
+
+def test_every_seed_has_its_own_files_and_the_progress_ends_at_one(tmp_path: Path) -> None:
+    shares: list[float] = []
+    create_run(tmp_path / "run", RunConfig(**{**_fields(CONFIG), "seeds": 2, "first_seed": 5}))
+    run_training(tmp_path / "run", progress=shares.append, stopped=lambda: False)
+    assert shares == sorted(shares) and shares[-1] == 1
+    lines = [read_lines(seed_files(tmp_path / "run", seed).metrics)[0] for seed in (5, 6)]
+    assert [len(part) for part in lines] == [130, 130] and lines[0] != lines[1]
+    status = read_status(tmp_path / "run")
+    assert status is not None and (status.state, status.share) == ("finished", 1.0)
+    assert load_policy(tmp_path / "run", 6).racket_speed_mps([-1.42, 0, 0.3, -1.9, 0, 0]) == pytest.approx(3.0)
+    assert read_run(tmp_path / "run").seeds == 2
+    assert json.loads((tmp_path / "run" / "versions.json").read_text())["torch"]
+
+
+def test_every_line_of_the_metrics_can_be_plotted(tmp_path: Path) -> None:
+    lines, end = read_lines(seed_files(train(tmp_path / "run"), 0).metrics)
+    assert [line["episode"] for line in lines] == list(range(130))
+    assert {"speed_mps", "case", "reward", "landing_m", "goal_m", "error_mm", "noise", "w1", "w2", "buffer"} <= set(
+        lines[0]
+    )
+    assert lines[70]["kept"] + lines[70]["dropped"] == 70  # type: ignore[operator]
+    assert read_lines(seed_files(tmp_path / "run", 0).metrics, end) == ([], end)
+
+
+def test_a_run_is_not_overwritten_and_a_folder_without_one_is_told(tmp_path: Path) -> None:
+    create_run(tmp_path / "run", CONFIG)
+    with pytest.raises(ConfigError, match="there is a run already"):
+        create_run(tmp_path / "run", CONFIG)
+    with pytest.raises(ConfigError, match="not a training run"):
+        run_training(tmp_path, progress=lambda share: None, stopped=lambda: False)
+    with pytest.raises(ConfigError, match="without a policy"):
+        load_policy(tmp_path / "run")
+
+
+def test_a_control_file_of_nonsense_lets_the_run_go_on(tmp_path: Path) -> None:
+    (tmp_path / "control.json").write_text('{"command": ["stop"], "episodes_per_s": -3}')
+    assert read_control(tmp_path) == Control()
+    (tmp_path / "control.json").write_text('{"command": "st')
+    assert read_control(tmp_path) == Control()
+
+
+def _fields(config: RunConfig) -> dict[str, object]:
+    return {name: getattr(config, name) for name in config.__dataclass_fields__}

@@ -1,0 +1,56 @@
+"""The baselines that learn play the same balls, and what is kept of them acts as the library's own model does."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.learning.config import AgentName, CurriculumConfig, EnvironmentConfig, RewardConfig, RunConfig, Sb3Config
+from core.learning.runs.run_files import create_run, load_policy, read_lines, seed_files
+from core.learning.runs.running import run_training
+from core.learning.runs.sb3_baselines import Sb3Environment, extract_policy, make_model
+from core.learning.runs.training import Training
+from core.learning.task.environment import evaluation_balls
+from core.learning.task.normalise import normal_observations
+
+TRUTH = EnvironmentConfig(state_source="truth")
+
+
+def baseline_run(agent: AgentName, exploration: str = "default") -> RunConfig:
+    return RunConfig(
+        agent=agent,
+        environment=TRUTH,
+        reward=RewardConfig(kind="case"),
+        rival=Sb3Config(exploration=exploration),  # type: ignore[arg-type]
+        curriculum=CurriculumConfig(speeds_mps=(3.0, 5.0), episodes=(50, 50), replay="retain"),
+        evaluation_balls=20,
+    )
+
+
+@pytest.mark.parametrize("agent", ["ppo", "a2c", "trpo", "td3", "sac"])
+def test_a_baseline_trains_over_the_curriculum_on_the_balls_of_our_agents(agent: AgentName, tmp_path: Path) -> None:
+    config = baseline_run(agent)
+    create_run(tmp_path / "run", config)
+    assert run_training(tmp_path / "run", progress=lambda share: None, stopped=lambda: False) == "finished"
+    lines, _ = read_lines(seed_files(tmp_path / "run", 0).metrics)
+    assert [line["speed_mps"] for line in lines] == [3.0] * 50 + [5.0] * 50
+    ours = Training(RunConfig(environment=TRUTH, curriculum=config.curriculum), 0)
+    for line in lines[:3]:
+        mine = ours.play_episode()
+        assert (mine["serve"], mine["goal_m"]) == (line["serve"], line["goal_m"])
+    balls = evaluation_balls(5.0, 10, TRUTH)
+    actions = load_policy(tmp_path / "run")(balls.states, balls.racket_speeds_mps, balls.goals_m)
+    assert actions.shape == (10, 3) and np.abs(actions).max() <= 1
+
+
+@pytest.mark.parametrize("exploration", ["default", "matched"])
+@pytest.mark.parametrize("agent", ["ppo", "a2c", "trpo", "td3", "sac"])
+def test_the_kept_policy_is_the_library_s(agent: AgentName, exploration: str) -> None:
+    config = baseline_run(agent, exploration)
+    model = make_model(config, Sb3Environment(config, 0, 0, 0), 0)
+    policy = extract_policy(model, config)
+    balls = evaluation_balls(5.0, 10, TRUTH)
+    seen = normal_observations(balls.states, balls.goals_m)
+    expected, _ = model.predict(seen, deterministic=True)
+    got = policy(balls.states, balls.racket_speeds_mps, balls.goals_m)
+    np.testing.assert_allclose(got, expected, atol=1e-5)

@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+
+from core.cameras import StereoRig, ball_circles, stereo_preset
+from core.detection.window import windows_between
+from core.events import Window, concatenate_events
+from core.rally import ChainConfig, ChainState, RallyChain
+from core.rally.chain.config import SizeCheckConfig
+from core.rally.chain.size_check import SizeCheck
+from core.simulation import LaunchConfig, StereoConfig, ball_truth, draw_serve_series, simulate_stereo
+
+END_US = 400_000
+
+
+@pytest.fixture(scope="module")
+def cameras():
+    return stereo_preset()
+
+
+@pytest.fixture(scope="module")
+def shadowed(cameras):
+    """A serve at 8 m/s whose shadow one detector takes for the ball after the bounce; its path and its windows."""
+    path = draw_serve_series([LaunchConfig(speed_mps=8.0)], np.random.default_rng(5))
+    chunks = list(simulate_stereo(StereoConfig(), cameras, path, seed=5, duration_us=END_US))
+    windows = []
+    for name in cameras:
+        events = concatenate_events([chunk.events[name] for chunk in chunks], sensor=cameras[name].sensor)
+
+        class Source:
+            def slice(self, start_us: int, end_us: int, events=events):
+                rows = np.searchsorted(events.t_us, [start_us, end_us])
+                return events.rows(slice(*rows))
+
+        windows.append(list(windows_between(Source(), 0, END_US, 2000)))
+    return path, [dict(zip(cameras, row, strict=True)) for row in zip(*windows, strict=True)]
+
+
+def follow(cameras, windows: list[dict[str, Window]], config: ChainConfig) -> list[ChainState]:
+    chain = RallyChain(cameras, config)
+    return [chain.step(one) for one in windows]
+
+
+def errors_m(path, states: list[ChainState]) -> np.ndarray:
+    points = [state.point for state in states if state.point is not None]
+    truth = ball_truth(path, [point.t_us for point in points]).p_world_m
+    return np.linalg.norm(np.array([point.p_world_m for point in points]) - truth, axis=1)
+
+
+def test_radii_of_a_ball_at_the_point_pass_and_others_do_not(cameras) -> None:
+    check = SizeCheck(cameras, StereoRig(cameras), SizeCheckConfig())
+    p = np.array([-0.9, 0.3, 0.2])
+    radii = {name: float(ball_circles(camera, p[None]).r_px[0]) for name, camera in cameras.items()}
+    assert check.wrong(p, radii) == []
+    assert check.wrong(p, {**radii, "right": 0.6 * radii["right"]}) == ["right"]
+    assert check.wrong(p, {**radii, "left": 2.0 * radii["left"]}) == ["left"]
+    assert check.wrong(p, {}) == []
+
+
+def test_the_ball_s_shadow_is_not_taken_for_the_ball(cameras, shadowed) -> None:
+    path, windows = shadowed
+    without = errors_m(path, follow(cameras, windows, ChainConfig(size=SizeCheckConfig(enabled=False))))
+    checked = errors_m(path, follow(cameras, windows, ChainConfig()))
+    assert np.percentile(without, 95) > 0.05, "otherwise this serve tests nothing"
+    assert checked.max() < 0.04 and np.median(checked) < 0.006
+    assert len(checked) > 0.85 * len(without)
+
+
+def test_a_corrected_circle_is_the_one_that_is_shown(cameras, shadowed) -> None:
+    _, windows = shadowed
+    for state in follow(cameras, windows, ChainConfig()):
+        if state.point is not None:
+            for name, found in state.detections.items():
+                if found is not None and found.t_us == state.point.t_us:
+                    assert state.point.uvs_px[name] == (found.u_px, found.v_px)
+
+
+def test_the_paper_s_detector_runs_without_it(cameras, shadowed) -> None:
+    _, windows = shadowed
+    on = follow(cameras, windows, ChainConfig(method="paper"))
+    off = follow(cameras, windows, ChainConfig(method="paper", size=SizeCheckConfig(enabled=False)))
+    assert [state.detections for state in on] == [state.detections for state in off]

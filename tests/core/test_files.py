@@ -1,0 +1,195 @@
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from core import files
+
+STARTS_A_CHILD = """
+import multiprocessing, subprocess, sys, time
+from core.files import end_with_parent
+def work(queue):
+    end_with_parent()
+    queue.put(None)
+    time.sleep(60)
+if __name__ == "__main__":
+    if sys.argv[1] == "multiprocessing":
+        context = multiprocessing.get_context("spawn")
+        queue = context.Queue()
+        child = context.Process(target=work, args=(queue,))
+        child.start()
+        queue.get()
+    else:
+        code = "import time, core.files; core.files.end_with_parent(); print(1, flush=True); time.sleep(60)"
+        child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        child.stdout.readline()
+    print(child.pid, flush=True)
+    time.sleep(60)
+"""
+HOLDS = """
+import sys
+from pathlib import Path
+from core.files import hold
+with hold(Path(sys.argv[1])):
+    print(1, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_file_is_replaced_and_its_folder_made(tmp_path: Path) -> None:
+    path = tmp_path / "a" / "b"
+    files.replace_file(path, b"old", durable=False)
+    files.replace_file(path, b"new", durable=True)
+    assert path.read_bytes() == b"new" and os.listdir(path.parent) == ["b"]
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_a_failure_halfway_leaves_the_old_file_and_nothing_else(tmp_path: Path, error: BaseException) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(b"old")
+
+    def write() -> None:
+        with files.replacing(path, durable=True) as partial:
+            partial.write_bytes(b"ne")
+            raise error
+
+    with pytest.raises(type(error)):
+        write()
+    assert path.read_bytes() == b"old" and os.listdir(tmp_path) == ["a"]
+
+
+def test_a_folder_that_is_a_file_is_an_error_of_the_system(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"")
+    with pytest.raises(OSError, match="a"):
+        files.replace_file(tmp_path / "a" / "b", b"new", durable=False)
+
+
+def test_of_two_writers_at_a_time_the_last_one_wins_whole(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    with files.replacing(path, durable=False) as first, files.replacing(path, durable=False) as second:
+        assert first != second
+        first.write_bytes(b"first")
+        second.write_bytes(b"second")
+    assert path.read_bytes() == b"first" and os.listdir(tmp_path) == ["a"]
+
+
+def test_a_name_of_the_callers_own_is_written_over(tmp_path: Path) -> None:
+    left = tmp_path / ".left"
+    left.write_bytes(b"by a kill")
+    with files.replacing(tmp_path / "a", durable=False, partial=left) as partial:
+        assert partial == left
+        partial.write_bytes(b"new")
+    assert os.listdir(tmp_path) == ["a"]
+
+
+@pytest.mark.parametrize("durable", [False, True])
+def test_what_is_durable_reaches_the_disk_before_and_after_it_gets_its_name(
+    tmp_path: Path, durable: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+    fsync, replace = os.fsync, os.replace
+
+    def note_sync(descriptor: int) -> None:
+        done.append(f"sync {Path(os.readlink(f'/proc/self/fd/{descriptor}')).suffix or 'folder'}")
+        fsync(descriptor)
+
+    def note_replace(source: Path, target: Path) -> None:
+        done.append("replace")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "fsync", note_sync)
+    monkeypatch.setattr(os, "replace", note_replace)
+    (tmp_path / "folder").mkdir()
+    files.replace_file(tmp_path / "folder" / "a", b"new", durable=durable)
+    assert done == (["sync .part", "replace", "sync folder"] if durable else ["replace"])
+
+
+def test_json_that_is_missing_damaged_or_no_object_is_empty(tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    assert files.read_json(path) == {}
+    files.write_json(path, {"a": [1, None]})
+    assert files.read_json(path) == {"a": [1, None]}
+    for content in ('{"a": ', "[1]"):
+        path.write_text(content)
+        assert files.read_json(path) == {}
+
+
+def test_a_lock_that_is_held_elsewhere_is_refused_until_its_process_is_killed(tmp_path: Path) -> None:
+    lock = tmp_path / "folder" / ".lock"
+    assert not files.is_held(lock) and not lock.exists(), "asking makes nothing"
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLDS, str(lock)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as holder:
+        assert holder.stdout is not None and holder.stdout.readline()
+        assert files.is_held(lock)
+        with pytest.raises(TimeoutError):
+            files.hold(lock)
+        holder.kill()
+    assert not files.is_held(lock)
+    with files.hold(lock):
+        assert files.is_held(lock)
+        with pytest.raises(TimeoutError):
+            files.hold(lock)
+    assert not files.is_held(lock) and lock.exists()
+
+
+def test_who_only_asks_does_not_keep_another_from_the_lock(tmp_path: Path) -> None:
+    lock = tmp_path / ".lock"
+    lock.touch()
+    with lock.open("rb") as file:
+        files.lock_descriptor(file.fileno(), shared=True)
+        assert not files.is_held(lock), "two may ask at a time"
+        asked = threading.Timer(files.PROBE_S / 4, file.close)
+        asked.start()
+        with files.hold(lock):
+            asked.join()
+
+
+def test_a_file_itself_is_locked_for_one_or_for_those_that_share_it(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.touch()
+    with path.open("rb") as first, path.open("rb") as second, path.open("rb") as third:
+        files.lock_descriptor(first.fileno(), shared=True)
+        files.lock_descriptor(second.fileno(), shared=True)
+        with pytest.raises(BlockingIOError):
+            files.lock_descriptor(third.fileno())
+        first.close()
+        second.close()
+        files.lock_descriptor(third.fileno())
+        with path.open("rb") as fourth, pytest.raises(BlockingIOError):
+            files.lock_descriptor(fourth.fileno(), shared=True)
+
+
+@pytest.mark.parametrize("kind", ["multiprocessing", "subprocess"])
+def test_a_child_ends_when_its_parent_is_killed(kind: str, tmp_path: Path) -> None:
+    script = tmp_path / "starts_a_child.py"
+    script.write_text(STARTS_A_CHILD)
+    environment = os.environ | {"PYTHONPATH": os.getcwd()}
+    with subprocess.Popen([sys.executable, str(script), kind], stdout=subprocess.PIPE, env=environment) as parent:
+        assert parent.stdout is not None
+        child = int(parent.stdout.readline())
+        assert is_alive(child)
+        parent.kill()
+    deadline_s = time.monotonic() + 30
+    while is_alive(child) and time.monotonic() < deadline_s:
+        time.sleep(0.02)
+    assert not is_alive(child)
+
+
+def is_alive(pid: int) -> bool:
+    """Whether it runs; one that nobody waits for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def test_saving_a_config_does_not_load_the_library_of_locks() -> None:
+    code = "import sys, core.config; assert 'filelock' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)

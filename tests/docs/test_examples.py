@@ -1,0 +1,134 @@
+"""The scripts under docs/examples and the code of docs/python-api.md run, and print what they should."""
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "docs" / "examples"
+PAGE = (ROOT / "docs" / "python-api.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+
+
+def run_script(script: Path, *arguments: object, folder: Path | None = None) -> str:
+    done = subprocess.run(
+        [sys.executable, str(script), *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        cwd=folder or ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def numbers(text: str, pattern: str) -> list[float]:
+    found = re.search(pattern, text)
+    assert found, f"no {pattern!r} in:\n{text}"
+    return [float(group) for group in found.groups()]
+
+
+def test_detect_finds_the_ball_in_most_windows(serve_recording: Path) -> None:
+    said = run_script(EXAMPLES / "detect.py", serve_recording)
+    for camera in ("left", "right"):
+        events, balls, windows = numbers(said, rf"{camera}: (\d+) events, (\d+) balls in (\d+) windows")
+        assert events > 100_000
+        assert windows == 300
+        assert 200 < balls <= 300
+    assert len(re.findall(r"^  \d+ us: x [\d.]+ px, y [\d.]+ px$", said, re.MULTILINE)) == 6
+
+
+def test_detect_makes_its_own_input_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    assert numbers(run_script(EXAMPLES / "detect.py"), r"right: \d+ events, (\d+) balls")[0] > 200
+    assert not list(tmp_path.iterdir())
+
+
+def test_prediction_meets_the_hitting_plane(serve_recording: Path) -> None:
+    said = run_script(EXAMPLES / "triangulate_and_predict.py", serve_recording)
+    points, residual_px = numbers(said, r"(\d+) points in space, median residual ([\d.]+) px")
+    assert points > 150
+    assert residual_px < 1.0
+    assert numbers(said, r"median error ([\d.]+) mm")[0] < 10
+    x_m, in_ms = numbers(said, r"at x (-[\d.]+) m in (\d+) ms")
+    assert x_m == -1.42
+    assert 100 < in_ms < 500
+    y_m, sigma_y_m, z_m, sigma_z_m = numbers(said, r"y (-?[\d.]+) m \+- ([\d.]+), z ([\d.]+) m \+- ([\d.]+)")
+    assert abs(y_m) < 0.6
+    assert 0.0 < z_m < 0.6
+    assert 0 < sigma_y_m < 0.05
+    assert 0 < sigma_z_m < 0.05
+
+
+def test_a_scene_is_simulated_with_its_truth(tmp_path: Path) -> None:
+    out = tmp_path / "scene.h5"
+    said = run_script(EXAMPLES / "simulate_scene.py", out, "dark", "320x180")
+    seconds, visible = numbers(said, r"scene\.h5: ([\d.]+) s, the ball is visible (\d+) times")
+    assert 0.5 < seconds < 1.5
+    assert visible > 200
+    assert numbers(said, r"left: (\d+) events")[0] > 10_000
+    assert out.is_file()
+
+
+def test_an_own_detector_is_scored_beside_the_built_in_one(serve_recording: Path) -> None:
+    said = run_script(EXAMPLES / "own_detector.py", serve_recording)
+    pattern = r"precision ([\d.]+), recall ([\d.]+), ([\d.]+) px"
+    own, built_in = numbers(said, f"median: {pattern}"), numbers(said, f"auto: {pattern}")
+    assert own[0] > 0.2
+    assert built_in[0] > max(0.95, own[0])
+    assert own[1] > 0.2
+    assert built_in[1] > 0.95
+    assert built_in[2] < min(2.0, own[2])
+
+
+def test_a_policy_is_trained_and_evaluated(tmp_path: Path) -> None:
+    said = run_script(EXAMPLES / "train_and_evaluate.py", tmp_path / "run", 30)
+    assert "run: finished" in said
+    speed, balls, returned = numbers(said, r"([\d.]+) m/s, (\d+) balls: ([\d.]+) % returned")
+    assert (speed, balls) == (5, 200)
+    assert 20 < returned <= 100
+    assert (tmp_path / "run" / "seed-0" / "policy.safetensors").is_file()
+
+
+def test_labels_come_back_as_they_went_out(serve_recording: Path) -> None:
+    said = run_script(EXAMPLES / "labels_in_and_out.py", serve_recording)
+    (stored,) = numbers(said, r"(\d+) labels are on the disk")
+    back, rejected, moved_px = numbers(said, r"(\d+) labels came back, (\d+) rejected, at most ([\d.]+) px moved")
+    assert stored == back > 20
+    assert rejected == 0
+    assert moved_px < 0.001
+    recall, error_px = numbers(said, r"recall ([\d.]+), median error ([\d.]+) px")
+    assert recall > 0.9
+    assert error_px < 2
+
+
+def test_the_code_of_the_page_runs(serve_recording: Path, tmp_path: Path) -> None:
+    shutil.copy(serve_recording, tmp_path / "recording.h5")
+    script = tmp_path / "page.py"
+    script.write_text("\n".join(BLOCKS), encoding="utf-8")
+    said = run_script(script, folder=tmp_path)
+    assert "['left', 'right']" in said
+    assert re.search(r"^Detection\(t_us=\d+, u_px=", said, re.MULTILINE)
+    assert re.search(r"^\d+ pre [\d.]+ \[-1\.42 ", said, re.MULTILINE)
+
+
+@pytest.mark.parametrize("code", [*(path.read_text() for path in EXAMPLES.glob("*.py")), *BLOCKS])
+def test_nothing_is_imported_from_deeper_than_a_room(code: str) -> None:
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.ImportFrom):
+            assert node.module is not None
+            top, *rooms = node.module.split(".")
+            assert len(rooms) == {"core": 1, "labels": 0}.get(top, len(rooms)), node.module
+
+
+def test_the_page_links_every_example() -> None:
+    for path in EXAMPLES.glob("*.py"):
+        if path.stem != "small_input":
+            assert f"(examples/{path.name})" in PAGE

@@ -1,0 +1,57 @@
+"""A pytest plugin under `coverage run`: which test, and which fixture, reaches which line; how each test ends.
+
+A fixture's lines belong to every test that asks for it, not only to the first one, which happens to set it up.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import coverage
+import pytest
+
+FIXTURE = "fixture "
+_tests: dict[str, dict] = {}
+_stack: list[str] = [""]
+
+
+def _switch(context: str) -> None:
+    current = coverage.Coverage.current()
+    if current is not None:
+        current.switch_context(context)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    _tests[item.nodeid] = {"seconds": 0.0, "fixtures": list(item.fixturenames), "passed": True, "ran": False}
+    _stack[:] = [item.nodeid]
+    _switch(item.nodeid)
+    try:
+        return (yield)
+    finally:
+        _stack[:] = [""]
+        _switch("")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(fixturedef, request):
+    _stack.append(FIXTURE + fixturedef.argname)
+    _switch(_stack[-1])
+    try:
+        return (yield)
+    finally:
+        _stack.pop()
+        _switch(_stack[-1])
+
+
+def pytest_runtest_logreport(report):
+    test = _tests[report.nodeid]
+    test["seconds"] += report.duration
+    test["passed"] &= not report.failed
+    test["ran"] |= report.when == "call" and report.outcome == "passed"
+
+
+def pytest_sessionfinish():
+    Path(os.environ["REACH_TESTS"]).write_text(json.dumps(_tests), encoding="utf-8")

@@ -1,0 +1,86 @@
+"""What the packages import is declared, and what is declared is imported and pinned."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+ROOT: Final = Path(__file__).parents[1]
+OURS: Final = ("app", "core", "labels")
+PROJECT: Final = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+DISTRIBUTIONS: Final = packages_distributions()
+EXTRAS_OF: Final = {
+    "app/bench/": ("bench", "dev"),
+    "app/export/onnx_actor.py": ("onnx",),
+    "core/bench/": ("bench",),
+    "core/learning/runs/sb3_baselines.py": ("baselines",),
+}
+"""Files that may need more than a newcomer installs."""
+WITHOUT_ITS_OWN: Final = {"labelimg"}
+"""Installed by the Makefile without what it depends on, so that pip is not told of it."""
+
+
+def normal(name: str) -> str:
+    """A distribution's name as indexes compare them."""
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def names(requirements: list[str]) -> set[str]:
+    """The distributions of some requirements, without their versions and extras."""
+    found = (re.match(r"[\w.-]+", requirement) for requirement in requirements)
+    return {normal(match.group()) for match in found if match} - {"rallyscope"}
+
+
+def imported(path: Path) -> set[str]:
+    """The top-level modules that a file imports, anywhere in it."""
+    modules: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            modules |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            modules.add(node.module)
+    return {module.partition(".")[0] for module in modules}
+
+
+def distributions_of(module: str) -> set[str]:
+    """Who may bring a module; without an installed one, the one of its name."""
+    return {normal(name) for name in DISTRIBUTIONS.get(module, [module])}
+
+
+def foreign_imports() -> Iterator[tuple[str, str]]:
+    """Every file of ours with every module in it that is neither ours nor Python's."""
+    for part in OURS:
+        for path in sorted((ROOT / part).rglob("*.py")):
+            for module in sorted(imported(path) - sys.stdlib_module_names - set(OURS)):
+                yield path.relative_to(ROOT).as_posix(), module
+
+
+def allowed_in(path: str) -> set[str]:
+    """What a file may import by what is declared."""
+    extras = [extra for start, several in EXTRAS_OF.items() if path.startswith(start) for extra in several]
+    optional = [requirement for extra in extras for requirement in PROJECT["optional-dependencies"][extra]]
+    return names(PROJECT["dependencies"] + optional) | WITHOUT_ITS_OWN
+
+
+def test_everything_that_is_imported_is_declared() -> None:
+    missing = [(path, module) for path, module in foreign_imports() if not distributions_of(module) & allowed_in(path)]
+    assert not missing
+
+
+def test_everything_that_a_newcomer_installs_is_imported() -> None:
+    used = set().union(*(distributions_of(module) for _, module in foreign_imports()))
+    assert names(PROJECT["dependencies"]) <= used
+
+
+@pytest.mark.parametrize("extra", [None, *PROJECT["optional-dependencies"]])
+def test_everything_that_is_declared_is_pinned(extra: str | None) -> None:
+    wanted = PROJECT["dependencies"] if extra is None else PROJECT["optional-dependencies"][extra]
+    assert names(wanted) <= names((ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines())
