@@ -103,14 +103,16 @@ class Window:
         self.page.evaluate(hide)
         return save_screenshot(self.page, name)
 
-    def wait_for_pixels(self, name: str, there: Callable[[np.ndarray], bool]) -> np.ndarray:
-        """The first screenshot for which `there(canvas)` holds; textures arrive some frames after their message."""
-        for _ in range(20):
-            canvas = self.screenshot(name)[CANVAS]
-            if there(canvas):
-                return canvas
+    def wait_for_pixels(
+        self, name: str, there: Callable[[np.ndarray], bool], region: tuple[slice, slice] = CANVAS
+    ) -> np.ndarray:
+        """The first screenshot for whose region `there` holds; meshes and textures are drawn after their message."""
+        deadline = time.monotonic() + 30.0
+        while not there(pixels := self.screenshot(name)[region]):
+            picture = ARTIFACTS / f"{name}.png"
+            assert time.monotonic() < deadline, f"the picture never became what was expected; see {picture}"
             self.page.wait_for_timeout(300)
-        raise AssertionError(f"the picture never became what was expected; see {ARTIFACTS / name}.png")
+        return pixels
 
 
 def save_screenshot(page: Page, name: str) -> np.ndarray:

@@ -46,8 +46,7 @@ def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for,
     rally = rally_of(live_lab)
     wait_for(lambda: rally.player.snapshot.returned >= 2, "two balls to be returned through perception", 60)
     assert live_window.state.playhead.following
-    image = live_window.screenshot("live")[SPACE]
-    assert count_like(image, TABLE_RGB, 45) > 20_000
+    live_window.wait_for_pixels("live", lambda image: count_like(image, TABLE_RGB, 45) > 20_000, SPACE)
     spots = rally.history.at(rally.history.followed_us, {}).picture.spots
     assert len(spots) >= 2
 

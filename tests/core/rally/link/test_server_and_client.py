@@ -221,13 +221,13 @@ def test_a_subscriber_that_never_reads_does_not_slow_the_simulation(address, cli
         client.set_noise(20.0)
         client.set_speed(100.0)  # as fast as it can
         with_it, without = [], []
-        for _ in range(5):  # in turns, and the best of each: other programs slow both
+        for _ in range(11):  # in turns: other programs slow both
             slow.subscribe(b"")
             with_it.append(simulated_per_second(client))
             slow.unsubscribe(b"")
             without.append(simulated_per_second(client))
         client.set_noise(0.1)
-    assert max(with_it) > 0.8 * max(without)
+    assert np.median(with_it) > 0.8 * np.median(without)
 
 
 def test_a_killed_server_is_noticed_and_its_successor_found():
