@@ -1,5 +1,6 @@
 """Assistance: pure functions that turn events, detections and labels into better or faster labels."""
 
+from labels.assist.between import labels_between
 from labels.assist.blind import is_blind_sample, next_blind
 from labels.assist.both_views import check_labels
 from labels.assist.curve import interpolate
@@ -22,6 +23,7 @@ __all__ = [
     "interpolate",
     "is_blind_sample",
     "label_from_snap",
+    "labels_between",
     "labels_from_curve",
     "next_blind",
     "propose",

@@ -16,7 +16,7 @@ from labels.store_registry import LabelStoreRegistry
 
 @dataclass(frozen=True, slots=True)
 class LayerName:
-    """Whose labels of which camera; the recording is the desk's."""
+    """Whose labels of which camera; the recording is the writer's."""
 
     camera: str
     annotator: str

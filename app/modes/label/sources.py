@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,7 +73,7 @@ def sources_of(recording: Recording) -> dict[str, LabelSource]:
     return found
 
 
-def partner_of(sources: dict[str, LabelSource], name: str) -> LabelSource | None:
+def partner_of(sources: Mapping[str, LabelSource], name: str) -> LabelSource | None:
     """The other event camera that stereo is made with; None if there is none."""
     names = [each for each, source in sources.items() if source.stream is not None]
     if name not in names or len(names) < 2:

@@ -10,8 +10,9 @@ import numpy as np
 
 from app import theme
 from app.modes.label.label_strip import STATE_INKS
+from app.modes.label.label_writer import LabelWriter
+from app.modes.label.labelling import Labelling
 from app.modes.label.plan import CameraAgreement
-from app.modes.label.work import LabelWork
 from app.pictures.palette import Ink
 from labels.assist import Proposals
 from labels.model import Label
@@ -28,38 +29,40 @@ class Checked:
     labels: int
 
 
-def checked_of(work: LabelWork) -> Checked:
+def checked_of(labelling: Labelling) -> Checked:
     """How much of the labelled camera was checked."""
-    times = work.grid.times()
-    return Checked(len(times), int(np.isin(times, work.here.arrays.t_us).sum()), len(work.here.arrays))
+    times, arrays = labelling.grid.times(), labelling.here.arrays
+    return Checked(len(times), int(np.isin(times, arrays.t_us).sum()), len(arrays))
 
 
-def save_html(work: LabelWork) -> str:
+def save_html(labelling: Labelling, writer: LabelWriter) -> str:
     """Whether everything is on the disk."""
-    desk = work.desk
-    if desk.failure is not None:
-        return _line(f"not saved: {html.escape(desk.failure)}", theme.BAD)
-    if work.view.camera not in work.ready:
+    if writer.failure is not None:
+        return _line(f"not saved: {html.escape(writer.failure)}", theme.BAD)
+    if labelling.view.camera not in labelling.saved:
         return _line("reading the labels", theme.MUTED)
-    if desk.waiting:
-        return _line(f"saving {desk.waiting}", BRAND)
-    if desk.saved_at is None:
+    if writer.waiting:
+        return _line(f"saving {writer.waiting}", BRAND)
+    if writer.saved_at is None:
         return _line("nothing to save", theme.MUTED)
-    return _line(f"all saved at {time.strftime('%H:%M:%S', time.localtime(desk.saved_at))}", theme.GOOD)
+    return _line(f"all saved at {time.strftime('%H:%M:%S', time.localtime(writer.saved_at))}", theme.GOOD)
 
 
-def status_words(work: LabelWork, checked: Checked, agreement: CameraAgreement | None) -> tuple[tuple[str, Ink], ...]:
+def status_words(
+    labelling: Labelling, writer: LabelWriter, checked: Checked, agreement: CameraAgreement | None
+) -> tuple[tuple[str, Ink], ...]:
     """The line in the picture: it is always in sight."""
-    desk, view = work.desk, work.view
-    if desk.failure is not None:
+    view = labelling.view
+    if writer.failure is not None:
         save = ("NOT SAVED", Ink.HULL_REJECTED)
-    elif desk.waiting:
+    elif writer.waiting:
         save = ("saving", Ink.DRAFT)
     else:
-        save = ("all saved", Ink.LABEL) if desk.saved_at is not None else ("nothing to save", Ink.NO_BALL)
+        save = ("all saved", Ink.LABEL) if writer.saved_at is not None else ("nothing to save", Ink.NO_BALL)
     if view.blind:
         return save, ("second look: place the ball again", Ink.DRAFT)
-    label, draft = work.here.labels.get(work.t_us), work.here.draft(work.t_us)
+    t_us, known = labelling.t_us, labelling.here
+    label, draft = known.labels.get(t_us), known.draft(t_us)
     if label is not None:
         made = label.provenance
         state = f"{label.state.replace('_', ' ')}, {made.source.replace('_', ' ')}"

@@ -67,7 +67,8 @@ def split_address(address: str) -> tuple[str, int]:
 class SimulationServer:
     """Publishes on a port and takes commands on the next one. `run` it in the thread that made it.
 
-    From the moment it has its ports until it runs it answers that it is being prepared.
+    From the moment it has its ports until it runs it answers that it is being prepared. Its time begins when the first
+    client commands or subscribes: until then a simulation would only take the processor from what prepares to watch it.
     """
 
     def __init__(
@@ -91,6 +92,8 @@ class SimulationServer:
         self._context = zmq.Context()
         self.rejected = 0
         """Messages that were no command."""
+        self._attended = False
+        """Whether there has been a client."""
         self._speed, self._paused, self._steps = 1.0, False, 0
         self._noise_hz = config.world.stereo.sensor.noise_hz
         self._auto_mps, self._scene = config.auto_serve_mps, config.world.stereo.scene
@@ -133,7 +136,7 @@ class SimulationServer:
         host, port = split_address(address)
         problem: zmq.ZMQError | None = None
         for _ in range(1 if port else TRIES):
-            self._published, self._commands = self._context.socket(zmq.PUB), self._context.socket(zmq.ROUTER)
+            self._published, self._commands = self._context.socket(zmq.XPUB), self._context.socket(zmq.ROUTER)
             self._published.setsockopt(zmq.SNDHWM, self._config.queue_messages)
             self._commands.setsockopt(zmq.MAXMSGSIZE, 16 * m.COMMAND_BYTES)  # beyond this the sender is cut off
             self._commands.setsockopt(zmq.RCVHWM, 1000)
@@ -172,7 +175,8 @@ class SimulationServer:
 
     def _turn(self) -> None:
         """One block, or a short wait for commands while paused. A block is computed while it lasts."""
-        if self._paused and not self._steps:
+        self._hear_of_subscribers()
+        if not self._attended or (self._paused and not self._steps):
             self._take_commands(time.monotonic() + HEARTBEAT_S / 2)
             self._beat()
             self._anchor()
@@ -198,6 +202,11 @@ class SimulationServer:
             if time.monotonic() - due_s > LATE_S:
                 self._anchor()
         self._publish(block)
+
+    def _hear_of_subscribers(self) -> None:
+        while self._published.poll(0):
+            self._published.recv()  # a topic that somebody wants, or wants no longer
+            self._attended = True
 
     def _serve_by_itself(self) -> None:
         if self._world.ball_is_visible:
@@ -265,6 +274,7 @@ class SimulationServer:
     def _take_commands(self, until_s: float) -> None:
         """Answer everything that is there, and what comes until a time."""
         while self._commands.poll(max(0, round((until_s - time.monotonic()) * 1e3))):
+            self._attended = True
             *envelope, data = self._commands.recv_multipart()
             reply = self._answer(data)
             self._commands.send_multipart([*envelope, m.encode(reply)], zmq.NOBLOCK)

@@ -35,16 +35,16 @@ class Labelling:
 
     @property
     def work(self):
-        return self.mode._work
+        return self.mode._editor.labelling
 
     def settle(self, t_us: int | None = None) -> None:
         """Until everything is saved, and what is shown is what was asked for last."""
-        saved, work = threading.Event(), self.work
+        saved = threading.Event()
         self.arrive()
         later = lambda _: self.window.session.later(saved.set)  # noqa: E731 - behind the answers to all earlier acts
-        work.desk.look(work.layer, later, later)
-        self._wait_for(saved.is_set, "the desk")
-        self._wait_for(lambda: t_us is None or work.t_us == t_us, f"the cursor to reach {t_us}")
+        self.mode._editor.writer.look(self.work.layer, later, later)
+        self._wait_for(saved.is_set, "the writer")
+        self._wait_for(lambda: t_us is None or self.work.t_us == t_us, f"the cursor to reach {t_us}")
         self._wait_for(self._shows_what_it_should, "the picture of the cursor")
 
     def arrive(self) -> None:
@@ -57,8 +57,10 @@ class Labelling:
         mode, seen, answers = self.mode, threading.Event(), []
 
         def compare() -> None:
-            plan = plan_at(mode._scene(self.window.state), self.work.t_us, mode._centre)
-            answers.append(mode._shown is not None and mode._shown.plan == plan and self.work.on_screen)
+            plan = plan_at(mode._scene(mode._editor, self.window.state), self.work.t_us, mode._pictures._centre)
+            answers.append(
+                mode._pictures.shown is not None and mode._pictures.shown.plan == plan and self.work.on_screen
+            )
             seen.set()
 
         self.window.session.later(compare)
@@ -146,7 +148,7 @@ def begin(window, wait_for, request) -> Labelling:
     found.page.wait_for_timeout(600)  # the sheet has another shape: the camera is moved
     name = request.node.name[5:30].strip("_")  # a layer of its own for each test
     window.field("Annotator").fill(name)
-    wait_for(lambda: found.work.view.annotator == name and "left" in found.work.ready, "the layer")
+    wait_for(lambda: found.work.view.annotator == name and "left" in found.work.saved, "the layer")
     window.page.mouse.click(*found.on_sheet(1200, -10))  # keys do nothing while a field has the cursor
     found.settle(BALL_US)
     return found
@@ -194,7 +196,7 @@ def test_keys_do_everything_and_all_of_it_can_be_undone(labelling, wait_for) -> 
     assert labelling.label(BALL_US) is None and len(labelling.work.here.labels) == 0
     labelling.keys("3", "PageDown", "PageUp", "P", "5", "Shift+F")
     labelling.settle(BALL_US)
-    assert labelling.work.view.window_us == 10_000 and labelling.mode._shown.plan.main.rendering == "count"
+    assert labelling.work.view.window_us == 10_000 and labelling.mode._pictures.shown.plan.main.rendering == "count"
     labelling.keys("End")
     labelling.settle(598_000)
     labelling.keys("Home")
@@ -233,8 +235,7 @@ def test_clicks_land_where_they_are_aimed_on_dense_screens(dense_window, wait_fo
 
 def test_proposals_are_accepted_by_key_and_by_segment(labelling, wait_for) -> None:
     labelling.keys("i")
-    work = labelling.work
-    wait_for(lambda: len(work.here.proposals or ()) > 20, "proposals", 60)
+    wait_for(lambda: len(labelling.work.here.proposals or ()) > 20, "proposals", 60)
     labelling.keys("8")
     labelling.settle(BALL_US)
     labelling.window.screenshot("label-proposed")
@@ -244,37 +245,42 @@ def test_proposals_are_accepted_by_key_and_by_segment(labelling, wait_for) -> No
     assert accepted.provenance.source is PositionSource.ACCEPTED and accepted.provenance.detector.startswith("auto#")
     labelling.keys("r")
     labelling.settle()
-    assert work.here.draft(BALL_US + 2000) is None
+    assert labelling.work.here.draft(BALL_US + 2000) is None
     labelling.keys("n")
     labelling.settle(BALL_US + 4000)
     labelling.keys("Enter")
-    wait_for(lambda: len(work.here.labels) > 10, "the segment")
+    wait_for(lambda: len(labelling.work.here.labels) > 10, "the segment")
     labelling.settle()
-    labels = sorted(work.here.labels)
+    labels = sorted(labelling.work.here.labels)
     assert BALL_US + 2000 not in labels
-    truth = work.source.stream.truth.at(labels)
+    truth = labelling.work.source.stream.truth.at(labels)
     errors = [
-        math.hypot(work.here.labels[t].x_px - truth.u_px[k], work.here.labels[t].y_px - truth.v_px[k])
+        math.hypot(
+            labelling.work.here.labels[t].x_px - truth.u_px[k], labelling.work.here.labels[t].y_px - truth.v_px[k]
+        )
         for k, t in enumerate(labels)
     ]
     assert sorted(errors)[len(errors) // 2] < 0.5
     labelling.keys("0", "p", "p", "Enter")
-    wait_for(lambda: len(work.here.labels) > 10 and work.view.camera == "right", "the other camera's segment")
+    wait_for(
+        lambda: len(labelling.work.here.labels) > 10 and labelling.work.view.camera == "right",
+        "the other camera's segment",
+    )
     labelling.keys("p", "p", "p")
     labelling.settle()
     labelling.window.screenshot("label-stereo")
     labelling.keys("z", "0", "z")
     labelling.settle()
-    assert len(work.works["right"].labels) == 0
+    assert len(labelling.work.works["right"].labels) == 0
 
 
 def test_tune_scores_a_config_against_the_labels(labelling, wait_for) -> None:
-    window, work = labelling.window, labelling.work
+    window = labelling.window
     labelling.keys("i")
-    wait_for(lambda: len(work.here.proposals or ()) > 60, "proposals", 60)
+    wait_for(lambda: len(labelling.work.here.proposals or ()) > 60, "proposals", 60)
     labelling.settle(BALL_US)
     labelling.keys("Enter")
-    wait_for(lambda: len(work.here.labels) > 20, "the segment")
+    wait_for(lambda: len(labelling.work.here.labels) > 20, "the segment")
     window.press("Tune")
     window.page.get_by_role("tab", name="Score").click()
     window.press("Score this config on the whole recording")

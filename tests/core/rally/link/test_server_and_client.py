@@ -230,6 +230,29 @@ def test_a_subscriber_that_never_reads_does_not_slow_the_simulation(address, cli
     assert np.median(with_it) > 0.8 * np.median(without)
 
 
+def test_time_begins_with_the_first_client():
+    process, address = start("tcp://127.0.0.1:0", "--auto-serve", "5")
+    time.sleep(1.0)
+    came_s = time.monotonic()
+    client = SimulationClient(address)
+    t_us = client.ask(lambda number: m.Hello(id=number)).t_us
+    assert t_us * 1e-6 <= time.monotonic() - came_s + 0.02
+    client.close()
+    process.kill()
+    process.wait()
+
+
+def test_time_begins_for_one_who_only_listens():
+    process, address = start()
+    with zmq.Context() as context, context.socket(zmq.SUB) as listener:
+        listener.setsockopt(zmq.RCVTIMEO, 10_000)
+        listener.connect(address)
+        listener.subscribe(b"state")
+        assert [m.decode(listener.recv_multipart()[1], m.KINDS).t_us for _ in range(3)][-1] >= 30_000
+    process.kill()
+    process.wait()
+
+
 def test_a_killed_server_is_noticed_and_its_successor_found():
     process, address = start()
     client = SimulationClient(address, timeout_s=1.0)

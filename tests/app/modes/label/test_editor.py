@@ -11,9 +11,13 @@ import pytest
 
 from app.cli.main import main
 from app.modes.label.assistant import Assistant
+from app.modes.label.commands import COMMANDS
+from app.modes.label.cursor_commands import ChangeView, GoTo, StepBy
+from app.modes.label.editor import LabelCallbacks, LabelEditor
+from app.modes.label.hand_commands import PlaceBall, SetState
+from app.modes.label.labelling import Labelling, begin_labelling
 from app.modes.label.plan import CameraWork, LabelScene, PicturePlan, agreement_at, centre_at, plan_at
 from app.modes.label.view import LabelView
-from app.modes.label.work import LabelCallbacks, LabelWork
 from app.modes.services import LABEL_TOOL
 from core.detection import DetectorConfig
 from core.events import Events, SensorSize
@@ -27,7 +31,7 @@ BALL_US = 300_000
 
 
 class Bench:
-    """A work with a loop of its own."""
+    """An editor with a loop of its own."""
 
     def __init__(self, folder: Path, recording: Path, cameras: tuple[str, ...] = ("left", "right")) -> None:
         from concurrent.futures import ThreadPoolExecutor
@@ -35,18 +39,21 @@ class Bench:
         self.folder, self.errors, self.notes = folder, [], []
         self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self.recording = open_recording(recording)
-        hooks = LabelCallbacks(
-            self._inbox.put, self.errors.append, lambda *words: self.notes.append(words), lambda t_us: None
-        )
+        callbacks = LabelCallbacks(self._inbox.put, self.errors.append, self.notes.append, lambda t_us: None)
         stores = LabelStoreRegistry(folder, tool=LABEL_TOOL)
-        self.work = LabelWork(stores, self.recording, hooks, LabelView(camera="left", annotator="anna"), 2000)
+        view = LabelView(camera="left", annotator="anna")
+        self.editor = LabelEditor(stores, begin_labelling(self.recording, view, 2000, time.monotonic()), callbacks)
         self.pool = ThreadPoolExecutor(1)
-        self.assistant = Assistant(self.work, self.pool)
-        self.wait(lambda: set(cameras) <= self.work.ready)
+        self.assistant = Assistant(self.editor, self.pool)
+        self.wait(lambda: set(cameras) <= set(self.work.saved))
+
+    @property
+    def work(self) -> Labelling:
+        return self.editor.labelling
 
     def close(self) -> None:
         self.assistant.close()
-        self.work.close()
+        self.editor.close()
         self.pool.shutdown()
         self.recording.close()
 
@@ -56,29 +63,29 @@ class Bench:
         while True:
             while not self._inbox.empty():
                 self._inbox.get()()
-            if (condition or (lambda: not self.work.desk.waiting))() and self._inbox.empty():
+            if (condition or (lambda: not self.editor.writer.waiting))() and self._inbox.empty():
                 return
             assert time.monotonic() < deadline
             time.sleep(0.005)
 
     def scene(self) -> LabelScene:
         work = self.work
-        partner = work.partner
-        there = CameraWork() if partner is None else work.works[partner.name]
-        return LabelScene(work.source, partner, work.view, "polarity", "orange / blue", work.here, there)
+        there = CameraWork() if work.there is None else work.there
+        return LabelScene(work.source, work.partner, work.view, "polarity", "orange / blue", work.here, there)
 
     def look(self, t_us: int | None = None) -> PicturePlan:
         """As if the picture at the cursor had been shown."""
         if t_us is not None:
-            self.work.move_to(t_us)
+            self.editor.send(GoTo(t_us))
         scene = self.scene()
-        self.work.shown = plan_at(scene, self.work.t_us, centre_at(scene, self.work.t_us, None))
-        return self.work.shown
+        plan = plan_at(scene, self.work.t_us, centre_at(scene, self.work.t_us, None))
+        self.editor.show(plan)
+        return plan
 
     def press(self, *names: str) -> None:
         for name in names:
             self.look()
-            assert self.work.perform(name)
+            self.editor.send(COMMANDS[name])
         self.wait()
 
     def truth(self, t_us: int, camera: str = "left") -> tuple[float, float]:
@@ -90,7 +97,7 @@ class Bench:
     def click_truth(self, t_us: int, off_px: float = 1.0) -> None:
         self.look(t_us)
         x, y = self.truth(t_us, self.work.view.camera)
-        self.work.click(x + off_px, y)
+        self.editor.send(PlaceBall(x + off_px, y))
         self.wait()
 
 
@@ -150,8 +157,8 @@ def test_undo_goes_back_to_nothing_and_redo_forth_again(bench: Bench) -> None:
 def test_what_is_not_on_the_screen_is_not_accepted(bench: Bench) -> None:
     propose(bench, BALL_US)
     bench.look(BALL_US)
-    bench.work.accept()
-    bench.work.accept()  # the cursor is further, the picture is not
+    bench.editor.send(COMMANDS["accept"])
+    bench.editor.send(COMMANDS["accept"])  # the cursor is further, the picture is not
     bench.wait()
     assert sorted(bench.work.here.labels) == [BALL_US]
 
@@ -165,7 +172,7 @@ def test_a_rejected_proposal_is_gone_and_the_time_stays_unchecked(bench: Bench) 
 
 
 def test_proposals_of_both_cameras_come_together(bench: Bench) -> None:
-    bench.work.move_to(BALL_US)
+    bench.editor.send(GoTo(BALL_US))
     bench.assistant.toggle_propose(DetectorConfig())
     bench.wait(lambda: any(work.proposals is not None for work in bench.work.works.values()))
     assert all(work.proposals is not None for work in bench.work.works.values())
@@ -173,14 +180,14 @@ def test_proposals_of_both_cameras_come_together(bench: Bench) -> None:
 
 def test_a_segment_without_proposals_says_so(bench: Bench) -> None:
     bench.look(BALL_US)
-    bench.assistant.accept_segment()
-    assert [title for title, _, _ in bench.notes] == ["No proposals here"]
+    bench.editor.send(COMMANDS["accept_segment"])
+    assert [note.title for note in bench.notes] == ["No proposals here"]
 
 
 def test_a_segment_is_accepted_as_one_step(bench: Bench) -> None:
     propose(bench, BALL_US)
     bench.look(BALL_US)
-    bench.assistant.accept_segment()
+    bench.editor.send(COMMANDS["accept_segment"])
     bench.wait()
     labels = bench.work.here.labels
     assert len(labels) > 20 and {label.provenance.source for label in labels.values()} == {PositionSource.ACCEPTED}
@@ -193,11 +200,11 @@ def test_a_segment_is_accepted_as_one_step(bench: Bench) -> None:
 def test_labels_between_keyframes_are_interpolated_in_space_where_both_cameras_are_labelled(bench: Bench) -> None:
     times = range(BALL_US, BALL_US + 81_000, 10_000)
     for camera in ("right", "left"):
-        bench.work.change_view(camera=camera)
+        bench.editor.send(ChangeView({"camera": camera}))
         for t_us in times:
             bench.click_truth(t_us)
-    bench.work.move_to(BALL_US + 6_000)
-    bench.assistant.interpolate()
+    bench.editor.send(GoTo(BALL_US + 6_000))
+    bench.editor.send(COMMANDS["interpolate"])
     bench.wait()
     labels = bench.work.here.labels
     between = {t: label for t, label in labels.items() if label.provenance.source is PositionSource.INTERPOLATED}
@@ -208,7 +215,7 @@ def test_labels_between_keyframes_are_interpolated_in_space_where_both_cameras_a
 
 def test_the_cameras_agree_on_the_same_ball_and_not_on_another(bench: Bench) -> None:
     for camera in ("right", "left"):
-        bench.work.change_view(camera=camera)
+        bench.editor.send(ChangeView({"camera": camera}))
         bench.click_truth(BALL_US)
     good = agreement_at(bench.scene(), BALL_US)
     assert good is not None and good.residual_px < 0.6
@@ -232,14 +239,14 @@ def test_the_queue_leads_to_the_label_that_is_wrong(bench: Bench) -> None:
 def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:
     for t_us in range(0, 600_000, 2000):  # one in twenty of 280: none at all is unthinkable
         bench.look(t_us)
-        bench.work.set_state(LabelState.OUT_OF_FRAME)
+        bench.editor.send(SetState(LabelState.OUT_OF_FRAME))
     bench.wait()
     bench.assistant.second_look()
     bench.wait(lambda: bench.work.view.blind or bench.notes)
     assert bench.work.view.blind
     asked = bench.work.t_us
     assert bench.look().main.marks == ()
-    bench.work.set_state(LabelState.NO_BALL)
+    bench.editor.send(SetState(LabelState.NO_BALL))
     bench.wait(lambda: not bench.work.view.blind)
     second = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna", blind=True))
     label = second.at(asked)
@@ -249,7 +256,7 @@ def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:
 
 def propose(bench: Bench, t_us: int) -> None:
     """Until the detector has been through 100 ms from there."""
-    bench.work.move_to(t_us)
+    bench.editor.send(GoTo(t_us))
     bench.assistant.toggle_propose(DetectorConfig())
     bench.wait(
         lambda: (bench.assistant.share is not None and bench.assistant.share > 0.3) or bench.assistant.share is None
@@ -267,14 +274,14 @@ def test_frames_are_labelled_at_their_own_times_and_exposures_and_exported(tmp_p
         images[1, 20, 30] = (255, 0, 0)
         writer.write_frames("rgb", np.array([9_000, 19_000, 29_000]), np.full(3, 4_000), images)
     bench = Bench(tmp_path / "data" / "labels", file, cameras=("left", "rgb"))
-    bench.work.change_view(camera="rgb")
+    bench.editor.send(ChangeView({"camera": "rgb"}))
     assert bench.work.partner is None
-    bench.work.step(+1)
-    bench.work.step(+1)
+    bench.editor.send(StepBy(+1))
+    bench.editor.send(StepBy(+1))
     assert bench.work.t_us == 19_000
     plan = bench.look()
     assert (plan.main.frame, plan.main.window_us) == (1, (17_000, 21_000))
-    bench.work.click(30.25, 20.5)
+    bench.editor.send(PlaceBall(30.25, 20.5))
     bench.wait()
     label = bench.work.here.labels[19_000]
     assert (label.x_px, label.y_px, label.provenance.source) == (30.25, 20.5, PositionSource.BY_HAND)

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from app.bench.bare_browser import BareBrowser
+from app.modes.label.editor import LabelEditor
 from app.modes.label.held_keys import HeldKeys
 from app.modes.label.keys import KEYS
+from app.modes.label.labelling import Labelling
 from app.modes.label.mode import LabelMode
 from app.server import App
 from app.shared.library import Library
@@ -30,12 +32,16 @@ class Hand:
         mode = session._modes["Label"]
         assert isinstance(mode, LabelMode)
         self.mode = mode
-        self.wait(lambda: mode._work is not None and mode._work.on_screen and "right" in mode._work.ready)
+        self.wait(lambda: mode._editor is not None and self.work.on_screen and "right" in self.work.saved)
 
     @property
-    def work(self):
-        assert self.mode._work is not None
-        return self.mode._work
+    def editor(self) -> LabelEditor:
+        assert self.mode._editor is not None
+        return self.mode._editor
+
+    @property
+    def work(self) -> Labelling:
+        return self.editor.labelling
 
     def keys(self, *names: str) -> None:
         """By the names of their acts."""
@@ -83,7 +89,7 @@ def test_undo_takes_back_a_segment_that_had_to_wait(hand: Hand) -> None:
 
 def test_escape_forgets_what_waits(hand: Hand) -> None:
     hand.keys("propose", "accept_segment", "escape", "next")
-    hand.wait(lambda: hand.work.here.proposals is not None and hand.work.on_screen and not hand.work.desk.waiting)
+    hand.wait(lambda: hand.work.here.proposals is not None and hand.work.on_screen and not hand.editor.writer.waiting)
     assert hand.work.t_us == BALL_US + 2000 and not hand.work.here.labels
 
 

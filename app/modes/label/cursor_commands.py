@@ -1,0 +1,121 @@
+"""What a person may ask of the cursor and of what is shown: frozen commands, each a pure step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from app.modes.label.labelling import Labelling
+from app.modes.label.step import Note, Step
+from app.modes.label.view import WINDOWS_US, ZOOMS
+from app.shared.workspace import slug_from
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeView:
+    """Take over other choices of what is shown, by the name of `LabelView`'s field."""
+
+    changes: Mapping[str, Any]
+
+    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+        view = replace(labelling.view, **self.changes)
+        if view.camera not in labelling.sources or view.window_us not in WINDOWS_US or view.zoom not in ZOOMS:
+            return Step(labelling)
+        before, saved = labelling.view, labelling.saved
+        if (view.annotator, view.camera) != (before.annotator, before.camera):
+            view = replace(view, blind=False, centre_px=None)
+        if view.annotator != before.annotator:
+            saved = {}
+        return Step(replace(labelling, view=view, saved=saved))
+
+
+@dataclass(frozen=True, slots=True)
+class SetAnnotator:
+    """Another person labels; a name not typed yet is no name."""
+
+    name: str
+
+    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+        if not self.name.strip():
+            return Step(labelling)
+        return ChangeView({"annotator": slug_from(self.name)}).apply(labelling, wall_s)
+
+
+@dataclass(frozen=True, slots=True)
+class OtherCamera:
+    """The next camera of the recording."""
+
+    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+        names = tuple(labelling.sources)
+        name = names[(names.index(labelling.view.camera) + 1) % len(names)]
+        return ChangeView({"camera": name}).apply(labelling, wall_s)
+
+
+@dataclass(frozen=True, slots=True)
+class GoTo:
+    """Move the time cursor."""
+
+    t_us: int
+
+    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+        return Step(labelling.at(self.t_us, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class StepBy:
+    """To the next or previous time that is to be labelled, or some further."""
+
+    steps: int
+
+    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+        return Step(labelling.moved(self.steps, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class GoToEnd:
+    """To the first or the last time that is to be labelled."""
+
+    last: bool
+
+    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+        grid = labelling.grid
+        return Step(labelling.at(grid.last_us if self.last else int(grid.times()[:1].sum()), wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class GoToUnchecked:
+    """To the next time that nobody has looked at; round to the start once."""
+
+    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+        times = labelling.grid.times()
+        left = times[~np.isin(times, labelling.here.arrays.t_us)]
+        if not len(left):
+            note = Note("Everything is checked", "No unchecked time is left in this camera.", "green")
+            return Step(labelling, note=note)
+        row = int(np.searchsorted(left, labelling.t_us, side="right")) % len(left)
+        return Step(labelling.at(int(left[row]), wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class BeginSecondLook:
+    """Ask for the label at a time again, without showing it."""
+
+    t_us: int
+
+    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+        view = replace(labelling.view, blind=True)
+        return Step(replace(labelling, view=view, back_us=labelling.t_us).at(self.t_us, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class LeaveSecondLook:
+    """Back to where it was begun, answered or not."""
+
+    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+        if not labelling.view.blind:
+            return Step(labelling)
+        view = replace(labelling.view, blind=False)
+        return Step(replace(labelling, view=view).at(labelling.back_us, wall_s))

@@ -1,0 +1,111 @@
+"""Carries commands out: the labelling of one browser as it is now, and its labels on the disk."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+from app.modes.label.cursor_commands import GoTo, LeaveSecondLook
+from app.modes.label.label_writer import LabelWriter, LayerName, Saved
+from app.modes.label.labelling import Labelling
+from app.modes.label.plan import PicturePlan
+from app.modes.label.step import Edit, LabelCommand, Note
+from core.errors import RallyscopeError
+from labels.store_registry import LabelStoreRegistry
+
+RECENT: Final = 64
+
+
+@dataclass(frozen=True, slots=True)
+class LabelCallbacks:
+    """What the editor needs of its browser."""
+
+    later: Callable[[Callable[[], None]], None]
+    report: Callable[[Exception], None]
+    note: Callable[[Note], None]
+    seek: Callable[[int], None]
+
+
+class LabelEditor:
+    """Owns the state and the writer. All methods are called by the loop; answers of the writer come through `later`."""
+
+    def __init__(self, registry: LabelStoreRegistry, labelling: Labelling, callbacks: LabelCallbacks) -> None:
+        self.labelling = labelling
+        self.callbacks = callbacks
+        self.writer = LabelWriter(registry, labelling.recording.uuid)
+        self._read_layers()
+
+    def send(self, command: LabelCommand) -> None:
+        """Apply a command, save what it asks for, and move the time cursor where it says."""
+        before = self.labelling
+        try:
+            step = command.apply(before, time.monotonic())
+        except RallyscopeError as error:
+            self.callbacks.report(error)
+            return
+        self.labelling = step.labelling
+        if step.edit is not None:
+            self._save(before.layer, step.edit)
+        if step.note is not None:
+            self.callbacks.note(step.note)
+        if step.labelling.view.annotator != before.view.annotator:
+            self._read_layers()
+        if step.labelling.t_us != before.t_us:
+            self.callbacks.seek(step.labelling.t_us)
+
+    def follow(self, t_us: int, step_us: int) -> None:
+        """The time controls stand here."""
+        self.labelling = replace(self.labelling.at(t_us, time.monotonic()), step_us=step_us)
+
+    def show(self, plan: PicturePlan) -> None:
+        """These pictures are on the screen."""
+        self.labelling = replace(self.labelling, shown=plan)
+
+    def close(self) -> None:
+        """The browser or the recording is gone; what was asked for is still saved."""
+        self.writer.close()
+
+    def failed(self, error: Exception) -> None:
+        """Report what went wrong in another thread."""
+        self.callbacks.later(lambda: self.callbacks.report(error))
+
+    def _read_layers(self) -> None:
+        """Read the labels of every camera, the one that is labelled first; a partner's are looked at only."""
+        view = self.labelling.view
+        for camera in sorted(self.labelling.sources, key=lambda name: name != view.camera):
+            layer = LayerName(camera, view.annotator)
+            self.writer.look(layer, lambda saved: self.callbacks.later(lambda: self._take(saved)), self.failed)
+
+    def _save(self, layer: LayerName, edit: Edit) -> None:
+        def done(saved: Saved) -> None:
+            self.callbacks.later(lambda: self._take(saved, show=edit.show))
+            if edit.said is not None:
+                note = edit.said(saved)
+                self.callbacks.later(lambda: self.callbacks.note(note))
+
+        self.writer.act(layer, edit.act, done, self.failed)
+
+    def _take(self, saved: Saved, *, show: bool = False) -> None:
+        """The writer's answer: it is on the disk."""
+        layer, now = saved.layer, self.labelling
+        if layer.annotator != now.view.annotator:
+            return
+        if layer.blind:
+            if saved.touched_us:
+                self.send(LeaveSecondLook())
+            return
+        if layer.camera not in now.saved:
+            for text in saved.notes:
+                self.callbacks.note(Note("Labels", text, "yellow"))
+        known = replace(now.works[layer.camera], labels=saved.labels, arrays=saved.arrays)
+        self.labelling = replace(
+            now,
+            saved={**now.saved, layer.camera: saved},
+            works={**now.works, layer.camera: known},
+            recent_us=(*now.recent_us, *saved.touched_us)[-RECENT:],
+        )
+        if show and len(saved.touched_us) and layer.camera == now.view.camera:
+            nearest_us = min(saved.touched_us, key=lambda t_us: abs(t_us - now.t_us))
+            self.send(GoTo(nearest_us))

@@ -1,0 +1,73 @@
+"""What a command of Label leads to: the next state, what is to be saved, what is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from app.modes.label.label_writer import Act, Saved
+from app.modes.label.labelling import Labelling
+from core.errors import LabelError
+from labels.model import Label
+from labels.store import LabelStore
+
+Make = Callable[[Label | None], Label | None]
+"""From the label that is there to the one that is to be there; None: impossible."""
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What is said to the person."""
+
+    title: str
+    text: str
+    colour: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edit:
+    """A change of the layer that is labelled, carried out off the loop."""
+
+    act: Act
+    show: bool = False
+    """Go to what was changed."""
+    said: Callable[[Saved], Note] | None = None
+    """What is said once it is saved."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Step:
+    """What a command leads to."""
+
+    labelling: Labelling
+    edit: Edit | None = None
+    note: Note | None = None
+
+
+class LabelCommand(Protocol):
+    """One step of the labelling; `wall_s` is monotonic.
+
+    Raises:
+        CommandError: from `apply`, for a value that cannot be used; nothing changes.
+    """
+
+    def apply(self, labelling: Labelling, wall_s: float) -> Step: ...
+
+
+def change_label(labelling: Labelling, t_us: int, make: Make, wall_s: float, *, advance: bool = False) -> Step:
+    """Replace the label at a time by what is made of it, after all earlier changes."""
+
+    def act(store: LabelStore) -> tuple[int, ...]:
+        before = store.at(t_us)
+        label = make(before)
+        if label is None:
+            raise LabelError("nothing to change at this time", where=f"{t_us} us", remedy="click the ball first")
+        if label != before:
+            store.put(label)
+        return (t_us,)
+
+    step = Step(labelling, Edit(act))
+    if advance and t_us == labelling.t_us and not labelling.view.blind:
+        return replace(step, labelling=labelling.moved(+1, wall_s))
+    return step

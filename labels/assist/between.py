@@ -1,0 +1,52 @@
+"""Labels for the unlabelled times between labelled ones: by a flight in space where one fits, else by a curve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from labels.arrays import LabelArrays
+from labels.assist.curve import Curve, interpolate
+from labels.assist.drafts import labels_from_curve
+from labels.assist.flight import curve_of_flight, fit_flight
+from labels.model import Label
+
+
+def labels_between(
+    keys: LabelArrays,
+    there: LabelArrays | None,
+    cameras: tuple[Camera, Camera] | None,
+    times_us: NDArray[np.int64],
+    t_us: int,
+    breaks_us: tuple[int, ...],
+) -> tuple[Label, ...]:
+    """Labels for the unlabelled ones of some times in the segment of `keys` that holds `t_us`, or is nearest to it.
+
+    `there` are the labels of the other camera; with both calibrations a flight is fitted to both cameras' labels.
+    Nothing is interpolated across `breaks_us`, bounces and hits.
+    """
+    plain = interpolate(keys, times_us, breaks_us=breaks_us)
+    if not plain.covered.any():
+        return ()
+    nearest = int(np.flatnonzero(plain.covered)[np.argmin(np.abs(plain.t_us[plain.covered] - t_us))])
+    inside = times_us[plain.segment == plain.segment[nearest]]
+    curve, made_of = plain, "curve"
+    if cameras is not None and there is not None:
+        span = int(inside[0]) - 1, int(inside[-1]) + 2
+        flight = fit_flight(cameras, (keys.between(*span), there.between(*span)))
+        if flight is not None:
+            curve, made_of = curve_of_flight(flight, cameras[0], times_us), "flight"
+    free = np.isin(curve.t_us, inside) & ~np.isin(curve.t_us, keys.t_us) & curve.covered
+    return labels_from_curve(_rows(curve, free), made_of=made_of)
+
+
+def _rows(curve: Curve, rows: NDArray[np.bool_]) -> Curve:
+    return Curve(
+        curve.t_us[rows],
+        curve.x_px[rows],
+        curve.y_px[rows],
+        curve.r_px[rows],
+        curve.sigma_px[rows],
+        curve.segment[rows],
+    )
