@@ -25,6 +25,8 @@ from core.errors import ConfigError
 from core.files import replace_file
 
 C = typing.TypeVar("C")
+Setting = bool | int | float | str | tuple[float, ...]
+"""The value of a leaf."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +45,15 @@ class FieldSpec:
     path: tuple[str, ...]
     """Section names and field name, outermost first: ("cluster", "eps_px")."""
     kind: type
-    """bool, int, float or str."""
-    default: bool | int | float | str
+    """bool, int, float or str; of a list, of its items."""
+    default: Setting
     bounds: Bounds | None
     """Of an int or a float; None for a bool or a choice."""
     choices: tuple[str, ...]
     """Of a str; empty otherwise."""
     doc: str
+    is_list: bool = False
+    """A tuple of any length."""
 
 
 def setting(default: float, low: float, high: float, *, step: float | None = None) -> typing.Any:
@@ -102,20 +106,25 @@ def field_specs(config_type: type, *, prefix: tuple[str, ...] = ()) -> tuple[Fie
         choices: tuple[str, ...] = ()
         if typing.get_origin(kind) is typing.Literal:
             choices, kind = typing.get_args(kind), str
+        is_list = typing.get_origin(kind) is tuple
+        if is_list:
+            kind = typing.get_args(kind)[0]
         default = item.default if item.default is not dataclasses.MISSING else None
-        assert isinstance(default, (bool, int, float, str)), f"{config_type.__name__}.{item.name} needs a plain default"
-        specs.append(FieldSpec(path, kind, default, item.metadata.get("bounds"), choices, docs.get(item.name, "")))
+        plain = isinstance(default, (bool, int, float, str, tuple))
+        assert plain, f"{config_type.__name__}.{item.name} needs a plain default"
+        bounds, doc = item.metadata.get("bounds"), docs.get(item.name, "")
+        specs.append(FieldSpec(path, kind, default, bounds, choices, doc, is_list))
     return tuple(specs)
 
 
-def get_setting(config: object, path: tuple[str, ...]) -> bool | int | float | str:
+def get_setting(config: object, path: tuple[str, ...]) -> Setting:
     """The value of the leaf at `path`."""
     for name in path:
         config = getattr(config, name)
-    return typing.cast("bool | int | float | str", config)
+    return typing.cast(Setting, config)
 
 
-def replace_setting(config: C, path: tuple[str, ...], value: bool | int | float | str) -> C:
+def replace_setting(config: C, path: tuple[str, ...], value: Setting) -> C:
     """The same config with the leaf at `path` set to `value`.
 
     Raises:

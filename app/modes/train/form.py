@@ -1,69 +1,96 @@
-"""What the form of a new training holds, as a browser sent it, and the plan that it means, if it means one."""
+"""The form of a new training: values for the fields of `RunConfig`, as a browser sent them, and the run they mean."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Literal, TypeVar, get_args
+import dataclasses
+from collections.abc import Mapping
+from typing import Final
 
-from app.modes.train.plan import Source, TrainingPlan, offered_agents, parse_episodes, parse_speeds
+from app.modes.train.presets import MOST_STAGES, SOURCES, offered_agents
+from core.config import FieldSpec, config_from_mapping, config_to_mapping, field_specs, get_setting
 from core.errors import ConfigError
-from core.learning.config import ReplayRule, RewardKind
+from core.learning.config import RunConfig
 
-T = TypeVar("T")
-ADVANCE: Final[dict[str, Literal["episodes", "converged"]]] = {
-    "after its balls": "episodes",
-    "as soon as 98 % come back": "converged",
-}
-SEEN_AS: Final[dict[str, Source]] = {
-    "exactly": "truth",
-    "predicted from five points": "predicted",
-    "exactly, with noise": "truth+noise",
-}
-"""How a choice is shown -> what it is."""
+Path = tuple[str, ...]
 
-
-@dataclass(frozen=True, slots=True)
-class FormValues:
-    """The form's values as they came: a browser may send anything."""
-
-    agent: object
-    reward: object
-    replay: object
-    speeds: object
-    episodes: object
-    advance: object
-    source: object
-    seeds: object
-    first_seed: object
+MAIN: Final[tuple[Path, ...]] = (
+    ("agent",),
+    ("reward", "kind"),
+    ("curriculum", "speeds_mps"),
+    ("curriculum", "episodes"),
+    ("curriculum", "advance"),
+    ("curriculum", "replay"),
+    ("environment", "state_source"),
+    ("seeds",),
+    ("first_seed",),
+)
+"""What most people change; everything else is folded away."""
+LONGEST_NUMBER: Final = 12
+LARGEST_WHOLE: Final = 2.0**53
+"""A browser knows only floats; beyond this they skip whole numbers."""
 
 
-def plan_of_form(form: FormValues) -> TrainingPlan:
-    """The plan; `run_of_plan` checks its bounds.
+def form_specs() -> tuple[FieldSpec, ...]:
+    """The fields of the form, the main ones first; the physics of the task is the simulation's and no part of it."""
+    specs = {spec.path: spec for spec in field_specs(RunConfig) if spec.path[:2] != ("environment", "task")}
+    offered = {("agent",): offered_agents(), ("environment", "state_source"): SOURCES}
+    for path, choices in offered.items():
+        specs[path] = dataclasses.replace(specs[path], choices=choices)
+    return (*(specs.pop(path) for path in MAIN), *specs.values())
+
+
+def value_shown(config: RunConfig, spec: FieldSpec) -> bool | int | float | str:
+    """The value of a field as its control shows it: equal numbers of a list once."""
+    value = get_setting(config, spec.path)
+    if not isinstance(value, tuple):
+        return value
+    shown = value[:1] if len(set(value)) == 1 else value
+    return ", ".join(f"{number:g}" for number in shown)
+
+
+def run_of_form(base: RunConfig, values: Mapping[Path, object]) -> RunConfig:
+    """`base` with the values of the form, which may be anything.
 
     Raises:
-        ConfigError: if a value is none that the form offers, or no number where one belongs.
+        ConfigError: if a value is none that its field can have, or they do not go together.
     """
-    speeds = parse_speeds(str(form.speeds))
-    return TrainingPlan(
-        agent=_choice("agent", form.agent, {name: name for name in offered_agents()}),
-        reward=_choice("reward", form.reward, {name: name for name in get_args(RewardKind)}),
-        replay=_choice("replay", form.replay, {name: name for name in get_args(ReplayRule)}),
-        speeds_mps=speeds,
-        episodes=parse_episodes(str(form.episodes), len(speeds)),
-        advance=_choice("advance", form.advance, ADVANCE),
-        source=_choice("source", form.source, SEEN_AS),
-        seeds=_whole("seeds", form.seeds),
-        first_seed=_whole("first seed", form.first_seed),
-    )
+    mapping = config_to_mapping(base)
+    specs = {spec.path: spec for spec in form_specs()}
+    stages = 1
+    for path, value in values.items():
+        where: dict = mapping
+        for name in path[:-1]:
+            where = where[name]
+        where[path[-1]] = _value(specs[path], value)
+        if path == ("curriculum", "speeds_mps"):
+            stages = len(where[path[-1]])
+    curriculum = mapping["curriculum"]
+    assert isinstance(curriculum, dict)
+    if len(curriculum["episodes"]) == 1:  # one number is for all stages
+        curriculum["episodes"] = curriculum["episodes"] * stages
+    return config_from_mapping(RunConfig, mapping, where="the form")
 
 
-def _choice(what: str, value: object, offered: dict[str, T]) -> T:
-    if not isinstance(value, str) or value not in offered:
-        raise ConfigError("not offered", expected=", ".join(offered), got=repr(value)[:80], where=what)
-    return offered[value]
+def _value(spec: FieldSpec, value: object) -> object:
+    if spec.is_list:
+        return _numbers(spec, str(value))
+    if spec.kind is int and isinstance(value, float) and value.is_integer() and abs(value) < LARGEST_WHOLE:
+        return int(value)
+    if spec.choices and value not in spec.choices:
+        expected = ", ".join(spec.choices)
+        raise ConfigError("not offered", expected=expected, got=repr(value)[:80], where=spec.path[-1])
+    return value
 
 
-def _whole(what: str, value: object) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value // 1:
-        raise ConfigError("not a whole number", got=repr(value)[:80], where=what)
-    return int(value)
+def _numbers(spec: FieldSpec, text: str) -> tuple[float, ...]:
+    """What a person typed: "3, 5"."""
+    parts = text[: 2 * MOST_STAGES * LONGEST_NUMBER].replace(",", " ").split()
+    try:
+        if not 1 <= len(parts) <= MOST_STAGES or any(len(part) > LONGEST_NUMBER for part in parts):
+            raise ValueError(text)
+        return tuple(spec.kind(part) for part in parts)
+    except ValueError:
+        expected = f"1 to {MOST_STAGES} numbers, such as 3, 5"
+        raise ConfigError(
+            "not a list of numbers", expected=expected, got=repr(text[:80]), where=spec.path[-1]
+        ) from None

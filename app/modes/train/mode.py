@@ -7,8 +7,8 @@ from typing import Final
 
 from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
-from app.modes.train.plan import PACES, PRESETS, TRAIN_NOW, Preset, TrainingPlan, run_of_plan
-from app.modes.train.plan_panel import PlanPanel
+from app.modes.train.form_panel import FormPanel
+from app.modes.train.presets import PACES, PRESETS, TRAIN_NOW, Preset, startable_run
 from app.modes.train.replay import Replay
 from app.modes.train.run_panel import LAST_ONES, NEWEST, NOBODY, RunPanel, confirm_stop
 from app.modes.train.side_panel import SidePanel
@@ -16,6 +16,7 @@ from app.modes.train.training_scene import TrainingScene
 from app.modes.train.view import Details, RunsView, RunsViewer, ViewRequest
 from app.shared.training.run_state import RunPhase
 from app.state.client_state import ClientState
+from core.learning.config import RunConfig
 from core.learning.runs.control import RunCommand
 from core.recordings import Recording
 
@@ -47,7 +48,7 @@ class TrainMode:
         with self._folder:
             self._run_panel = RunPanel(gui, self)
             with gui.add_folder("A new training", expand_by_default=False):
-                self._plan_panel = PlanPanel(gui, self._start, self._choose_preset, host.later)
+                self._form_panel = FormPanel(gui, self._start, self._choose_preset, host.later)
             with gui.add_folder("In the 3D view"):
                 self._scene = TrainingScene(host, self._failed)
         self._side = SidePanel(gui)
@@ -149,12 +150,12 @@ class TrainMode:
     def train_now(self) -> None:
         """Start the preset that can be watched from missing to placing."""
         preset = PRESETS[TRAIN_NOW]
-        self._host.later(lambda: self._begin(self._trainer.free_name(preset.slug), preset.plan, preset.pace))
+        self._host.later(lambda: self._begin(self._trainer.free_name(preset.slug), preset.config, preset.pace))
 
-    def _start(self, name: str, plan: TrainingPlan) -> None:
-        preset = self._plan_panel.preset
-        chosen = name.strip() or self._trainer.free_name(preset.slug if preset.plan == plan else plan.agent)
-        self._begin(chosen, plan, self._pace)
+    def _start(self, name: str, config: RunConfig) -> None:
+        preset = self._form_panel.preset
+        chosen = name.strip() or self._trainer.free_name(preset.slug if preset.config == config else config.agent)
+        self._begin(chosen, config, self._pace)
 
     def _choose_preset(self, preset: Preset) -> None:
         """A preset has a pace, for when it is started; what is being trained keeps its own."""
@@ -162,8 +163,8 @@ class TrainMode:
         if self._trainer.active() is None:
             self._run_panel.show_pace(preset.pace)
 
-    def _begin(self, name: str, plan: TrainingPlan, pace: str) -> None:
-        self._trainer.start(name, run_of_plan(plan), PACES[pace])
+    def _begin(self, name: str, config: RunConfig, pace: str) -> None:
+        self._trainer.start(name, startable_run(config), PACES[pace])
         self._run_panel.show_pace(pace)
         self._follow(None)
 

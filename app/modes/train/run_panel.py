@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 import viser
 
-from app.modes.train.plan import PACES
+from app.modes.train.presets import PACES
 from app.modes.train.status import status_html
 from app.modes.train.view import Details
 from app.shared.training.run_state import RunState

@@ -7,14 +7,13 @@ from collections.abc import Callable
 import viser
 
 from app import theme
+from app.panels.field_control import add_field_control, section_title
 from app.state.client_state import ClientState
 from app.state.commands import Command, CopyToOther, EditSetting, Redo, Undo, UseConfig
 from app.widgets import when_changed
-from core.config import FieldSpec, field_specs, get_setting
+from core.config import field_specs, get_setting
 from core.detection import DetectorConfig, PipelineTrace
 
-UNITS = {"us": "µs", "ms": "ms", "px": "px", "hz": "Hz", "s": "s", "rad": "rad", "mps": "m/s"}
-STAGE_TITLES = {"roi": "ROI", "hot_pixels": "Hot pixels"}
 OPEN_STAGES = ("window", "denoise", "cluster", "polarity", "geometry", "localise")
 """The stages of the method; the optional ones start folded."""
 
@@ -34,11 +33,12 @@ class SettingsPanel:
             )
             specs = field_specs(DetectorConfig)
             for stage in dict.fromkeys(spec.path[0] for spec in specs):
-                with gui.add_folder(stage_title(stage), expand_by_default=stage in OPEN_STAGES):
+                with gui.add_folder(section_title((stage,)), expand_by_default=stage in OPEN_STAGES):
                     self._counts[stage] = gui.add_html("")
                     for spec in specs:
                         if spec.path[0] == stage:
-                            self._handles[spec.path] = _add_control(gui, spec, send)
+                            handle = self._handles[spec.path] = add_field_control(gui, spec, slider=True)
+                            when_changed(handle, lambda value, path=spec.path: send(EditSetting(path, value)))  # type: ignore[arg-type]
 
         @edit.on_click
         async def _(event: viser.GuiEvent) -> None:
@@ -67,33 +67,6 @@ class SettingsPanel:
                 )
 
 
-def stage_title(stage: str) -> str:
-    """A stage's name as a heading."""
-    return STAGE_TITLES.get(stage, stage.capitalize())
-
-
-def field_label(spec: FieldSpec) -> str:
-    """A field's name with its unit suffix set apart: `eps_px` -> "eps [px]"."""
-    name, _, suffix = spec.path[-1].rpartition("_")
-    if name and suffix in UNITS:
-        return f"{name.replace('_', ' ')} [{UNITS[suffix]}]"
-    return spec.path[-1].replace("_", " ")
-
-
 def stage_counts_html(text: str) -> str:
     """One muted line."""
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:0 12px'>{text}</div>"
-
-
-def _add_control(gui: viser.GuiApi, spec: FieldSpec, send: Callable[[Command], None]) -> viser.GuiInputHandle:
-    label, hint = field_label(spec), spec.doc
-    if spec.kind is bool:
-        handle = gui.add_checkbox(label, bool(spec.default), hint=hint)
-    elif spec.choices:
-        handle = gui.add_dropdown(label, spec.choices, initial_value=str(spec.default), hint=hint)
-    else:
-        assert spec.bounds is not None, f"{spec.path} has no bounds"
-        low, high, step = (spec.kind(bound) for bound in (spec.bounds.low, spec.bounds.high, spec.bounds.step))
-        handle = gui.add_slider(label, low, high, step, spec.kind(spec.default), hint=hint)
-    when_changed(handle, lambda value: send(EditSetting(spec.path, value)))  # type: ignore[arg-type]
-    return handle

@@ -144,7 +144,7 @@ def begin(window, wait_for, request) -> Labelling:
     window.seek(BALL_US)
     window.press("Label")
     found = Labelling(window, wait_for)
-    wait_for(lambda: found.mode._shown is not None, "the first picture")
+    wait_for(lambda: found.mode._pictures.shown is not None, "the first picture")
     found.page.wait_for_timeout(600)  # the sheet has another shape: the camera is moved
     name = request.node.name[5:30].strip("_")  # a layer of its own for each test
     window.field("Annotator").fill(name)

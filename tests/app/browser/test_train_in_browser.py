@@ -44,7 +44,7 @@ def start(window, name: str, balls: int) -> None:
     """A training of the landing model that can be watched, from the form."""
     window.page.get_by_text("A new training").click()
     window.page.wait_for_timeout(400)
-    window.field("Balls a stage").fill(str(balls))
+    window.field("episodes").fill(str(balls))
     window.field("Name").fill(name)
     window.page.wait_for_timeout(300)
     pick(window, "Pace", "20 balls a second")
@@ -145,9 +145,9 @@ def test_a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer: Tra
     enter(window)
     count = len(trainer.runs())
     start(window, "../../nothing", 0)
-    window.page.get_by_text("not so many").wait_for()
-    window.field("Balls a stage").fill("all of them")
+    window.page.get_by_text("not a number of episodes").wait_for()
+    window.field("episodes").fill("all of them")
     window.page.wait_for_timeout(300)
     window.press("Start")
-    window.page.get_by_text("not a list of numbers of balls").wait_for()
+    window.page.get_by_text("not a list of numbers").wait_for()
     assert len(trainer.runs()) == count and trainer.active() is None

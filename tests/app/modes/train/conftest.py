@@ -6,18 +6,19 @@ from pathlib import Path
 
 import pytest
 
-from app.modes.train.plan import TrainingPlan, run_of_plan
 from app.shared.training.run_state import RunState
 from app.shared.training.trainer import Trainer
 from app.shared.workspace import Workspace
+from core.learning.config import RunConfig
 from core.learning.runs.run_files import create_run
+from tests.app.modes.train.small_runs import small_run
 
 
-def train_here(run: Path, plan: TrainingPlan) -> None:
+def train_here(run: Path, config: RunConfig) -> None:
     """Train in this process."""
     from core.learning.runs.running import run_training
 
-    create_run(run, run_of_plan(plan))
+    create_run(run, config)
     assert run_training(run, progress=lambda share: None, stopped=lambda: False) == "finished"
 
 
@@ -25,7 +26,7 @@ def train_here(run: Path, plan: TrainingPlan) -> None:
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     """A workspace with a finished run, `small`: 40 balls at 5 m/s, two seeds. Do not write to it."""
     workspace = Workspace(tmp_path_factory.mktemp("trained"))
-    train_here(workspace.run_path("small"), TrainingPlan(episodes=(40,), seeds=2))
+    train_here(workspace.run_path("small"), small_run(episodes=(40,), seeds=2))
     return workspace
 
 

@@ -1,38 +1,86 @@
-"""What a browser sends as a form."""
+"""What a browser sends as a form, and the run that it means."""
 
 import dataclasses
 
 import pytest
 
-from app.modes.train.form import ADVANCE, SEEN_AS, FormValues, plan_of_form
-from app.modes.train.plan import SOURCES, TrainingPlan, run_of_plan
+from app.modes.train.form import MAIN, form_specs, run_of_form, value_shown
+from app.modes.train.presets import PRESETS, Preset, startable_run
+from core.config import field_specs, get_setting
 from core.errors import ConfigError
+from core.learning.config import RunConfig, default_run
 
-FORM = FormValues("ddpg", "case", "discard", "3, 5", "80, 90", "as soon as 98 % come back", "exactly", 2, 7.0)
+FORM = {
+    ("agent",): "ddpg",
+    ("reward", "kind"): "case",
+    ("curriculum", "speeds_mps"): "3, 5",
+    ("curriculum", "episodes"): "80, 90",
+    ("curriculum", "advance"): "converged",
+    ("curriculum", "replay"): "discard",
+    ("environment", "state_source"): "truth",
+    ("seeds",): 2,
+    ("first_seed",): 7.0,
+}
 
 
-def test_a_form_is_a_plan() -> None:
-    expected = TrainingPlan(
-        agent="ddpg",
-        reward="case",
-        replay="discard",
-        speeds_mps=(3.0, 5.0),
-        episodes=(80, 90),
-        advance="converged",
-        source="truth",
-        seeds=2,
-        first_seed=7,
+def test_a_form_is_a_run() -> None:
+    run = run_of_form(default_run("ddpg"), FORM)
+    curriculum = dataclasses.replace(
+        RunConfig().curriculum, speeds_mps=(3.0, 5.0), episodes=(80, 90), advance="converged", replay="discard"
     )
-    assert plan_of_form(FORM) == expected
+    assert run.curriculum == curriculum and run.reward.kind == "case" and run.environment.state_source == "truth"
+    assert (run.agent, run.seeds, run.first_seed) == ("ddpg", 2, 7)
+    assert (run.ddpg, run.exploration, run.environment.goal) == (
+        RunConfig().ddpg,
+        RunConfig().exploration,
+        RunConfig().environment.goal,
+    )
 
 
-def test_every_way_to_see_a_ball_and_to_end_a_stage_has_words() -> None:
-    assert set(SEEN_AS.values()) == set(SOURCES) and set(ADVANCE.values()) == {"episodes", "converged"}
+def test_every_field_of_a_run_but_the_task_is_in_the_form_once() -> None:
+    paths = [spec.path for spec in form_specs()]
+    assert len(paths) == len(set(paths)) and tuple(paths[: len(MAIN)]) == MAIN
+    assert set(paths) == {s.path for s in field_specs(RunConfig) if s.path[:2] != ("environment", "task")}
 
 
-@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(FormValues)])
-@pytest.mark.parametrize("value", [None, "../../etc", ["a"], {"a": 1}, float("nan"), float("inf"), 1.5, -1e300, True])
-def test_garbage_is_refused_in_one_line(name: str, value: object) -> None:
+@pytest.mark.parametrize("preset", PRESETS.values(), ids=lambda preset: preset.slug)
+def test_what_the_form_shows_of_a_preset_means_that_preset(preset: Preset) -> None:
+    shown = {spec.path: value_shown(preset.config, spec) for spec in form_specs()}
+    if preset.config.agent in form_specs()[0].choices:
+        assert run_of_form(RunConfig(), shown | {}) == dataclasses.replace(
+            preset.config, environment=dataclasses.replace(preset.config.environment, task=RunConfig().environment.task)
+        )
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [(("ddpg", "tau"), 0.5), (("exploration", "random_episodes"), 3.0), (("reward", "simple_accuracy"), True)],
+)
+def test_a_setting_that_most_leave_alone_reaches_the_run(path, value) -> None:
+    run = run_of_form(default_run("ddpg"), {path: value})
+    assert get_setting(run, path) == value and type(get_setting(run, path)) is type(get_setting(RunConfig(), path))
+
+
+def test_one_number_of_balls_is_for_all_stages() -> None:
+    form = {("curriculum", "speeds_mps"): "3 4.5 6", ("curriculum", "episodes"): "100"}
+    run = run_of_form(default_run("ddpg"), form)
+    assert run.curriculum.episodes == (100, 100, 100)
+    by_path = {spec.path: spec for spec in form_specs()}
+    assert value_shown(run, by_path[("curriculum", "episodes")]) == "100"
+    assert value_shown(run, by_path[("curriculum", "speeds_mps")]) == "3, 4.5, 6"
+
+
+@pytest.mark.parametrize("path", [*FORM, ("ddpg", "hidden"), ("reward", "scale"), ("reward", "simple_accuracy")])
+@pytest.mark.parametrize(
+    "value", [None, "../../etc", ["a"], {"a": 1}, float("nan"), float("inf"), -1.5, -1e300, "1" * 13]
+)
+def test_garbage_is_refused_in_one_line(path, value: object) -> None:
     with pytest.raises(ConfigError) as caught:
-        run_of_plan(plan_of_form(dataclasses.replace(FORM, **{name: value})))
+        startable_run(run_of_form(default_run("ddpg"), FORM | {path: value}))
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize("text", ["", "fast", "3;5", ",".join("3" * 11), "2", "9.5", "nan"])
+def test_what_is_no_list_of_speeds_is_refused(text: str) -> None:
+    with pytest.raises(ConfigError):
+        run_of_form(default_run("ddpg"), {("curriculum", "speeds_mps"): text, ("curriculum", "episodes"): "10"})

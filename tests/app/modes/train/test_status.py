@@ -4,13 +4,13 @@ import dataclasses
 
 import pytest
 
-from app.modes.train.plan import TrainingPlan, run_of_plan
 from app.modes.train.status import ball_html, log_html, plan_text, runs_html, status_html, time_text
 from app.shared.training.run_state import Ended, RunState, judge_run
 from core.learning.runs.control import RunStatus, hold_run, write_status
 from core.learning.runs.run_files import create_run
+from tests.app.modes.train.small_runs import small_run
 
-CONFIG = run_of_plan(TrainingPlan(speeds_mps=(3.0, 5.0), episodes=(10, 20), seeds=2))
+CONFIG = small_run(speeds_mps=(3.0, 5.0), episodes=(10, 20), seeds=2)
 STATUS = RunStatus("running", 1, 0, 5, 30, 0.2, 3.0, 100.0)
 STATE = RunState("mine", CONFIG, "running", STATUS, None, 0.0)
 DEAD_PID = 2**22 + 1

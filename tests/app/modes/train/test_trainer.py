@@ -6,16 +6,16 @@ from collections.abc import Callable
 
 import pytest
 
-from app.modes.train.plan import TrainingPlan, run_of_plan
 from app.shared.training.metrics import MetricsReader
 from app.shared.training.run_state import LOG_NAME, read_log_tail
 from app.shared.training.trainer import Trainer
 from app.shared.workspace import Workspace
 from core.errors import RallyscopeError
 from core.learning.runs.run_files import read_lines, seed_files
+from tests.app.modes.train.small_runs import small_run
 
 SLOW = 20.0
-PLAN = run_of_plan(TrainingPlan(episodes=(60,)))
+PLAN = small_run(episodes=(60,))
 
 
 def test_a_run_goes_to_its_end_at_the_pace_that_is_asked_for(trainer: Trainer, wait_until, state_of) -> None:
@@ -43,7 +43,7 @@ def test_a_run_goes_to_its_end_at_the_pace_that_is_asked_for(trainer: Trainer, w
 def test_a_killed_training_is_reported_and_goes_on_to_the_same_end(
     trainer: Trainer, trained: Workspace, wait_until, state_of
 ) -> None:
-    config = run_of_plan(TrainingPlan(episodes=(40,)))
+    config = small_run(episodes=(40,))
     trainer.start("killed", config, SLOW)
     run = trainer._workspace.run_path("killed")
     reader = MetricsReader(run, 0)
@@ -61,7 +61,7 @@ def test_a_killed_training_is_reported_and_goes_on_to_the_same_end(
 
 
 def test_another_app_finds_the_training_and_can_stop_it(trainer: Trainer, wait_until: Callable, state_of) -> None:
-    trainer.start("found", run_of_plan(TrainingPlan(episodes=(2000,))), SLOW)
+    trainer.start("found", small_run(episodes=(2000,)), SLOW)
     wait_until(lambda: state_of(trainer, "found").phase == "running", "it to run")
     other = Trainer(trainer._workspace)
     active = other.active()
@@ -75,7 +75,7 @@ def test_another_app_finds_the_training_and_can_stop_it(trainer: Trainer, wait_u
 
 
 def test_a_stop_while_the_process_is_only_starting_is_not_lost(trainer: Trainer, wait_until, state_of) -> None:
-    trainer.start("early", run_of_plan(TrainingPlan(episodes=(2000,))), SLOW)
+    trainer.start("early", small_run(episodes=(2000,)), SLOW)
     trainer.ask("stop")
     assert state_of(trainer, "early").phase == "stopping"
     wait_until(lambda: not state_of(trainer, "early").active, "it to stop")

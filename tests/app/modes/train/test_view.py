@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from app.modes.train.curves import CURVES
-from app.modes.train.plan import TrainingPlan, run_of_plan
 from app.modes.train.plan_view import (
     FLOOR_RGB,
     HIGH_M,
@@ -27,6 +26,7 @@ from app.shared.training.trainer import Trainer
 from app.shared.workspace import Workspace
 from core.learning.runs.run_files import create_run, read_lines, seed_files
 from core.physics.episode import Case
+from tests.app.modes.train.small_runs import small_run
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def test_an_empty_workspace_has_nothing_to_show(tmp_path) -> None:
 
 def test_a_run_that_has_not_begun_has_empty_curves(tmp_path) -> None:
     workspace = Workspace(tmp_path)
-    create_run(workspace.run_path("new"), run_of_plan(TrainingPlan()))
+    create_run(workspace.run_path("new"), small_run())
     view = RunsViewer(workspace, Trainer(workspace), MetricsStore())(ViewRequest(None, None))
     assert view.run is not None and view.run.phase == "new" and view.run.resumable
     assert view.details is not None and view.details.episodes_done == 0 and view.details.spots == ()
@@ -95,7 +95,7 @@ def test_the_newest_is_followed_and_others_stand_beside_it(tmp_path) -> None:
     workspace = Workspace(tmp_path)
     trainer = Trainer(workspace)
     for k in range(5):
-        create_run(workspace.run_path(f"run-{k}"), run_of_plan(TrainingPlan()))
+        create_run(workspace.run_path(f"run-{k}"), small_run())
     runs = trainer.runs()
     run = chosen_run(runs, None)
     assert run == runs[0] and chosen_run(runs, "run-2") is not None and chosen_run(runs, "nobody") == runs[0]
