@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from app.background.jobs import Job
 from app.background.worker import LatestWins
-from app.modes.label.assisted_commands import AddProposals
-from app.modes.label.cursor_commands import BeginSecondLook, GoTo
+from app.modes.label.commands.assisted import AddProposals
+from app.modes.label.commands.cursor import BeginSecondLook, GoTo
+from app.modes.label.commands.step import Note
 from app.modes.label.editor import LabelEditor
 from app.modes.label.label_writer import LayerName, Saved
 from app.modes.label.plan import CameraWork
-from app.modes.label.step import Note
 from core.cameras import Camera
 from core.detection import DetectorConfig
 from core.recordings import CameraStream

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
-from app.modes.label.cursor_commands import GoTo, LeaveSecondLook
+from app.modes.label.commands.cursor import GoTo, LeaveSecondLook
+from app.modes.label.commands.step import Edit, LabelCommand, Note
 from app.modes.label.label_writer import LabelWriter, LayerName, Saved
 from app.modes.label.labelling import Labelling
 from app.modes.label.plan import PicturePlan
-from app.modes.label.step import Edit, LabelCommand, Note
 from core.errors import RallyscopeError
 from labels.store_registry import LabelStoreRegistry
 

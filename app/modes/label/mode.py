@@ -8,10 +8,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from app.modes.label.assistant import Assistant
-from app.modes.label.commands import COMMANDS
-from app.modes.label.cursor_commands import ChangeView, GoTo, SetAnnotator
+from app.modes.label.commands.by_name import COMMANDS
+from app.modes.label.commands.cursor import ChangeView, GoTo, SetAnnotator
+from app.modes.label.commands.hand import PlaceBall, SetNumbers
+from app.modes.label.commands.step import LabelCommand
 from app.modes.label.editor import LabelCallbacks, LabelEditor
-from app.modes.label.hand_commands import PlaceBall, SetNumbers
 from app.modes.label.held_keys import HeldKeys
 from app.modes.label.label_strip import strip_time
 from app.modes.label.labelling import begin_labelling
@@ -28,7 +29,6 @@ from app.modes.label.status import (
     save_html,
     status_words,
 )
-from app.modes.label.step import LabelCommand
 from app.modes.label.view import DEFAULT_STEP_US, LABEL_STEPS_US, ZOOMS, LabelView
 from app.modes.mode import Middle, ModeHost
 from app.pictures.event_picture import RENDERINGS

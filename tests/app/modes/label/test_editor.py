@@ -11,10 +11,10 @@ import pytest
 
 from app.cli.main import main
 from app.modes.label.assistant import Assistant
-from app.modes.label.commands import COMMANDS
-from app.modes.label.cursor_commands import ChangeView, GoTo, StepBy
+from app.modes.label.commands.by_name import COMMANDS
+from app.modes.label.commands.cursor import ChangeView, GoTo, StepBy
+from app.modes.label.commands.hand import PlaceBall, SetState
 from app.modes.label.editor import LabelCallbacks, LabelEditor
-from app.modes.label.hand_commands import PlaceBall, SetState
 from app.modes.label.labelling import Labelling, begin_labelling
 from app.modes.label.plan import CameraWork, LabelScene, PicturePlan, agreement_at, centre_at, plan_at
 from app.modes.label.view import LabelView

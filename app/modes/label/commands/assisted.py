@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from app.modes.label.commands.step import Edit, Note, Step, change_label
 from app.modes.label.label_changes import ProposedLabel, accepted, proposed_at
 from app.modes.label.label_writer import Saved
 from app.modes.label.labelling import Labelling
-from app.modes.label.step import Edit, Note, Step, change_label
 from labels.assist import Proposals, check_stereo, labels_between, steady_segment
 from labels.assist.propose import joined_proposals
 from labels.store import LabelStore

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from app.modes.label.commands.step import Note, Step
 from app.modes.label.labelling import Labelling
-from app.modes.label.step import Note, Step
 from app.modes.label.view import WINDOWS_US, ZOOMS
 from app.shared.workspace import slug_from
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
+from app.modes.label.commands.step import Edit, Step, change_label
 from app.modes.label.label_changes import copied, label_from_click, moved, placed, snapped, with_state
 from app.modes.label.labelling import Labelling
 from app.modes.label.sources import LabelSource
-from app.modes.label.step import Edit, Step, change_label
 from core.errors import LabelError
 from core.events import Events
 from labels.model import Label, LabelState

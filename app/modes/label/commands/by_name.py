@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from app.modes.label.assisted_commands import Accept, AcceptSegment, Interpolate, Reject
-from app.modes.label.cursor_commands import (
+from app.modes.label.commands.assisted import Accept, AcceptSegment, Interpolate, Reject
+from app.modes.label.commands.cursor import (
     ChangeView,
     GoToEnd,
     GoToUnchecked,
@@ -14,7 +14,7 @@ from app.modes.label.cursor_commands import (
     OtherCamera,
     StepBy,
 )
-from app.modes.label.hand_commands import (
+from app.modes.label.commands.hand import (
     Clear,
     CopyPrevious,
     Nudge,
@@ -24,7 +24,7 @@ from app.modes.label.hand_commands import (
     ToggleBreak,
     UndoLabel,
 )
-from app.modes.label.step import LabelCommand
+from app.modes.label.commands.step import LabelCommand
 from app.modes.label.view import BIG_NUDGE_PX, NUDGE_PX, RADIUS_STEP_PX, WINDOWS_US, ZOOMS
 from labels.model import LabelState
 
