@@ -230,27 +230,30 @@ def test_a_subscriber_that_never_reads_does_not_slow_the_simulation(address, cli
     assert np.median(with_it) > 0.8 * np.median(without)
 
 
-def test_time_begins_with_the_first_client():
+@pytest.fixture
+def fresh():
+    """Address of a server that nobody has met yet."""
     process, address = start("tcp://127.0.0.1:0", "--auto-serve", "5")
+    yield address
+    process.kill()
+    process.wait()
+
+
+def test_time_begins_with_the_first_client(fresh):
     time.sleep(1.0)
     came_s = time.monotonic()
-    client = SimulationClient(address)
+    client = SimulationClient(fresh)
     t_us = client.ask(lambda number: m.Hello(id=number)).t_us
     assert t_us * 1e-6 <= time.monotonic() - came_s + 0.02
     client.close()
-    process.kill()
-    process.wait()
 
 
-def test_time_begins_for_one_who_only_listens():
-    process, address = start()
+def test_time_begins_for_one_who_only_listens(fresh):
     with zmq.Context() as context, context.socket(zmq.SUB) as listener:
         listener.setsockopt(zmq.RCVTIMEO, 10_000)
-        listener.connect(address)
+        listener.connect(fresh)
         listener.subscribe(b"state")
         assert [m.decode(listener.recv_multipart()[1], m.KINDS).t_us for _ in range(3)][-1] >= 30_000
-    process.kill()
-    process.wait()
 
 
 def test_a_killed_server_is_noticed_and_its_successor_found():
