@@ -39,6 +39,11 @@ class LabelPictures:
         self._arrival: object = None
         self._asked: object = None
 
+    @property
+    def busy(self) -> bool:
+        """Whether what was asked for is still being drawn."""
+        return self._work.busy
+
     def begin(self) -> None:
         """Another recording is labelled."""
         self._cache = PictureCache()

@@ -5,6 +5,7 @@ import threading
 
 import pytest
 
+from app.modes.label.commands.cursor import ChangeView
 from app.modes.label.plan import plan_at
 from app.views.image_view import FOV_RAD, UNIT
 from labels.model import LabelState, PositionSource
@@ -58,9 +59,8 @@ class Labelling:
 
         def compare() -> None:
             plan = plan_at(mode._scene(mode._editor, self.window.state), self.work.t_us, mode._pictures._centre)
-            answers.append(
-                mode._pictures.shown is not None and mode._pictures.shown.plan == plan and self.work.on_screen
-            )
+            shown = mode._pictures.shown
+            answers.append(shown is not None and shown.plan == plan and self.work.on_screen)
             seen.set()
 
         self.window.session.later(compare)
@@ -69,7 +69,7 @@ class Labelling:
 
     def screen(self, x_px: float, y_px: float) -> tuple[float, float]:
         """CSS pixels of a sensor point in the large picture."""
-        main = self.mode._shown.main
+        main = self.mode._pictures.shown.main
         across = (x_px + 0.5 - main.region.x) / main.region.width
         down = (y_px + 0.5 - main.region.y) / main.region.height
         return self.on_sheet(main.x + across * main.width, main.y + down * main.height)
@@ -103,7 +103,7 @@ class Labelling:
 
     def overview(self, x_px: float, y_px: float) -> tuple[float, float]:
         """Sheet point of a sensor point in the small whole picture."""
-        whole = self.mode._shown.overview
+        whole = self.mode._pictures.shown.overview
         return (
             whole.x + (x_px + 0.5) / whole.region.width * whole.width,
             whole.y + (y_px + 0.5) / whole.region.height * whole.height,
@@ -116,11 +116,11 @@ class Labelling:
 
     def check_clicks(self, zooms: str) -> None:
         """Clicks at whole CSS pixels are stored where those are in the picture, at the middle of the CSS pixel."""
-        self.mode._later(lambda: self.mode._change(snap=False, follow=False))
+        self.window.session.later(lambda: self.mode._send(ChangeView({"snap": False, "follow": False})))
         for key in zooms:
             self.keys(key)
             self.settle()
-            main = self.mode._shown.main
+            main = self.mode._pictures.shown.main
             for across, down in ((0.2, 0.3), (0.71, 0.64)):
                 x, y = map(round, self.on_sheet(main.x + across * main.width, main.y + down * main.height))
                 zero, zoom = self.screen(0.0, 0.0), self.zoom
