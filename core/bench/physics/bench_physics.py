@@ -6,16 +6,13 @@ A row per physics profile and serve speed. The racket's action is uniformly rand
 from __future__ import annotations
 
 import math
-import platform
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Final, Literal
 
-import mujoco
-import numba
 import numpy as np
 
+from core.bench.machine import describe_machine
 from core.physics import Outcomes, Serves, Strokes, TaskConfig, strokes_from_actions
 from core.physics.impact import strike, surfaces_from_config
 from core.physics.task import STAGE_SPEEDS_MPS, task_profile
@@ -30,6 +27,7 @@ UNTRAINED_BALLS: Final = 20_000
 SPEED_EPISODES: Final = 200_000
 DROPS: Final = 300
 STEPS_S: Final = (0.01, 0.001)
+CLOCK: Final = "thread CPU time of one core; episodes_per_s in the rows is wall clock"
 
 Progress = Callable[[float], None]
 Row = dict[str, object]
@@ -58,7 +56,7 @@ def run(progress: Progress) -> dict[str, object]:
         "speed": speed,
         "soft_impacts": soft,
         "soft_episodes": transfer,
-        "machine": describe_physics_machine(),
+        "machine": describe_machine("numpy", "numba", "mujoco", clock=CLOCK),
     }
 
 
@@ -173,23 +171,4 @@ def soft_episodes(speed_mps: float, count: int) -> Row:
         "same_case": round(float((rigid.case == soft.case).mean()), 4),
         "landing_median_mm": round(float(np.nanmedian(off)), 1),
         "landing_p95_mm": round(float(np.nanpercentile(off, 95)), 1),
-    }
-
-
-def describe_physics_machine() -> Row:
-    """What the figures were measured on, and how."""
-    cpu = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        names = [
-            line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")
-        ]
-        cpu = f"{len(names)} x {names[0]}" if names else cpu
-    return {
-        "cpu": cpu,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "numba": numba.__version__,
-        "mujoco": mujoco.__version__,
-        "clock": "thread CPU time of one core; episodes_per_s in the rows is wall clock",
     }
