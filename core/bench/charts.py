@@ -89,7 +89,8 @@ def _axes(path: Path, size_in: tuple[float, float], title: str, x_title: str, y_
     with rc_context(STYLE):
         figure = Figure(size_in, layout="constrained")
         axes = figure.add_subplot()
-        axes.set(title=title, xlabel=x_title, ylabel=y_title)
+        figure.suptitle(title, fontsize=11)
+        axes.set(xlabel=x_title, ylabel=y_title)
         yield axes
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, format="svg", transparent=True, metadata={"Date": None})

@@ -14,8 +14,8 @@ from core.bench.simulation.scene_picture import picture_of_scene
 from core.cameras import stereo_preset
 from core.detection import make_detector
 from core.markdown import markdown_table
-from core.metrics.run import run_detector
-from core.metrics.score import score_answers
+from core.metrics.run import duration_of
+from core.metrics.score import score_recording
 from core.rally.simulated.closed_loop import ClosedLoop
 from core.rally.simulated.world import WorldConfig
 from core.simulation import StereoConfig, scene_named
@@ -79,12 +79,11 @@ def run(
 def detect_in(scene: str, placement: str) -> list[Row]:
     """A row for every method on both cameras, window after window with its region of interest."""
     streams = simulate_flights(scene, NOISE_HZ, SPEEDS_MPS, seed=SEED, placement=placement)
-    mevps = sum(stream.event_count for stream in streams) / streams[0].duration_us
+    mevps = sum(stream.event_count for stream in streams) / duration_of(streams[0])
     rows: list[Row] = []
     for method in METHODS:
         scores = [
-            score_answers(run_detector(stream, make_detector(method, stream.sensor), WINDOW_US), stream.truth)
-            for stream in streams
+            score_recording(stream, make_detector(method, stream.sensor), window_us=WINDOW_US) for stream in streams
         ]
         found, false = sum(score.found for score in scores), sum(score.false for score in scores)
         with_ball = sum(score.with_ball for score in scores)
