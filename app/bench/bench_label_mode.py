@@ -95,8 +95,8 @@ def measure_keys(workspace: Workspace, zoom: str, steps: int, held_s: float) -> 
         lab.stop()
     name = zoom.lower()
     return [
-        goal_row(f"key to picture p95, as fast as answered, {name}", _p95(far), 80, "ms", note=f"p50 {_p50(far):.0f}"),
-        goal_row(f"key to picture p95, five a second, {name}", _p95(calm), 80, "ms", note=f"p50 {_p50(calm):.0f}"),
+        _keys_row(f"as fast as answered, {name}", far),
+        _keys_row(f"five a second, {name}", calm),
         goal_row(f"pictures a second with a key held, {name}", rate, 15, "1/s", least=True),
     ]
 
@@ -124,9 +124,6 @@ def _press(browser: BareBrowser, command: str, rest_s: float) -> float:
     return 1e3 * (time.perf_counter() - begun_s)
 
 
-def _p50(ms: list[float]) -> float:
-    return float(np.median(ms))
-
-
-def _p95(ms: list[float]) -> float:
-    return float(np.percentile(ms, 95))
+def _keys_row(how: str, ms: list[float]) -> Row:
+    p50, p95 = np.percentile(ms, (50, 95))
+    return goal_row(f"key to picture p95, {how}", p95, 80, "ms", note=f"p50 {p50:.0f}")

@@ -29,7 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--told-after-ms", type=float, default=0.0, metavar="MS", help="how late it is told (default: 0)"
     )
     group.add_argument("--physics", default="real", choices=("paper", "real"), help="default: %(default)s")
-    group.add_argument("--report", type=Path, metavar="FILE.md", help="write a page with a picture")
+    group.add_argument(
+        "--report", type=Path, metavar="FILE.md", help="write a page with a picture (matplotlib draws it)"
+    )
 
 
 def run_ball_states(arguments: argparse.Namespace) -> None:

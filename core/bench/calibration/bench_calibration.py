@@ -128,7 +128,7 @@ def rig_row(placement: str, swept: str, events: bool, *, seeds: tuple[int, ...] 
         lenses = {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in cameras.items()}
         rig = calibrate_rig(tracks, lenses, scale, clicks=click_corners(cameras, rng, CLICK_PX))
         found.append(rig_errors(rig, cameras, rng))
-    names = {"placement": placement, "swept": swept, "pixels": "detector" if events else f"truth + {NOISE_PX} px"}
+    names: Row = {"placement": placement, "swept": swept, "pixels": "detector" if events else f"truth + {NOISE_PX} px"}
     medians = {key: round(float(np.median([row[key] for row in found])), 3) for key in found[0]}
     return names | medians | {"clock_worst_us": round(max(abs(row["clock_us"]) for row in found), 1)}
 
