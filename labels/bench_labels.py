@@ -6,14 +6,13 @@ the disk of the temporary folder.
 
 from __future__ import annotations
 
-import os
-import platform
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
+from core.bench.machine import Row, describe_machine, goal_row
 from labels.formats import FORMATS
 from labels.trials.assistance import (
     HUMAN_SIGMA_PX,
@@ -25,7 +24,6 @@ from labels.trials.assistance import (
 from labels.trials.damage import damage_and_read
 from labels.trials.durability import kill_while_labelling, undo_everything, write_seconds
 
-Row = dict[str, object]
 KILLS = 200
 DAMAGED = 1000
 SEED = 20260
@@ -42,19 +40,7 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
             progress(float(weights[number]))
     return {
         "rows": rows,
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}",
-    }
-
-
-def _row(what: str, measured: float, goal: float, unit: str, *, least: bool = False, note: str = "") -> Row:
-    met = measured >= goal if least else measured <= goal
-    return {
-        "what": what,
-        "measured": float(measured),
-        "goal": f"{'>=' if least else '<='} {goal:g}",
-        "unit": unit,
-        "met": bool(met),
-        "note": note,
+        "machine": describe_machine("numpy"),
     }
 
 
@@ -62,22 +48,24 @@ def _durability(folder: Path, rng: np.random.Generator) -> list[Row]:
     results = [kill_while_labelling(folder / f"{number % 10}", float(rng.uniform(0, 0.1))) for number in range(KILLS)]
     acknowledged = sum(result.acknowledged for result in results)
     rows = [
-        _row(f"labels lost in {KILLS} kills", sum(result.lost for result in results), 0, "", note=f"of {acknowledged}"),
-        _row(f"unreadable stores in {KILLS} kills", sum(not result.readable for result in results), 0, ""),
-        _row("stores that could not go on", sum(not result.resumed for result in results), 0, ""),
+        goal_row(
+            f"labels lost in {KILLS} kills", sum(result.lost for result in results), 0, "", note=f"of {acknowledged}"
+        ),
+        goal_row(f"unreadable stores in {KILLS} kills", sum(not result.readable for result in results), 0, ""),
+        goal_row("stores that could not go on", sum(not result.resumed for result in results), 0, ""),
     ]
     for already in (0, 20_000, 200_000):
         ms = 1e3 * write_seconds(folder, 500, already=already)
-        rows.append(_row(f"durable write p50 at {already} labels", float(np.median(ms)), 5, "ms"))
-        rows.append(_row(f"durable write p99 at {already} labels", float(np.percentile(ms, 99)), 30, "ms"))
+        rows.append(goal_row(f"durable write p50 at {already} labels", float(np.median(ms)), 5, "ms"))
+        rows.append(goal_row(f"durable write p99 at {already} labels", float(np.percentile(ms, 99)), 30, "ms"))
     return rows
 
 
 def _undo(folder: Path, rng: np.random.Generator) -> list[Row]:
     left, redone = undo_everything(folder, 10_000, rng)
     return [
-        _row("labels left after undoing 10000 operations", left, 0, ""),
-        _row("redoing them all leads back", float(redone), 1, "", least=True),
+        goal_row("labels left after undoing 10000 operations", left, 0, ""),
+        goal_row("redoing them all leads back", float(redone), 1, "", least=True),
     ]
 
 
@@ -87,11 +75,13 @@ def _snapping(folder: Path, rng: np.random.Generator) -> list[Row]:
     error = trial.error_px[found]
     note = "0-20 m/s, radius 3-15 px, 5 % noise, clicks 1.5 px off"
     return [
-        _row("snap median", float(np.median(error)), 0.25, "px", note=note),
-        _row("snap p95", float(np.percentile(error, 95)), 0.8, "px", note=note),
-        _row("snap: balls without a circle", float((~found).mean()), 0.03, "", note="nearly all slower than 0.5 m/s"),
-        _row("snap: errors within two sigma", float((trial.mahalanobis[found] < 6.18).mean()), 0.9, "", least=True),
-        _row("snap bias along the motion", float(abs(np.median(trial.along_px[found]))), 0.05, "px"),
+        goal_row("snap median", float(np.median(error)), 0.25, "px", note=note),
+        goal_row("snap p95", float(np.percentile(error, 95)), 0.8, "px", note=note),
+        goal_row(
+            "snap: balls without a circle", float((~found).mean()), 0.03, "", note="nearly all slower than 0.5 m/s"
+        ),
+        goal_row("snap: errors within two sigma", float((trial.mahalanobis[found] < 6.18).mean()), 0.9, "", least=True),
+        goal_row("snap bias along the motion", float(abs(np.median(trial.along_px[found]))), 0.05, "px"),
     ]
 
 
@@ -105,20 +95,20 @@ def _interpolation(folder: Path, rng: np.random.Generator) -> list[Row]:
         ("curve in 2D", trial.curve_px, trial.curve_share),
         ("flight in 3D", trial.flight_px, trial.flight_share),
     ):
-        rows.append(_row(f"{name} median", float(np.median(error)), 0.5, "px", note=note))
-        rows.append(_row(f"{name} p95", float(np.percentile(error, 95)), 1.5, "px", note=note))
-        rows.append(_row(f"{name}: frames covered", share, 0.9, "", least=True))
+        rows.append(goal_row(f"{name} median", float(np.median(error)), 0.5, "px", note=note))
+        rows.append(goal_row(f"{name} p95", float(np.percentile(error, 95)), 1.5, "px", note=note))
+        rows.append(goal_row(f"{name}: frames covered", share, 0.9, "", least=True))
     worst = float(trial.across_px.max(initial=0.0))
     note = f"{len(trial.across_px)} frames: bounces beside a keyframe, within its noise"
-    return [*rows, _row("worst error across an unseen bounce", worst, 3.0, "px", note=note)]
+    return [*rows, goal_row("worst error across an unseen bounce", worst, 3.0, "px", note=note)]
 
 
 def _stereo(folder: Path, rng: np.random.Generator) -> list[Row]:
     trial = try_stereo_flags(12, 5.0, rng)
     note = f"errors along the line cannot be seen: {trial.flagged_along:.3f} flagged"
     return [
-        _row("5 px across the epipolar line: flagged", trial.flagged, 0.99, "", least=True, note=note),
-        _row("good labels flagged", trial.false_flags, 0.02, ""),
+        goal_row("5 px across the epipolar line: flagged", trial.flagged, 0.99, "", least=True, note=note),
+        goal_row("good labels flagged", trial.false_flags, 0.02, ""),
     ]
 
 
@@ -128,7 +118,7 @@ def _queue(folder: Path, rng: np.random.Generator) -> list[Row]:
         trial = try_queue(12, rng, with_detector=with_detector)
         what = f"injected errors in the first 10 % of the queue, {'with' if with_detector else 'without'} detector"
         note = f"{trial.injected} among {trial.labels}"
-        rows.append(_row(what, trial.in_first_tenth, 0.9, "", least=True, note=note))
+        rows.append(goal_row(what, trial.in_first_tenth, 0.9, "", least=True, note=note))
     return rows
 
 
@@ -138,5 +128,5 @@ def _damage(folder: Path, rng: np.random.Generator) -> list[Row]:
         result = damage_and_read(kind, DAMAGED, rng, folder / name)
         bad = result.crashes + result.silent_drops + result.nameless
         note = result.first_problem or f"{result.rejected} had something to reject"
-        rows.append(_row(f"{name}: crashes, silent drops and nameless rejections", bad, 0, "", note=note))
+        rows.append(goal_row(f"{name}: crashes, silent drops and nameless rejections", bad, 0, "", note=note))
     return rows

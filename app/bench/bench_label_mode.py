@@ -20,7 +20,7 @@ from app.bench.trial_user import UserResult, find_chromium, label_with_browser
 from app.server import App
 from app.shared.library import Library
 from app.shared.workspace import Workspace
-from core.bench.machine import describe_machine
+from core.bench.machine import Row, describe_machine, goal_row
 from core.cameras import stereo_preset
 from core.events import Events
 from core.recordings import RecordingWriter
@@ -35,8 +35,6 @@ CENTRES: Final = 200
 SEED: Final = 1
 NEXT: Final = "Label: Next time"
 
-Row = dict[str, object]
-
 
 def run(progress: Callable[[float], None]) -> dict[str, object]:
     """Rows: what was measured, its goal, and whether it was met."""
@@ -49,7 +47,7 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
             rows += measure_keys(workspace, camera_zoom, STEPS, HELD_S)
             progress(0.2 + 0.1 * len(rows) / 3)
         if find_chromium() is None:
-            rows.append(_row("scripted user", float("nan"), 60, "decisions/min", note="no Chromium here"))
+            rows.append(goal_row("scripted user", float("nan"), 60, "decisions/min", note="no Chromium here"))
         else:
             rows += user_rows(label_with_browser(Path(folder) / "user", CENTRES, seed=SEED))
         progress(1.0)
@@ -97,9 +95,9 @@ def measure_keys(workspace: Workspace, zoom: str, steps: int, held_s: float) -> 
         lab.stop()
     name = zoom.lower()
     return [
-        _row(f"key to picture p95, as fast as answered, {name}", _p95(far), 80, "ms", note=f"p50 {_p50(far):.0f}"),
-        _row(f"key to picture p95, five a second, {name}", _p95(calm), 80, "ms", note=f"p50 {_p50(calm):.0f}"),
-        _row(f"pictures a second with a key held, {name}", rate, 15, "1/s", least=True),
+        _keys_row(f"as fast as answered, {name}", far),
+        _keys_row(f"five a second, {name}", calm),
+        goal_row(f"pictures a second with a key held, {name}", rate, 15, "1/s", least=True),
     ]
 
 
@@ -107,12 +105,12 @@ def user_rows(result: UserResult) -> list[Row]:
     """What the scripted user did."""
     note = f"{result.accepted} accepted, {result.clicked} clicked, SIGKILL after {result.before_kill}"
     return [
-        _row("scripted user", result.decisions_per_minute, 60, "decisions/min", least=True, note=note),
-        _row("acknowledged labels lost to the SIGKILL", result.lost, 0, ""),
-        _row("centres labelled", result.labels, CENTRES, "", least=True),
-        _row("formats that do not come back whole", result.formats_failed, 0, "", note=result.formats),
-        _row("error of the labels, median", result.median_error_px, 0.5, "px"),
-        _row("config scored in Tune against", result.scored_labels, CENTRES, "labels", least=True),
+        goal_row("scripted user", result.decisions_per_minute, 60, "decisions/min", least=True, note=note),
+        goal_row("acknowledged labels lost to the SIGKILL", result.lost, 0, ""),
+        goal_row("centres labelled", result.labels, CENTRES, "", least=True),
+        goal_row("formats that do not come back whole", result.formats_failed, 0, "", note=result.formats),
+        goal_row("error of the labels, median", result.median_error_px, 0.5, "px"),
+        goal_row("config scored in Tune against", result.scored_labels, CENTRES, "labels", least=True),
     ]
 
 
@@ -126,15 +124,6 @@ def _press(browser: BareBrowser, command: str, rest_s: float) -> float:
     return 1e3 * (time.perf_counter() - begun_s)
 
 
-def _p50(ms: list[float]) -> float:
-    return float(np.median(ms))
-
-
-def _p95(ms: list[float]) -> float:
-    return float(np.percentile(ms, 95))
-
-
-def _row(what: str, measured: float, goal: float, unit: str, *, least: bool = False, note: str = "") -> Row:
-    met = measured >= goal if least else measured <= goal
-    row: Row = {"what": what, "measured": measured, "goal": f"{'>=' if least else '<='} {goal:g}"}
-    return {**row, "unit": unit, "met": bool(met), "note": note}
+def _keys_row(how: str, ms: list[float]) -> Row:
+    p50, p95 = np.percentile(ms, (50, 95))
+    return goal_row(f"key to picture p95, {how}", p95, 80, "ms", note=f"p50 {p50:.0f}")

@@ -159,17 +159,8 @@ class _User:
 
     def _open(self) -> None:
         """Start the server, go to Label mode and to the first unchecked time, and have the detector propose."""
-        command = [
-            sys.executable,
-            "-m",
-            "app.cli",
-            "serve",
-            str(self._file),
-            "--data",
-            str(self._folder),
-            "--port",
-            "0",
-        ]
+        options = ["--data", str(self._folder), "--port", "0"]
+        command = [sys.executable, "-m", "app.cli", "serve", str(self._file), *options]
         self._server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         assert self._server.stdout is not None
         line = next(line for line in self._server.stdout if "http://" in line)

@@ -12,10 +12,10 @@ from app.cli.arguments import positive_int
 from app.cli.bench import format_table
 from app.cli.progress import progress_bar
 from core.bench.rally.ball_states_report import PlayedFile, losses, report_rows, write_ball_states_report
-from core.bench.rally.simulated_returns import SimulatedReturnsConfig, play_known_balls
 from core.errors import CommandError
 from core.physics.ball_states import read_ball_states
 from core.physics.task import task_profile
+from core.rally.simulated.simulated_returns import SimulatedReturnsConfig, play_known_balls
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--told-after-ms", type=float, default=0.0, metavar="MS", help="how late it is told (default: 0)"
     )
     group.add_argument("--physics", default="real", choices=("paper", "real"), help="default: %(default)s")
-    group.add_argument("--report", type=Path, metavar="FILE.md", help="write a page with a picture")
+    group.add_argument(
+        "--report", type=Path, metavar="FILE.md", help="write a page with a picture (matplotlib draws it)"
+    )
 
 
 def run_ball_states(arguments: argparse.Namespace) -> None:

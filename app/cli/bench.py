@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import functools
 import importlib
 import importlib.util
 import inspect
 import json
 from collections.abc import Callable
+from pathlib import Path
 
+from app.cli.arguments import positive_int
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
 from core.errors import CommandError, NotBuiltError
@@ -37,7 +38,9 @@ BENCHES = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The verb's arguments."""
     parser.add_argument("name", choices=BENCHES, metavar="|".join(BENCHES), help="what to measure")
-    parser.add_argument("--count", type=int, metavar="N", help="balls of each speed (perceived-prediction only)")
+    parser.add_argument("--count", type=positive_int, metavar="N", help="balls of each speed (perceived-prediction)")
+    parser.add_argument("--folder", type=Path, help="what is measured is kept here (learning, perceived-prediction)")
+    parser.add_argument("--report", type=Path, metavar="FILE.md", help="the page, for a bench that writes one")
     parser.add_argument("--json", action="store_true", help="print the figures as JSON")
 
 
@@ -48,13 +51,13 @@ def run(arguments: argparse.Namespace) -> None:
         built = ", ".join(name for name in BENCHES if find_bench(name))
         raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
     measure: Callable[..., dict[str, object]] = importlib.import_module(module).run
-    if arguments.count is not None:
-        if "count" not in inspect.signature(measure).parameters or arguments.count < 1:
-            raise CommandError("no such count", expected="from 1, of a bench that has one", where="--count")
-        measure = functools.partial(measure, count=arguments.count)
+    given = {name: vars(arguments).get(name) for name in ("count", "folder", "report")}
+    options = {name: value for name, value in given.items() if value is not None}
+    for name in options.keys() - inspect.signature(measure).parameters.keys():
+        raise CommandError(f"`bench {arguments.name}` has no such option", got=f"--{name}")
     silence_viser()
     with progress_bar(f"Measuring {arguments.name}") as progress:
-        report = measure(progress)
+        report = measure(progress, **options)
     if arguments.json:
         print(json.dumps(report))
         return

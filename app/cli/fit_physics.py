@@ -6,12 +6,16 @@ import argparse
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.cli.bench import format_table
 from app.cli.progress import progress_bar
 from core.errors import CommandError
+
+if TYPE_CHECKING:
+    from core.metrics.flight_predictions import FlightErrors
 
 TEST_SHARE = 0.3
 
@@ -39,8 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise CommandError(
             "not enough flights", expected="4 or more: some are kept for the test", got=len(arguments.flights)
         )
-    from core.bench.physics.flight_predictors import compare_predictors
-    from core.bench.physics.physics_report import compare_models
+    from core.metrics.flight_predictions import compare_models, compare_predictors
     from core.physics.fit_flights import bootstrap, fit_physics
     from core.physics.flight_files import read_flight
 
@@ -66,8 +69,8 @@ def run(arguments: argparse.Namespace) -> None:
             "magnus_coefficient": fitted.magnus_coefficient,
             "residual_m": {"rms": fitted.rms_m, "median": fitted.median_m},
             "spins_radps": {flight.name: float(spin) for flight, spin in zip(fit, spins, strict=True)},
-            "test": [asdict(row) for row in errors],
-            "predictors": [asdict(row) for row in predictors],
+            "test": [{"model": name, **asdict(row)} for name, row in errors.items()],
+            "predictors": [{"method": name, **asdict(row)} for name, row in predictors.items()],
             "flights": {"fit": len(fit), "test": len(test)},
         }
         print(json.dumps(report))
@@ -76,36 +79,19 @@ def run(arguments: argparse.Namespace) -> None:
     print(format_table([{"constant": name, **values} for name, values in constants.items()]))
     print()
     print("Test flights, errors after 150 ms of observation, mm (median, 95 %):")
-    print(
-        format_table(
-            [
-                {
-                    "model": row.model,
-                    "bounce": row.bounce_median_mm,
-                    "bounce 95 %": row.bounce_p95_mm,
-                    **{f"{1e3 * ahead:.0f} ms": value for ahead, value in row.ahead_median_mm.items()},
-                    **{f"{1e3 * ahead:.0f} ms 95 %": value for ahead, value in row.ahead_p95_mm.items()},
-                }
-                for row in errors
-            ]
-        )
-    )
+    print(format_table([_row("model", name, row) for name, row in errors.items()]))
     print()
     print(
         "Test flights, predicted point by point from the same 150 ms, mm (median, 95 %; squared error over its spread):"
     )
-    print(
-        format_table(
-            [
-                {
-                    "predictor": row.method,
-                    "bounce": row.bounce_median_mm,
-                    "bounce 95 %": row.bounce_p95_mm,
-                    **{f"{1e3 * ahead:.0f} ms": value for ahead, value in row.ahead_median_mm.items()},
-                    **{f"{1e3 * ahead:.0f} ms 95 %": value for ahead, value in row.ahead_p95_mm.items()},
-                    **{f"{1e3 * ahead:.0f} ms nees": value for ahead, value in row.normalised.items()},
-                }
-                for row in predictors
-            ]
-        )
-    )
+    rows = [_row("predictor", name, row) | _by_time(row.normalised, " nees") for name, row in predictors.items()]
+    print(format_table(rows))
+
+
+def _row(kind: str, name: str, errors: FlightErrors) -> dict[str, object]:
+    bounce = {"bounce": errors.bounce_median_mm, "bounce 95 %": errors.bounce_p95_mm}
+    return {kind: name} | bounce | _by_time(errors.ahead_median_mm) | _by_time(errors.ahead_p95_mm, " 95 %")
+
+
+def _by_time(values: dict[float, float], words: str = "") -> dict[str, object]:
+    return {f"{1e3 * ahead:.0f} ms{words}": value for ahead, value in values.items()}

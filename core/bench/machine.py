@@ -1,4 +1,4 @@
-"""What figures were measured on."""
+"""What figures were measured on, and whether they are what was aimed at."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import platform
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
+
+Row = dict[str, object]
 
 
 def describe_machine(*packages: str, **remarks: str) -> dict[str, object]:
@@ -28,3 +30,10 @@ def describe_machine(*packages: str, **remarks: str) -> dict[str, object]:
 def machine_words(machine: Mapping[str, object]) -> str:
     """The same for a report's reader."""
     return ", ".join(f"{name} {value}" for name, value in machine.items() if value is not None)
+
+
+def goal_row(what: str, measured: float, goal: float, unit: str, *, least: bool = False, note: str = "") -> Row:
+    """A figure, its goal (at most, or at least), and whether that is met."""
+    met = measured >= goal if least else measured <= goal
+    row: Row = {"what": what, "measured": float(measured), "goal": f"{'>=' if least else '<='} {goal:g}"}
+    return {**row, "unit": unit, "met": bool(met), "note": note}

@@ -1,4 +1,4 @@
-"""How good a detector is: matching against truth, precision, recall, pixel errors, benchmarks."""
+"""How good a detector is (precision, recall, pixel errors against truth), and how well flights are predicted."""
 
 from core.metrics.run import WindowAnswers, run_detector
 from core.metrics.score import Score, score_answers, score_recording

@@ -6,8 +6,10 @@ and the noise of the detector. Errors are those of all points of all draws toget
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -24,9 +26,10 @@ from core.cameras.calibration.scale import Scale
 from core.cameras.presets import PLACEMENTS
 from core.detection import make_detector
 from core.detection.config import auto_config
-from core.events import Events, concatenate_events
-from core.events.window import Window
+from core.events import Events
 from core.geometry import invert_transform
+from core.metrics import run_detector
+from core.recordings import RecordingWriter, open_recording
 from core.simulation.event_cameras.stereo import StereoConfig, simulate_stereo
 from core.simulation.flights.ball_path import BallPath
 from core.simulation.flights.flight_series import draw_serve_series
@@ -34,6 +37,7 @@ from core.simulation.flights.serve import LaunchConfig
 
 Array = NDArray[np.float64]
 Row = dict[str, object]
+Figures = dict[str, float]
 Progress = Callable[[float], None]
 
 LEVELS_PX: Final = (0.0, 0.1, 0.2, 0.5)
@@ -87,8 +91,8 @@ def error_row(placement: str, level_px: float, noise_px: float, part: Part, *, d
     return {**names, **_millimetres(every), "seen": round(len(ps) / POINTS, 2)}
 
 
-def _millimetres(errors: SpaceErrors) -> Row:
-    row: Row = {}
+def _millimetres(errors: SpaceErrors) -> Figures:
+    row: Figures = {}
     for name, values in (("3d", errors.whole_m), ("depth", errors.depth_m), ("lateral", errors.lateral_m)):
         good = values[np.isfinite(values)]
         row[f"{name}_median_mm"] = round(1e3 * float(np.median(good)), 2)
@@ -117,23 +121,19 @@ def rig_row(placement: str, swept: str, events: bool, *, seeds: tuple[int, ...] 
     """What `calibrate stereo` finds, over some sweeps: medians and worst of its errors, with clicked corners."""
     cameras = stereo_preset(placement)
     path_of, scale = SWEPT[swept]
-    found: list[Row] = []
+    found: list[Figures] = []
     for seed in seeds:
         rng = np.random.default_rng(seed)
         tracks = _detected(cameras, path_of(seed), seed) if events else _sighted(cameras, path_of(seed), rng)
         lenses = {name: replace(camera, T_world_camera=np.eye(4)) for name, camera in cameras.items()}
         rig = calibrate_rig(tracks, lenses, scale, clicks=click_corners(cameras, rng, CLICK_PX))
         found.append(rig_errors(rig, cameras, rng))
-    names = {"placement": placement, "swept": swept, "pixels": "detector" if events else f"truth + {NOISE_PX} px"}
-    worst = {"clock_worst_us": round(max(abs(_number(row["clock_us"])) for row in found), 1)}
-    return {
-        **names,
-        **{key: round(float(np.median([_number(row[key]) for row in found])), 3) for key in found[0]},
-        **worst,
-    }
+    names: Row = {"placement": placement, "swept": swept, "pixels": "detector" if events else f"truth + {NOISE_PX} px"}
+    medians = {key: round(float(np.median([row[key] for row in found])), 3) for key in found[0]}
+    return names | medians | {"clock_worst_us": round(max(abs(row["clock_us"]) for row in found), 1)}
 
 
-def rig_errors(rig: RigCalibration, true: Mapping[str, Camera], rng: np.random.Generator) -> Row:
+def rig_errors(rig: RigCalibration, true: Mapping[str, Camera], rng: np.random.Generator) -> Figures:
     """How far a calibrated rig of two is from the true one."""
     second = list(true)[1]
     got, wanted = (_relative(cameras) for cameras in (rig.cameras, true))
@@ -167,33 +167,18 @@ def _sighted(cameras: Mapping[str, Camera], path: BallPath, rng: np.random.Gener
 
 def _detected(cameras: Mapping[str, Camera], path: BallPath, seed: int) -> dict[str, PointTrack]:
     """What the detector says of simulated events, the clocks of all but the first camera ahead."""
-    parts: dict[str, list[Events]] = {name: [] for name in cameras}
-    end_us = 0
-    for chunk in simulate_stereo(StereoConfig(), cameras, path, seed=seed):
-        for name, events in chunk.events.items():
-            parts[name].append(events)
-        end_us = chunk.end_us
+    ahead_us = {name: AHEAD_US * (number > 0) for number, name in enumerate(cameras)}
     tracks = {}
-    for number, (name, camera) in enumerate(cameras.items()):
-        events, ahead_us = concatenate_events(parts[name], camera.sensor), AHEAD_US * (number > 0)
-        late = Events.from_columns(events.t_us + ahead_us, events.x_px, events.y_px, events.on, camera.sensor)
-        tracks[name] = _track(late, end_us + ahead_us)
+    with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
+        file = Path(folder) / "sweep.h5"
+        with RecordingWriter(file, {name: camera.sensor for name, camera in cameras.items()}) as writer:
+            for chunk in simulate_stereo(StereoConfig(), cameras, path, seed=seed):
+                for name, e in chunk.events.items():
+                    late = Events.from_columns(e.t_us + ahead_us[name], e.x_px, e.y_px, e.on, e.sensor)
+                    writer.append(name, late)
+        with open_recording(file) as recording:
+            for name, stream in recording.cameras.items():
+                answers = run_detector(stream, make_detector("auto", stream.sensor), auto_config().window.window_us)
+                uvs_px = np.column_stack([answers.u_px, answers.v_px])
+                tracks[name] = PointTrack.of(answers.t_us[answers.detected], uvs_px[answers.detected])
     return tracks
-
-
-def _track(events: Events, end_us: int) -> PointTrack:
-    config = auto_config()
-    detector = make_detector("auto", events.sensor, config)
-    found = []
-    for start_us in range(0, end_us, config.window.window_us):
-        until_us = start_us + config.window.window_us
-        detection = detector.step(Window(events.between(start_us, until_us), start_us, until_us))
-        if detection is not None:
-            found.append((detection.t_us, detection.u_px, detection.v_px))
-    columns = np.array(found, np.float64).reshape(-1, 3)
-    return PointTrack.of(columns[:, 0].astype(np.int64), columns[:, 1:])
-
-
-def _number(value: object) -> float:
-    assert isinstance(value, (int, float))
-    return float(value)

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
@@ -22,16 +21,18 @@ from core.bench.detection.exactness import (
     compare_detectors,
     compare_labels,
     compare_random,
+    distance_px,
 )
-from core.bench.detection.simulated_streams import MemoryStream, simulate_flights
+from core.bench.detection.simulated_streams import simulate_flights
 from core.bench.machine import describe_machine
 from core.config import replace_setting
 from core.detection import Detection, DetectorConfig, FastDetector, ReferenceDetector, TrackState, trace_window
 from core.detection.methods import method_config
 from core.detection.window import windows_between
 from core.events import Window
-from core.metrics.run import run_detector
-from core.metrics.score import score_answers
+from core.metrics.run import duration_of
+from core.metrics.score import score_recording
+from core.recordings import CameraStream, PixelTruth
 
 SPEEDS_MPS: Final = (4.0, 5.0, 6.0, 7.0)
 CASES: Final = (("paper", 0.1), ("paper", 1.0), ("auto", 1.0), ("paper", 5.0))
@@ -53,20 +54,20 @@ def run(progress: Progress) -> dict[str, object]:
     rows: list[dict[str, object]] = []
     live = NOTHING_COMPARED
     evict = np.zeros(CACHE_BYTES // 8, np.int64)
-    streams: dict[float, list[MemoryStream]] = {}
+    streams: dict[float, list[CameraStream]] = {}
     steps = len(CASES) * (len(WINDOWS_US) * len(MODES) + 1) + 1
     for method, noise_hz in CASES:
         if noise_hz not in streams:
-            streams = {noise_hz: simulate_flights("ball", noise_hz, SPEEDS_MPS, seed=11)}  # one at a time in memory
+            streams = {noise_hz: simulate_flights("ball", noise_hz, SPEEDS_MPS, seed=11)}
         for window_us in WINDOWS_US:
             for mode in MODES:
                 config = replace_setting(method_config(method), ("roi", "enabled"), mode == "roi")
                 row = {"scene": "ball", "noise_hz": noise_hz, "window_us": window_us, "mode": mode, "method": method}
                 timed = time_both(streams[noise_hz], config, window_us, WINDOWS_TIMED, evict)
-                rows.append(row | dataclasses.asdict(timed) | accuracy(streams[noise_hz], config, window_us))
+                rows.append(row | timed | accuracy(streams[noise_hz], config, window_us))
                 progress(len(rows) / steps)
         stream, config = streams[noise_hz][0], method_config(method)
-        windows = windows_between(stream, 0, stream.duration_us, config.window.window_us)
+        windows = windows_between(stream, 0, duration_of(stream), config.window.window_us)
         live += compare_detectors(ReferenceDetector(config), FastDetector(config), windows)
     rng = np.random.default_rng(0)
     exactness = {
@@ -88,26 +89,14 @@ def run(progress: Progress) -> dict[str, object]:
     }
 
 
-@dataclass(frozen=True, slots=True)
-class Timing:
-    """The fast detector beside the reference, milliseconds of thread CPU time."""
-
-    p50_ms: float
-    p99_ms: float
-    ratio_p50: float
-    """Of the reference's median to the fast one's."""
-    ratio_p99: float
-    windows: int
-    reference_p50_ms: float
-    reference_p99_ms: float
-    differing: int
-    """Windows in which they did not answer the same."""
-
-
 def time_both(
-    streams: list[MemoryStream], config: DetectorConfig, window_us: int, count: int, evict: NDArray[np.int64]
-) -> Timing:
-    """Both on `count` windows with the ball in the picture, with a track that saw it where it was at their start."""
+    streams: Sequence[CameraStream], config: DetectorConfig, window_us: int, count: int, evict: NDArray[np.int64]
+) -> dict[str, object]:
+    """Both on `count` windows with the ball in the picture, with a track that saw it where it was at their start.
+
+    Milliseconds of thread CPU time of the fast detector and the reference, ratios of the reference's to the fast one's,
+    and in how many windows they did not answer the same.
+    """
     cases = [(stream, start_us) for stream in streams for start_us in _starts(stream, window_us, count // len(streams))]
     fast = FastDetector(config, streams[0].sensor)
     for stream, start_us in cases[:5]:  # compile and load
@@ -124,39 +113,41 @@ def time_both(
         evict.sum()
         found, took_ns = _time_fast(fast, window, state)
         fast_ns.append(took_ns)
-        differing += not _same(trace.detection, found) or trace.extra_circles != fast.extra_circles
+        differing += distance_px(trace.detection, found) > TOLERANCE_PX or trace.extra_circles != fast.extra_circles
     (p50, p99), (reference_p50, reference_p99) = (np.percentile(ns, (50, 99)) / 1e6 for ns in (fast_ns, reference_ns))
-    return Timing(
-        p50_ms=float(p50),
-        p99_ms=float(p99),
-        ratio_p50=float(reference_p50 / p50),
-        ratio_p99=float(reference_p99 / p99),
-        windows=len(cases),
-        reference_p50_ms=float(reference_p50),
-        reference_p99_ms=float(reference_p99),
-        differing=differing,
-    )
+    return {
+        "p50_ms": float(p50),
+        "p99_ms": float(p99),
+        "ratio_p50": float(reference_p50 / p50),
+        "ratio_p99": float(reference_p99 / p99),
+        "windows": len(cases),
+        "reference_p50_ms": float(reference_p50),
+        "reference_p99_ms": float(reference_p99),
+        "differing": differing,
+    }
 
 
-def accuracy(streams: list[MemoryStream], config: DetectorConfig, window_us: int) -> dict[str, object]:
+def accuracy(streams: Sequence[CameraStream], config: DetectorConfig, window_us: int) -> dict[str, object]:
     """Means over the cameras of precision, recall and errors, windows in a row with the live region of interest."""
-    scores = [
-        score_answers(run_detector(stream, FastDetector(config, stream.sensor), window_us), stream.truth)
-        for stream in streams
-    ]
+    scores = [score_recording(stream, config, window_us=window_us) for stream in streams]
     names = ("precision", "recall", "precision_all_circles", "mean_error_px", "median_error_px", "p95_error_px")
     return {name: float(np.mean([getattr(score, name) for score in scores])) for name in names}
 
 
-def _starts(stream: MemoryStream, window_us: int, count: int) -> NDArray[np.int64]:
+def _starts(stream: CameraStream, window_us: int, count: int) -> NDArray[np.int64]:
     """Starts of so many windows, evenly spread over the times when the ball is seen; they overlap if need be."""
-    starts = np.arange(0, stream.duration_us - window_us, 100)
-    seen = stream.truth.at(starts).visible & stream.truth.at(starts + window_us).visible
+    starts, truth = np.arange(0, duration_of(stream) - window_us, 100), _truth(stream)
+    seen = truth.at(starts).visible & truth.at(starts + window_us).visible
     return starts[seen][np.linspace(0, seen.sum() - 1, count).astype(np.int64)]
 
 
-def _case(stream: MemoryStream, start_us: int, window_us: int) -> tuple[Window, TrackState]:
-    truth = stream.truth.at(start_us)
+def _truth(stream: CameraStream) -> PixelTruth:
+    assert stream.truth is not None, "it is simulated"
+    return stream.truth
+
+
+def _case(stream: CameraStream, start_us: int, window_us: int) -> tuple[Window, TrackState]:
+    truth = _truth(stream).at(start_us)
     centre_px = (round(float(truth.u_px[0]), 2), round(float(truth.v_px[0]), 2))
     window = Window(stream.slice(start_us, start_us + window_us), start_us, start_us + window_us)
     return window, TrackState(centre_px=centre_px)
@@ -167,10 +158,3 @@ def _time_fast(fast: FastDetector, window: Window, state: TrackState) -> tuple[D
     begin_ns = time.thread_time_ns()
     found = fast.step(window)
     return found, time.thread_time_ns() - begin_ns
-
-
-def _same(one: Detection | None, other: Detection | None) -> bool:
-    if one is None or other is None:
-        return one is other
-    off_px = max(abs(one.u_px - other.u_px), abs(one.v_px - other.v_px), abs(one.r_px - other.r_px))
-    return one.t_us == other.t_us and off_px <= TOLERANCE_PX

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from core.detection import Detector, DetectorConfig, FastDetector, ReferenceDetector, paper_config
+from core.detection import Detection, Detector, DetectorConfig, FastDetector, ReferenceDetector, paper_config
 from core.detection.fast.cluster import grid_labels
 from core.detection.stages.cluster import ClusterConfig, cluster_labels
 from core.detection.stages.denoise import DenoiseConfig
@@ -53,12 +53,18 @@ def compare_detectors(one: Detector, other: Detector, windows: Iterable[Window])
     total = NOTHING_COMPARED
     for window in windows:
         a, b = one.step(window), other.step(window)
-        off_px = 0.0
-        if a is not None and b is not None:
-            off_px = max(abs(a.u_px - b.u_px), abs(a.v_px - b.v_px), abs(a.r_px - b.r_px))
-        differs = (a is None) != (b is None) or one.extra_circles != other.extra_circles or off_px > TOLERANCE_PX
-        total += ExactnessCount(1, int(a is not None), int(differs), off_px)
+        off_px = distance_px(a, b)
+        differs = one.extra_circles != other.extra_circles or off_px > TOLERANCE_PX
+        total += ExactnessCount(1, int(a is not None), int(differs), off_px if np.isfinite(off_px) else 0.0)
     return total
+
+
+def distance_px(one: Detection | None, other: Detection | None) -> float:
+    """Largest difference of u, v or r, or endless if only one found a ball or their times differ."""
+    if one is None or other is None:
+        return 0.0 if one is other else np.inf
+    off_px = max(abs(one.u_px - other.u_px), abs(one.v_px - other.v_px), abs(one.r_px - other.r_px))
+    return off_px if one.t_us == other.t_us else np.inf
 
 
 def compare_random(streams: int, windows: int, rng: np.random.Generator) -> ExactnessCount:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from core.bench.learning.plan import Counts, Experiment, is_minor, plan
 from core.bench.learning.report import write_learning_report
-from core.bench.learning.runs import SeedResult, load_results, train_seed
+from core.bench.learning.runs import Results, SeedResult, load_results, train_seed, values_at_end
 from core.bench.machine import describe_machine
 from core.learning.runs.summary import rounded_number, spread_of
 
@@ -32,10 +32,12 @@ def run(
     counts = counts or Counts()
     experiments = plan(counts)
     machine = describe_machine("numpy", "torch", "numba", clock=CLOCK)
-    if report == REPORT and not report.parent.is_dir():
-        report = folder / REPORT.name  # not in a source checkout
     total = sum(experiment.config.episodes * experiment.config.seeds for experiment in experiments)
     done = 0
+
+    def write(results: Results) -> None:
+        write_learning_report(report, experiments, results, counts, machine, read_chain(folder))
+
     for batch in batches(experiments):
         trained = 0
         for experiment, seed in batch:
@@ -44,11 +46,9 @@ def run(
             progress(done / total)
         if trained:
             # A batch may take a quarter of an hour: what there is can be read meanwhile.
-            write_learning_report(
-                report, experiments, load_all(experiments, folder), counts, machine, read_chain(folder)
-            )
-    results = load_all(experiments, folder)
-    write_learning_report(report, experiments, results, counts, machine, read_chain(folder))
+            write(load_results(experiments, folder))
+    results = load_results(experiments, folder)
+    write(results)
     return {
         "rows": [_row(experiment, results[experiment.name]) for experiment in experiments],
         "report": str(report),
@@ -64,14 +64,9 @@ def batches(experiments: Sequence[Experiment]) -> list[list[tuple[Experiment, in
     found: dict[float, list[tuple[Experiment, int]]] = {}
     for experiment in experiments:
         for k in range(experiment.config.seeds):
-            rounded_number = math.inf if k >= SEEDS_AT_A_TIME and is_minor(experiment) else k // SEEDS_AT_A_TIME
-            found.setdefault(rounded_number, []).append((experiment, experiment.config.first_seed + k))
-    return [found[rounded_number] for rounded_number in sorted(found)]
-
-
-def load_all(experiments: Sequence[Experiment], folder: Path) -> dict[str, list[SeedResult]]:
-    """What there is of every experiment."""
-    return {experiment.name: load_results(experiment, folder) for experiment in experiments}
+            batch = math.inf if k >= SEEDS_AT_A_TIME and is_minor(experiment) else k // SEEDS_AT_A_TIME
+            found.setdefault(batch, []).append((experiment, experiment.config.first_seed + k))
+    return [found[batch] for batch in sorted(found)]
 
 
 def read_chain(folder: Path) -> list[dict[str, object]]:
@@ -86,14 +81,13 @@ def read_chain(folder: Path) -> list[dict[str, object]]:
 
 def _row(experiment: Experiment, results: list[SeedResult]) -> dict[str, object]:
     speed = experiment.config.curriculum.speeds_mps[-1]
-    last = [evaluation for result in results if (evaluation := result.last(speed)) is not None]
-    error = spread_of([evaluation.error_mm for evaluation in last])
+    error = spread_of(values_at_end(results, speed, "error_mm"))
     return {
         "training": experiment.name,
         "speed_mps": speed,
         "episodes": experiment.config.episodes,
         "seeds": len(results),
-        "returned": rounded_number(spread_of([evaluation.returned for evaluation in last]).mean),
+        "returned": rounded_number(spread_of(values_at_end(results, speed, "returned")).mean),
         "error_mm": rounded_number(error.mean),
         "error_std_mm": rounded_number(error.std),
         "five_best_mm": rounded_number(spread_of([result.five_best_mm(speed) for result in results]).mean),

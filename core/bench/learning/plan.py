@@ -20,7 +20,6 @@ from core.learning.config import (
     RewardKind,
     RunConfig,
     Sb3Config,
-    StateSource,
     default_run,
     environment_profile,
 )
@@ -32,8 +31,8 @@ REWARDS: tuple[RewardKind, ...] = ("simple", "case", "cdta")
 MINOR = ("variant", "beta", "reward-slow", "model-hard-9", "model-shaky", "model-biased", "model-privileged")
 MINOR += ("model-climb-discard", "model-impact", "model-flight", "model-predicted", "model-hard-noisy-climb")
 RULES: tuple[ReplayRule, ...] = ("threshold", "discard", "retain")
-
-
+SLOW = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
+"""The paper's pace."""
 IMPACT = LandingModelConfig(head="impact", critic_rate=3e-4, actor_rate=3e-3, final_rate=0.1)
 """What the model is told of physics leaves it little to learn, and noise less to spoil: a slow critic."""
 
@@ -64,12 +63,11 @@ class Experiment:
 
 def plan(counts: Counts) -> tuple[Experiment, ...]:
     """All trainings, the most wanted first."""
-    slow = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
     wanted = [
         *_rewards("3", stages((3.0,), (600,)), DdpgConfig()),
         *_rewards("4", stages((4.0,), (1000,)), DdpgConfig()),
-        *_rewards("slow-3", stages((3.0,), (600,)), slow),
-        *_rewards("slow-4", stages((4.0,), (1000,)), slow),
+        *_rewards("slow-3", stages((3.0,), (600,)), SLOW),
+        *_rewards("slow-4", stages((4.0,), (1000,)), SLOW),
         *_replay_rules(),
         *_landing_model(),
         *_variants(),
@@ -132,13 +130,8 @@ def _landing_model() -> list[Experiment]:
         model("impact-hard-noisy-5", stages((5.0,), (200,)), noisy_hard, landing_model=IMPACT),
         model("impact-hard-noisy-9", stages((9.0,), (200,)), noisy_hard, landing_model=IMPACT),
         model("privileged", stages((5.0,), (100,)), landing_model=LandingModelConfig(privileged=True)),
-        model("predicted", stages((5.0,), (100,)), source_of(truth, "predicted")),
+        model("predicted", stages((5.0,), (100,)), dataclasses.replace(truth, state_source="predicted")),
     ]
-
-
-def source_of(environment: EnvironmentConfig, source: StateSource) -> EnvironmentConfig:
-    """The environment with another perception."""
-    return dataclasses.replace(environment, state_source=source)
 
 
 def _variants() -> list[Experiment]:
@@ -147,31 +140,22 @@ def _variants() -> list[Experiment]:
     fixed = EnvironmentConfig(goal=GoalConfig(kind="fixed"))
     truth = EnvironmentConfig(state_source="truth")
     better = DdpgConfig(updates_per_episode=16, relabels=3, batch=32, actor_rate=1e-3, critic_rate=2e-3)
-    found = [
-        Experiment("variant-bootstrap", paper(climb, ddpg=DdpgConfig(target="bootstrap"))),
-        Experiment("variant-fixed-target", paper(climb, environment=fixed)),
-        Experiment("variant-true-state", paper(climb, environment=truth)),
-    ]
-    found.append(Experiment("variant-climb", paper(stages((3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), (600,) + (300,) * 6))))
-    slow = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
-    found.append(Experiment("variant-slow", paper(climb, ddpg=slow)))
-    found.append(Experiment("variant-equal-rates", paper(climb, ddpg=DdpgConfig(actor_rate=1e-3, critic_rate=1e-3))))
-    for name, reward in (
-        ("simple-accuracy", RewardConfig(kind="simple", simple_accuracy=True)),
-        ("case-accuracy", RewardConfig(kind="case", case_weight=0.0)),
-    ):
-        found.append(Experiment(f"variant-{name}", paper(stages((4.0,), (1000,)), reward=reward)))
-    for beta in (0.005, 0.01, 0.05):
-        found.append(Experiment(f"beta-{beta:g}", paper(stages((4.0,), (1000,)), reward=RewardConfig(beta=beta))))
-    quick = {
-        "environment": truth,
-        "reward": RewardConfig(kind="case", case_weight=0.0),
-        "exploration": ExplorationConfig(random_episodes=30),
+    whole = stages((3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0), (600,) + (300,) * 6)
+    four, accuracy = stages((4.0,), (1000,)), RewardConfig(kind="case", case_weight=0.0)
+    many = {"reward": accuracy, "environment": truth, "exploration": ExplorationConfig(random_episodes=30)}
+    found = {
+        "variant-bootstrap": paper(climb, ddpg=DdpgConfig(target="bootstrap")),
+        "variant-fixed-target": paper(climb, environment=fixed),
+        "variant-true-state": paper(climb, environment=truth),
+        "variant-climb": paper(whole),
+        "variant-slow": paper(climb, ddpg=SLOW),
+        "variant-equal-rates": paper(climb, ddpg=DdpgConfig(actor_rate=1e-3, critic_rate=1e-3)),
+        "variant-simple-accuracy": paper(four, reward=RewardConfig(kind="simple", simple_accuracy=True)),
+        "variant-case-accuracy": paper(four, reward=accuracy),
+        **{f"beta-{beta:g}": paper(four, reward=RewardConfig(beta=beta)) for beta in (0.005, 0.01, 0.05)},
+        "better-300": paper(stages((5.0,), (300,)), ddpg=better, **many),
     }
-    return [
-        *found,
-        Experiment("better-300", paper(stages((5.0,), (300,)), ddpg=better, **quick)),
-    ]
+    return [Experiment(name, config) for name, config in found.items()]
 
 
 def _rivals() -> list[Experiment]:
@@ -183,18 +167,15 @@ def _rivals() -> list[Experiment]:
     ):
         for exploration in EXPLORATIONS:
             for agent in RIVALS:
-                training = rival_training(name, exploration, agent)
-                found[training] = Experiment(training, _rival(agent, exploration, curriculum))
-    return list(found.values())
+                rival = Sb3Config(exploration=exploration)
+                config = dataclasses.replace(default_run(agent), curriculum=curriculum, rival=rival)
+                found[rival_training(name, exploration, agent)] = config
+    return [Experiment(name, config) for name, config in found.items()]
 
 
 def rival_training(name: str, exploration: Exploration, agent: AgentName) -> str:
     """The experiment of a rival. TD3's default exploration and rate are the matched ones: it is trained once."""
     return f"rival-{name}-{'matched' if agent == 'td3' else exploration}-{agent}"
-
-
-def _rival(agent: AgentName, exploration: Exploration, curriculum: CurriculumConfig) -> RunConfig:
-    return dataclasses.replace(default_run(agent), curriculum=curriculum, rival=Sb3Config(exploration=exploration))
 
 
 def is_minor(experiment: Experiment) -> bool:

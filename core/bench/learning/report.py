@@ -6,18 +6,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from core.bench.learning.beyond import event_cameras, landing_model, timings
-from core.bench.learning.charts import learning_charts
+from core.bench.learning.charts import CHARTS, draw_learning_charts
 from core.bench.learning.contests import against_rivals, variants
 from core.bench.learning.plan import REWARDS, RULES, Counts, Experiment
-from core.bench.learning.runs import SeedResult, values_at
-from core.bench.learning.tables import at, binomial_interval, millimetres, paired, table
+from core.bench.learning.runs import Results, values_at
+from core.bench.learning.tables import at, binomial_interval, five_best, paired
 from core.bench.learning.targets import targets_table
 from core.bench.learning.verdicts import noise_floor, verdicts
 from core.learning.config import EnvironmentConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
 from core.learning.runs.summary import baseline_row
-
-Results = Mapping[str, Sequence[SeedResult]]
+from core.markdown import markdown_table
 
 PAPER_RETURNS = {
     ("3", 350): (46, 70, 78),
@@ -81,13 +80,10 @@ def write_learning_report(
         event_cameras(chain),
         timings(experiments, results),
         "## Curves\n\nMean over seeds with its 95 % interval.\n",
+        *(f"![{name}](images/learning-{name}.svg)\n" for name in CHARTS),
     ]
-    images = path.parent / "images"
-    images.mkdir(exist_ok=True)
-    for name, chart in learning_charts(results).items():
-        (images / f"learning-{name}.svg").write_text(chart, encoding="utf-8")
-        parts.append(f"![{name}](images/learning-{name}.svg)\n")
     path.write_text("\n".join(parts), encoding="utf-8")
+    draw_learning_charts(results, path.parent / "images")
 
 
 def _baselines(counts: Counts) -> str:
@@ -106,7 +102,7 @@ def _baselines(counts: Counts) -> str:
         assert isinstance(centre, dict)
         rows.append([*cells, f"{centre['error_mm']:.0f} mm"])
     titles = ("m/s", "zero action", "random action", "oracle (best angles per ball)", "always the box's centre")
-    return "## Without learning\n\n" + table(titles, rows)
+    return "## Without learning\n\n" + markdown_table(titles, rows)
 
 
 def _rewards(results: Results) -> str:
@@ -114,27 +110,28 @@ def _rewards(results: Results) -> str:
     for name, setting in (("", "our settings"), ("slow-", "the paper's pace: two updates, both rates at 0.001")):
         rows = []
         for (speed, episode), theirs in PAPER_RETURNS.items():
-            runs = [results.get(f"reward-{name}{speed}-{kind}", ()) for kind in REWARDS]
+            runs = [results[f"reward-{name}{speed}-{kind}"] for kind in REWARDS]
             low, high = binomial_interval(theirs[2] / 100, PAPER_BALLS)
             rows.append(
                 [
                     f"{speed} m/s @{episode}",
                     " / ".join(map(str, theirs)) + f" (last one [{100 * low:.0f}, {100 * high:.0f}] if of 50 balls)",
-                    *(at(run, episode, "returned") for run in runs),
+                    *map(at(episode, "returned"), runs),
                     paired(runs[2], runs[1], episode, "returned"),
                 ]
             )
         titles = ("", "paper: simple / case / CDTA, %", "simple, %", "case, %", "CDTA, %", "CDTA - case")
-        seeds = len(results.get(f"reward-{name}4-cdta", ()))
-        parts.append(f"Return rate, {setting} ({seeds} seeds):\n\n" + table(titles, rows))
+        seeds = len(results[f"reward-{name}4-cdta"])
+        parts.append(f"Return rate, {setting} ({seeds} seeds):\n\n" + markdown_table(titles, rows))
         rows = []
         for episode in (400, 600, 800, 1000):
-            runs = [results.get(f"reward-{name}4-{kind}", ()) for kind in REWARDS]
-            cells = [at(run, episode, "error_mm") for run in runs]
-            rows.append([str(episode), *cells, paired(runs[2], runs[1], episode, "error_mm")])
+            runs = [results[f"reward-{name}4-{kind}"] for kind in REWARDS]
+            rows.append(
+                [str(episode), *map(at(episode, "error_mm"), runs), paired(runs[2], runs[1], episode, "error_mm")]
+            )
         parts.append(
             f"Landing error in mm at 4 m/s, {setting} (paper, CDTA @1000: 226):\n\n"
-            + table(("episode", "simple", "case", "CDTA", "CDTA - case"), rows)
+            + markdown_table(("episode", "simple", "case", "CDTA", "CDTA - case"), rows)
         )
     return "\n".join(parts)
 
@@ -143,24 +140,27 @@ def _replay(results: Results) -> str:
     """3 then 5 m/s under the replay rules, and 5 m/s from scratch with the same number of episodes."""
     rows = []
     for rule in (*RULES, "scratch"):
-        found = results.get(f"replay-{rule}", ())
-        early = [at(found, 800 + n, "returned") if rule != "scratch" else at(found, n, "returned") for n in (50, 100)]
-        five = millimetres([result.five_best_mm(5.0) for result in found])
-        final = values_at(found, 1700, "error_mm")
-        worst = f"{max(final):.0f}" if final else "-"
-        cells = [str(len(found)), *early, at(found, 1700, "returned"), at(found, 1700, "error_mm"), worst, five]
-        rows.append([rule, *cells])
+        found = results[f"replay-{rule}"]
+        before = 0 if rule == "scratch" else 800
+        columns = [
+            at(before + 50, "returned"),
+            at(before + 100, "returned"),
+            at(1700, "returned"),
+            at(1700, "error_mm"),
+        ]
+        worst = max(values_at(found, 1700, "error_mm"), default=None)
+        rows.append([rule, len(found), *(say(found) for say in columns), worst, five_best(5.0)(found)])
     titles = ("rule", "seeds", "returned +50 ep, %", "+100 ep, %", "@1700, %")
     titles += ("error @1700, mm", "worst seed", "five best, mm")
-    retain, discard = results.get("replay-retain", ()), results.get("replay-discard", ())
-    threshold, scratch = results.get("replay-threshold", ()), results.get("replay-scratch", ())
+    ours = results["replay-threshold"]
     lines = [
         "## Replay rules and curriculum: 800 episodes at 3 m/s, then 900 at 5 m/s\n",
-        table(titles, rows),
+        markdown_table(titles, rows, ("", "d", "", "", "", "", ".0f")),
         "Paper: 277 mm @1700 with threshold, by the five best evaluations, and threshold best of all.\n",
         "Paired differences of the error @1700 in mm:\n",
-        f"- threshold - retain: {paired(threshold, retain, 1700, 'error_mm')}",
-        f"- threshold - discard: {paired(threshold, discard, 1700, 'error_mm')}",
-        f"- threshold - scratch: {paired(threshold, scratch, 1700, 'error_mm')}\n",
+        *(
+            f"- threshold - {rule}: {paired(ours, results[f'replay-{rule}'], 1700, 'error_mm')}"
+            for rule in ("retain", "discard", "scratch")
+        ),
     ]
-    return "\n".join(lines)
+    return "\n".join(lines) + "\n"

@@ -6,8 +6,9 @@ import hashlib
 import math
 import shutil
 import time
+from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import tomli_w
@@ -46,14 +47,17 @@ class SeedResult:
         """After exactly so many episodes."""
         return next((e for e in self.evaluations if e.episode == episode), None)
 
-    def last(self, speed_mps: float | None = None) -> Evaluation | None:
-        """At the end, or at the end of the stage of a speed."""
-        found = [e for e in self.evaluations if speed_mps is None or e.speed_mps == speed_mps]
-        return found[-1] if found else None
+    def last(self, speed_mps: float) -> Evaluation | None:
+        """At the end of the stage of a speed."""
+        return next((e for e in reversed(self.evaluations) if e.speed_mps == speed_mps), None)
 
     def five_best_mm(self, speed_mps: float) -> float:
         """Mean of the five lowest errors at a speed."""
         return five_best_mm([e.error_mm for e in self.evaluations if e.speed_mps == speed_mps])
+
+
+Results = defaultdict[str, list[SeedResult]]
+"""The seeds of every training, by its name; none of one that was not trained."""
 
 
 def train_seed(experiment: Experiment, folder: Path, seed: int) -> bool:
@@ -65,12 +69,15 @@ def train_seed(experiment: Experiment, folder: Path, seed: int) -> bool:
     return True
 
 
-def load_results(experiment: Experiment, folder: Path) -> list[SeedResult]:
-    """The seeds that are there."""
-    config = experiment.config
-    seeds = range(config.first_seed, config.first_seed + config.seeds)
-    found = [(seed, read_json(_path(experiment, folder, seed))) for seed in seeds]
-    return [_result(seed, answer) for seed, answer in found if answer]
+def load_results(experiments: Sequence[Experiment], folder: Path) -> Results:
+    """What there is of every experiment."""
+    results: Results = defaultdict(list)
+    for experiment in experiments:
+        first = experiment.config.first_seed
+        for seed in range(first, first + experiment.config.seeds):
+            if answer := read_json(_path(experiment, folder, seed)):
+                results[experiment.name].append(_result(seed, answer))
+    return results
 
 
 def _train_seed(experiment: Experiment, seed: int, run: Path) -> dict[str, object]:
@@ -86,13 +93,8 @@ def _train_seed(experiment: Experiment, seed: int, run: Path) -> dict[str, objec
     for name, environment in experiment.transfers:
         speed = config.curriculum.speeds_mps[-1]
         score = PolicyEvaluator(environment, config.evaluation_balls).score(policy, speed)
-        transfers[name] = {
-            "episode": config.episodes,
-            "speed_mps": speed,
-            "returned": score.return_rate,
-            "error_mm": score.error_mm,
-            "error_returned_mm": score.error_returned_mm,
-        }
+        found = Evaluation(config.episodes, speed, score.return_rate, score.error_mm, score.error_returned_mm)
+        transfers[name] = asdict(found)
     shutil.rmtree(run)
     return {"evaluations": lines, "transfers": transfers, "cpu_s": cpu_s}
 
@@ -116,16 +118,15 @@ def _result(seed: int, answer: dict[str, object]) -> SeedResult:
 
 
 def _evaluation(line: dict[str, float | None]) -> Evaluation:
-    def known(name: str) -> float:
-        value = line[name]
-        return math.nan if value is None else float(value)
-
-    return Evaluation(
-        int(known("episode")), known("speed_mps"), known("returned"), known("error_mm"), known("error_returned_mm")
-    )
+    values = {field.name: line[field.name] for field in fields(Evaluation)}
+    return Evaluation(**{name: math.nan if value is None else value for name, value in values.items()})  # type: ignore[arg-type]
 
 
 def values_at(results: Sequence[SeedResult], episode: int, what: str) -> list[float]:
     """One number per seed after so many episodes; what: a field of `Evaluation`."""
-    found = [result.at(episode) for result in results]
-    return [getattr(evaluation, what) for evaluation in found if evaluation is not None]
+    return [getattr(evaluation, what) for result in results if (evaluation := result.at(episode)) is not None]
+
+
+def values_at_end(results: Sequence[SeedResult], speed_mps: float, what: str) -> list[float]:
+    """One number per seed at the end of the stage of a speed."""
+    return [getattr(evaluation, what) for result in results if (evaluation := result.last(speed_mps)) is not None]

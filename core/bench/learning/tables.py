@@ -1,38 +1,54 @@
-"""Numbers over seeds as text: mean, standard deviation, 95 % interval, paired differences, and curves."""
+"""Numbers over seeds as text: mean, standard deviation, 95 % interval, paired differences, and a row per training."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from core.bench.learning.runs import SeedResult, values_at
-from core.bench.line_chart import ChartLine
+from core.bench.learning.runs import Results, SeedResult, values_at, values_at_end
 from core.learning.runs.summary import SeedSpread, spread_of
+from core.markdown import markdown_table
+
+Column = Callable[[Sequence[SeedResult]], str]
+"""What a table says of a training."""
 
 
-def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Write rows as a Markdown table."""
-    lines = ["| " + " | ".join(titles) + " |", "|" + " --- |" * len(titles)]
-    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
+def table_of_trainings(
+    results: Results, title: str, trainings: Mapping[str, str], columns: Mapping[str, Column]
+) -> str:
+    """A row per training, by the words for it: how many seeds there are, and every column."""
+    rows = [[words, str(len(results[name])), *(say(results[name]) for say in columns.values())]
+            for words, name in trainings.items()]  # fmt: skip
+    return markdown_table((title, "seeds", *columns), rows)
 
 
-def millimetres(values: Sequence[float]) -> str:
-    """148 ± 31 [133, 162]; no distance is negative, and no interval of one."""
-    spread = spread_of(values)
-    return _spread(dataclasses.replace(spread, low=max(spread.low, 0.0)), 0 if spread.mean >= 30 else 1)
-
-
-def percent(shares: Sequence[float]) -> str:
-    """Shares 0..1 as percent: 98.4 ± 1.2 [97.8, 99.0]; the interval ends where percentages do."""
-    spread = spread_of([100 * share for share in shares])
-    return _spread(dataclasses.replace(spread, low=max(spread.low, 0.0), high=min(spread.high, 100.0)), 1)
-
-
-def at(results: Sequence[SeedResult], episode: int, what: str) -> str:
+def at(episode: int, what: str) -> Column:
     """The figure after so many episodes; what: returned, error_mm or error_returned_mm."""
-    values = values_at(results, episode, what)
-    return percent(values) if what == "returned" else millimetres(values)
+    return lambda found: shown(what, values_at(found, episode, what))
+
+
+def at_end(speed_mps: float, what: str) -> Column:
+    """The figure at the end of the stage of a speed."""
+    return lambda found: shown(what, values_at_end(found, speed_mps, what))
+
+
+def five_best(speed_mps: float) -> Column:
+    """The mean of the five lowest errors of each seed."""
+    return lambda found: shown("error_mm", [result.five_best_mm(speed_mps) for result in found])
+
+
+def shown(what: str, values: Sequence[float]) -> str:
+    """Shares 0..1 as percent, 98.4 ± 1.2 [97.8, 99.0]; errors in mm, 148 ± 31 [133, 162].
+
+    The interval ends where percentages do, and no distance is negative; there is no interval of one.
+    """
+    scale, most = (100, 100.0) if what == "returned" else (1, math.inf)
+    spread = spread_of([scale * value for value in values])
+    digits = 0 if what != "returned" and spread.mean >= 30 else 1
+    if spread.count < 2:
+        return f"{spread.mean:.{digits}f}" if spread.count else "-"
+    low, high = max(spread.low, 0.0), min(spread.high, most)
+    return f"{spread.mean:.{digits}f} ± {spread.std:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
 
 
 def paired(a: Sequence[SeedResult], b: Sequence[SeedResult], episode: int, what: str) -> str:
@@ -41,33 +57,19 @@ def paired(a: Sequence[SeedResult], b: Sequence[SeedResult], episode: int, what:
     if spread.count < 2:
         return "-"
     verdict = "no difference shown" if spread.low <= 0 <= spread.high else "differs"
-    return f"{spread.mean:+.1f} [{spread.low:+.1f}, {spread.high:+.1f}], {verdict}"
+    return f"{difference(spread)}, {verdict}"
+
+
+def difference(spread: SeedSpread) -> str:
+    """A difference with its interval."""
+    return f"{spread.mean:+.1f} [{spread.low:+.1f}, {spread.high:+.1f}]"
 
 
 def paired_spread(a: Sequence[SeedResult], b: Sequence[SeedResult], episode: int, what: str) -> SeedSpread:
     """Differences a - b over the seeds that both have, in percentage points or millimetres."""
-    of_b = {result.seed: result.at(episode) for result in b}
-    differences = []
-    for result in a:
-        mine, other = result.at(episode), of_b.get(result.seed)
-        if mine is not None and other is not None:
-            differences.append(getattr(mine, what) - getattr(other, what))
-    return spread_of([100 * d for d in differences] if what == "returned" else differences)
-
-
-def curve(name: str, results: Sequence[SeedResult], what: str) -> ChartLine:
-    """Mean and 95 % interval at every evaluation."""
-    episodes = sorted({e.episode for result in results for e in result.evaluations})
-    scale = 100.0 if what == "returned" else 1.0
-    spreads = [spread_of([scale * value for value in values_at(results, episode, what)]) for episode in episodes]
-    kept = [(episode, s) for episode, s in zip(episodes, spreads, strict=True) if s.count]
-    return ChartLine(
-        name,
-        [episode for episode, _ in kept],
-        [s.mean for _, s in kept],
-        [s.mean if math.isnan(s.low) else s.low for _, s in kept],
-        [s.mean if math.isnan(s.high) else s.high for _, s in kept],
-    )
+    pairs = [(one.at(episode), other.at(episode)) for one in a for other in b if one.seed == other.seed]
+    scale = 100 if what == "returned" else 1
+    return spread_of([scale * (getattr(x, what) - getattr(y, what)) for x, y in pairs if x and y])
 
 
 def binomial_interval(share: float, count: int) -> tuple[float, float]:
@@ -76,11 +78,3 @@ def binomial_interval(share: float, count: int) -> tuple[float, float]:
     middle = (share + z * z / (2 * count)) / (1 + z * z / count)
     half = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count)) / (1 + z * z / count)
     return max(0.0, middle - half), min(1.0, middle + half)
-
-
-def _spread(spread: SeedSpread, digits: int) -> str:
-    if spread.count == 0:
-        return "-"
-    if spread.count == 1:
-        return f"{spread.mean:.{digits}f}"
-    return f"{spread.mean:.{digits}f} ± {spread.std:.{digits}f} [{spread.low:.{digits}f}, {spread.high:.{digits}f}]"

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from core.bench.learning.runs import SeedResult, values_at
-from core.bench.learning.tables import millimetres, percent, table
+from core.bench.learning.runs import Results, values_at
+from core.bench.learning.tables import shown
 from core.learning.runs.summary import spread_of
-
-Results = Mapping[str, Sequence[SeedResult]]
+from core.markdown import markdown_table
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +44,11 @@ def targets_table(results: Results) -> str:
     """Each figure, what was found, and whether the mean over seeds reaches it."""
     rows = []
     for target in TARGETS:
-        values = values_at(results.get(target.training, ()), target.episode, target.what)
+        values = values_at(results[target.training], target.episode, target.what)
         is_rate = target.what == "returned"
-        shown: Callable[[Sequence[float]], str] = percent if is_rate else millimetres
         aimed = f">= {100 * target.bound:g} %" if is_rate else f"<= {target.bound:g} mm"
         mean = spread_of(values).mean
         reached = mean >= target.bound if is_rate else mean <= target.bound
         verdict = "-" if math.isnan(mean) else "yes" if reached else "**no**"
-        rows.append([target.title, aimed, shown(values), str(len(values)), verdict])
-    return table(("figure", "aimed at", "measured", "seeds", "reached"), rows)
+        rows.append([target.title, aimed, shown(target.what, values), str(len(values)), verdict])
+    return markdown_table(("figure", "aimed at", "measured", "seeds", "reached"), rows)

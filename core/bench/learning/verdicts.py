@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from core.bench.learning.plan import EXPLORATIONS, RIVALS, Exploration, rival_training
-from core.bench.learning.runs import SeedResult, values_at
-from core.bench.learning.tables import paired_spread, table
+from core.bench.learning.runs import Results, values_at
+from core.bench.learning.tables import difference, paired_spread
 from core.learning.config import environment_profile
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
 from core.learning.evaluation.trivial_policies import trusting_actions
 from core.learning.runs.summary import SeedSpread, spread_of
-
-Results = Mapping[str, Sequence[SeedResult]]
+from core.markdown import markdown_table
 
 MARGINS = (("4", "reward-4-cdta", 1000, 55.5), ("5", "replay-threshold", 1700, 35.8))
 """The paper's agent lands at least so many percent nearer than every rival: speed, our training, episode, percent."""
@@ -57,17 +55,18 @@ def verdicts(results: Results) -> str:
     """A row per claim, and the margins over the rivals."""
     rows = []
     for claim in CLAIMS:
-        a, b = results.get(claim.better, ()), results.get(claim.worse, ())
-        spread = paired_spread(a, b, claim.episode, claim.what)
+        spread = paired_spread(results[claim.better], results[claim.worse], claim.episode, claim.what)
         unit = "points" if claim.what == "returned" else "mm"
-        shown = f"{spread.mean:+.1f} [{spread.low:+.1f}, {spread.high:+.1f}] {unit}" if spread.count > 1 else "-"
+        shown = f"{difference(spread)} {unit}" if spread.count > 1 else "-"
         rows.append([claim.text, shown, str(spread.count), judge(spread, more_is_better=claim.what == "returned")])
     lines = [
         _margin(results, speed, exploration, ours, episode, percent)
         for speed, ours, episode, percent in MARGINS
         for exploration in EXPLORATIONS
     ]
-    return table(("the paper's claim", "here", "seeds", "verdict"), rows) + NOTE + "\n" + "\n".join(lines) + "\n"
+    return (
+        markdown_table(("the paper's claim", "here", "seeds", "verdict"), rows) + NOTE + "\n" + "\n".join(lines) + "\n"
+    )
 
 
 def judge(spread: SeedSpread, *, more_is_better: bool) -> str:
@@ -79,10 +78,10 @@ def judge(spread: SeedSpread, *, more_is_better: bool) -> str:
 
 
 def _margin(results: Results, speed: str, exploration: Exploration, ours: str, episode: int, percent: float) -> str:
-    own = spread_of(values_at(results.get(ours, ()), episode, "error_mm")).mean
+    own = spread_of(values_at(results[ours], episode, "error_mm")).mean
     parts, reached = [], []
     for agent in RIVALS:
-        theirs = spread_of(values_at(results.get(rival_training(speed, exploration, agent), ()), episode, "error_mm"))
+        theirs = spread_of(values_at(results[rival_training(speed, exploration, agent)], episode, "error_mm"))
         if theirs.count and own == own:
             nearer = 100 * (1 - own / theirs.mean)
             parts.append(f"{agent.upper()} {nearer:+.0f} %")

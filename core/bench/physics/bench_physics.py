@@ -5,18 +5,16 @@ A row per physics profile and serve speed. The racket's action is uniformly rand
 
 from __future__ import annotations
 
+import itertools
 import math
-import platform
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Final, Literal
 
-import mujoco
-import numba
 import numpy as np
 
-from core.physics import Outcomes, Serves, Strokes, TaskConfig, strokes_from_actions
+from core.bench.machine import describe_machine
+from core.physics import Serves, Strokes, TaskConfig, strokes_from_actions
 from core.physics.impact import strike, surfaces_from_config
 from core.physics.task import STAGE_SPEEDS_MPS, task_profile
 from core.simulation.episodes import draw_serves, fly_serves, return_balls, simulate_episodes
@@ -30,6 +28,8 @@ UNTRAINED_BALLS: Final = 20_000
 SPEED_EPISODES: Final = 200_000
 DROPS: Final = 300
 STEPS_S: Final = (0.01, 0.001)
+PROFILES: Final[tuple[Literal["paper", "real"], ...]] = ("paper", "real")
+CLOCK: Final = "thread CPU time of one core; episodes_per_s in the rows is wall clock"
 
 Progress = Callable[[float], None]
 Row = dict[str, object]
@@ -37,17 +37,15 @@ Row = dict[str, object]
 
 def run(progress: Progress) -> dict[str, object]:
     """Rows per profile and speed, the speed of everything, the soft contacts, and the machine."""
-    profiles: tuple[Literal["paper", "real"], ...] = ("paper", "real")
     rows: list[Row] = []
-    total = len(profiles) * len(STAGE_SPEEDS_MPS)
-    for profile in profiles:
+    cases = list(itertools.product(PROFILES, STAGE_SPEEDS_MPS))
+    for profile, speed in cases:
         task = task_profile(profile)
-        for speed in STAGE_SPEEDS_MPS:
-            row: Row = {"physics": profile, "speed_mps": speed} | untrained_returns(task, speed, UNTRAINED_BALLS)
-            for dt_s in STEPS_S:
-                row |= compare_physics(task, speed, dt_s, BALLS)
-            rows.append(row)
-            progress(0.9 * len(rows) / total)
+        row: Row = {"physics": profile, "speed_mps": speed} | untrained_returns(task, speed, UNTRAINED_BALLS)
+        for dt_s in STEPS_S:
+            row |= compare_physics(task, speed, dt_s, BALLS)
+        rows.append(row)
+        progress(0.9 * len(rows) / len(cases))
     speed = throughput(SPEED_EPISODES)
     progress(0.93)
     soft = [soft_drops(surface, dt_s, DROPS) for surface in ("table", "racket") for dt_s in (0.0005, 0.001)]
@@ -58,7 +56,7 @@ def run(progress: Progress) -> dict[str, object]:
         "speed": speed,
         "soft_impacts": soft,
         "soft_episodes": transfer,
-        "machine": describe_physics_machine(),
+        "machine": describe_machine("numpy", "numba", "mujoco", clock=CLOCK),
     }
 
 
@@ -88,24 +86,21 @@ def compare_physics(task: TaskConfig, speed_mps: float, dt_s: float, count: int)
     began = time.perf_counter()
     theirs = simulate_episodes_mujoco(serves, strokes, task, dt_s=dt_s)
     seconds = time.perf_counter() - began
-    return {f"{name}_dt_{dt_s * 1e3:g}ms": value for name, value in _differences(ours, theirs, count, seconds).items()}
-
-
-def _differences(ours: Outcomes, theirs: Outcomes, count: int, seconds: float) -> Row:
+    dt = f"dt_{dt_s * 1e3:g}ms"
     off = np.linalg.norm(ours.landings_m - theirs.landings_m, axis=1)
     return {
-        "same_case": float((ours.case == theirs.case).mean()),
-        "landing_max_mm": float(np.nanmax(off)) * 1e3,
-        "net_height_max_mm": float(np.nanmax(np.abs(ours.net_z_m - theirs.net_z_m))) * 1e3,
-        "episodes_per_s": round(count / seconds, 1),
+        f"same_case_{dt}": float((ours.case == theirs.case).mean()),
+        f"landing_max_mm_{dt}": float(np.nanmax(off)) * 1e3,
+        f"net_height_max_mm_{dt}": float(np.nanmax(np.abs(ours.net_z_m - theirs.net_z_m))) * 1e3,
+        f"episodes_per_s_{dt}": round(count / seconds, 1),
     }
 
 
 def throughput(count: int) -> Row:
     """Episodes per second of the closed form, and how much faster than real time a MuJoCo rally steps."""
     result: Row = {}
-    for profile in ("paper", "real"):
-        task = task_profile("paper" if profile == "paper" else "real")
+    for profile in PROFILES:
+        task = task_profile(profile)
         episodes = count if profile == "paper" else count // 10
         serves, strokes = random_episodes(task, 5.0, episodes, seed=3)
         simulate_episodes(serves, strokes, task)
@@ -173,23 +168,4 @@ def soft_episodes(speed_mps: float, count: int) -> Row:
         "same_case": round(float((rigid.case == soft.case).mean()), 4),
         "landing_median_mm": round(float(np.nanmedian(off)), 1),
         "landing_p95_mm": round(float(np.nanpercentile(off, 95)), 1),
-    }
-
-
-def describe_physics_machine() -> Row:
-    """What the figures were measured on, and how."""
-    cpu = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        names = [
-            line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")
-        ]
-        cpu = f"{len(names)} x {names[0]}" if names else cpu
-    return {
-        "cpu": cpu,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "numba": numba.__version__,
-        "mujoco": mujoco.__version__,
-        "clock": "thread CPU time of one core; episodes_per_s in the rows is wall clock",
     }

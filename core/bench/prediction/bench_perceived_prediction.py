@@ -44,8 +44,6 @@ def run(
         progress(0.9 * (number + 1) / count)
     perceived = evaluate(balls)
     exact = bench_prediction.measure_prediction(bench_prediction.PER_SPEED, lambda share: progress(0.9 + 0.1 * share))
-    if report == REPORT and not report.parent.is_dir():
-        report = folder / REPORT.name  # not in a source checkout
     machine = describe_machine("numpy", "numba", clock="processor time of one thread")
     write_prediction_report(report, perceived, exact, folder / "flights.json", SEED, machine)
     return {"rows": perceived.rows, "leads": perceived.leads, "report": str(report), "machine": machine}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
@@ -67,13 +67,17 @@ def perceived_ball(folder: Path, speed_mps: float, number: int) -> PerceivedBall
     """The ball of a speed with a number: from its file, or seen now and kept."""
     path = folder / f"{speed_mps:g}mps-{number:03d}.npz"
     if not path.exists():
-        ball = perceive_balls(speed_mps, number)
-        with replacing(path, durable=False) as partial:
-            _write(partial, ball)
-    return _read(path)
+        columns = asdict(perceive_ball(speed_mps, number))
+        columns["truth"] = np.hstack(list(columns["truth"].values()))
+        with replacing(path, durable=False) as partial, partial.open("wb") as file:
+            np.savez(file, **columns)
+    with np.load(path) as file:
+        columns = {name: file[name] for name in file.files}
+    t = columns.pop("truth")
+    return PerceivedBall(**columns, truth=FlightTruth(float(t[0]), t[1:4], float(t[4]), t[5:8]))
 
 
-def perceive_balls(speed_mps: float, number: int) -> PerceivedBall:
+def perceive_ball(speed_mps: float, number: int) -> PerceivedBall:
     """Serve the ball in a world of its own and watch it."""
     task, cameras = spinning_task(), stereo_preset()
     seed = [SEED, round(1000 * speed_mps), number]
@@ -82,8 +86,7 @@ def perceive_balls(speed_mps: float, number: int) -> PerceivedBall:
     truth = truth_of(arrivals)
     world = SimulatedWorld(WorldConfig(task=task), cameras, int(np.random.SeedSequence(seed).generate_state(1)[0]))
     chain = RallyChain(cameras, chain_for_physics(ChainConfig(), task.physics))
-    rows: list[tuple[int, int, bool]] = []
-    ps, covariances = [], []
+    rows: list[tuple[int, int, bool, Array, Array]] = []
     try:
         for _ in range(QUIET_BLOCKS):
             world.advance()
@@ -95,38 +98,16 @@ def perceive_balls(speed_mps: float, number: int) -> PerceivedBall:
                 point = state.point
                 if point is not None and served_us < point.t_us < served_us + 1e6 * truth.hit_s:
                     begins = state.verdict == "new flight"
-                    rows.append((state.t_us - served_us, point.t_us - served_us, begins))
-                    ps.append(point.p_world_m)
-                    covariances.append(point.covariance_m2)
+                    times_us = state.t_us - served_us, point.t_us - served_us
+                    rows.append((*times_us, begins, point.p_world_m, point.covariance_m2))
     finally:
         world.close()
-    columns = np.array(rows, np.int64).reshape(-1, 3)
-    seen = np.array(ps).reshape(-1, 3)
-    ball = sample_serves(serve, arrivals, columns[None, :, 1].astype(np.float64) * 1e-6, task)[0]
-    errors_m = np.linalg.norm(seen - ball, axis=1)
-    begins = columns[:, 2].astype(np.bool_)
-    return PerceivedBall(
-        columns[:, 0], columns[:, 1], seen, np.array(covariances).reshape(-1, 3, 3), begins, errors_m, truth
+    when_us, t_us, begins, ps, covariances = zip(*rows, strict=True) if rows else ((),) * 5
+    t_us, ps_m = np.array(t_us, np.int64), np.array(ps).reshape(-1, 3)
+    errors_m = np.linalg.norm(
+        ps_m - sample_serves(serve, arrivals, t_us[None].astype(np.float64) * 1e-6, task)[0], axis=1
     )
-
-
-def _write(path: Path, ball: PerceivedBall) -> None:
-    truth = ball.truth
-    with path.open("wb") as file:
-        np.savez(
-            file,
-            when_us=ball.when_us,
-            t_us=ball.t_us,
-            ps_m=ball.ps_m,
-            covariances_m2=ball.covariances_m2,
-            begins=ball.begins,
-            errors_m=ball.errors_m,
-            truth=np.array([truth.bounce_s, *truth.landing_m, truth.hit_s, *truth.hit_m]),
-        )
-
-
-def _read(path: Path) -> PerceivedBall:
-    with np.load(path) as file:
-        columns = {name: file[name] for name in file.files}
-    t = columns.pop("truth")
-    return PerceivedBall(**columns, truth=FlightTruth(float(t[0]), t[1:4], float(t[4]), t[5:8]))
+    covariances_m2 = np.array(covariances).reshape(-1, 3, 3)
+    return PerceivedBall(
+        np.array(when_us, np.int64), t_us, ps_m, covariances_m2, np.array(begins, np.bool_), errors_m, truth
+    )

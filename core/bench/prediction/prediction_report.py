@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from core.bench.line_chart import ChartLine, line_chart
+from core.bench.charts import ChartLine, line_chart
 from core.bench.machine import machine_words
 from core.errors import RecordingError
+from core.markdown import markdown_table
 
 Row = Mapping[str, object]
 
@@ -92,48 +93,28 @@ def write_prediction_report(
     """Write the page and its chart; the recorded flights are in it if `flights`, which `fit-physics` made, is there."""
     path.parent.mkdir(parents=True, exist_ok=True)
     about = machine_words(machine)
-    pictures = path.parent / "images"
-    pictures.mkdir(exist_ok=True)
-    (pictures / PICTURE).write_text(lead_chart(perceived.leads), encoding="utf-8")
     parts = [HEADER.format(seed=seed, machine=about), _cameras(perceived), _exact(exact)]
     if flights.exists():
         parts.append(_flights(flights))
     path.write_text("".join(parts), encoding="utf-8")
+    draw_leads(path.parent / "images" / PICTURE, perceived.leads)
 
 
-def lead_chart(leads: Sequence[Row]) -> str:
-    """The median error at the plane by lead time, with a band up to 95 %."""
+def draw_leads(path: Path, leads: Sequence[Row]) -> None:
+    """Draw the median error at the plane by lead time, with a band up to 95 %."""
     lines = []
     for method, name in NAMES.items():
         rows = [row for row in leads if row["method"] == method and row["error_flights"]]
-        median = [float(str(row["error_median_mm"])) for row in rows]
-        high = [float(str(row["error_p95_mm"])) for row in rows]
-        lines.append(ChartLine(name, [float(str(row["lead_ms"])) for row in rows], median, median, high))
+        lead, median, high = (
+            [float(str(row[k])) for row in rows] for k in ("lead_ms", "error_median_mm", "error_p95_mm")
+        )
+        lines.append(ChartLine(name, lead, median, median, high))
     title = "Prediction of the hitting point from two event cameras: median, band to 95 %"
-    return line_chart(title, "ms before the ball is there", "mm along the plane", lines, y_top=TOP_MM)
+    line_chart(path, title, "ms before the ball is there", "mm along the plane", lines, y_top=TOP_MM)
 
 
 def _cameras(perceived: PerceivedFigures) -> str:
     everything = next(row for row in perceived.rows if row["speed_mps"] == "all")
-    lines = [
-        [
-            str(row["speed_mps"]),
-            NAMES[str(row["method"])],
-            str(row["balls"]),
-            _pair(row, "landing_80ms_ahead"),
-            _pair(row, "hit_plane_30ms_after"),
-            f"{_text(row['hit_time_median_ms'])} / {_text(row['hit_time_p95_ms'])}",
-        ]
-        for row in perceived.rows
-    ]
-    titles = [
-        "serve m/s",
-        "method",
-        "balls",
-        "landing 80 ms ahead, mm",
-        "plane 30 ms after the bounce, mm",
-        "time then, ms",
-    ]
     shares = [
         f"{row['lead_ms']} ms {_text(row['normalised'])}"
         for row in perceived.leads
@@ -142,7 +123,7 @@ def _cameras(perceived: PerceivedFigures) -> str:
     return CAMERAS.format(
         balls=everything["balls"],
         point=f"{_text(everything['point_median_mm'])} / {_text(everything['point_p95_mm'])}",
-        table=_table(titles, lines),
+        table=_errors(perceived.rows, {"speed_mps": "serve m/s", "method": "method", "balls": "balls"}),
         normalised=", ".join(shares) + ".",
         picture=f"images/{PICTURE}",
         leads=_leads(perceived.leads, tuple(NAMES)),
@@ -152,20 +133,10 @@ def _cameras(perceived: PerceivedFigures) -> str:
 def _exact(exact: Row) -> str:
     rows, leads = exact["rows"], exact["leads"]
     assert isinstance(rows, list) and isinstance(leads, list)
-    titles = ["method", "landing 80 ms ahead, mm", "plane 30 ms after the bounce, mm", "time then, ms"]
-    lines = [
-        [
-            NAMES[row["method"]],
-            _pair(row, "landing_80ms_ahead"),
-            _pair(row, "hit_plane_30ms_after"),
-            f"{_text(row['hit_time_median_ms'])} / {_text(row['hit_time_p95_ms'])}",
-        ]
-        for row in rows
-    ]
     flown = rows[0]
     return EXACT.format(
         flights=exact["flights"],
-        table=_table(titles, lines),
+        table=_errors(rows, {"method": "method"}),
         leads=_leads(leads, ("filter", "paper")),
         before=flown["nees"]["before landing"],
         after=flown["nees"]["after bounce"],
@@ -202,32 +173,41 @@ def _flights(path: Path) -> str:
     except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
         remedy = "make it with `rallyscope fit-physics FLIGHTS... --json`"
         raise RecordingError("not a report of fit-physics", got=repr(error), where=path, remedy=remedy) from error
-    return FLIGHTS.format(fit=fit, test=held, table=_table(["", "bounce", *counts], lines), spread=spread)
+    return FLIGHTS.format(
+        fit=fit, test=held, table=markdown_table(["", "bounce", *counts], lines).rstrip(), spread=spread
+    )
+
+
+def _errors(rows: Sequence[Row], names: Mapping[str, str]) -> str:
+    """Under the titles of what names a row, and its errors."""
+    titles = [*names.values(), "landing 80 ms ahead, mm", "plane 30 ms after the bounce, mm", "time then, ms"]
+    lines = [
+        [
+            *(NAMES.get(str(row[name]), str(row[name])) for name in names),
+            _pair(row, "landing_80ms_ahead"),
+            _pair(row, "hit_plane_30ms_after"),
+            _pair(row, "hit_time", "ms"),
+        ]
+        for row in rows
+    ]
+    return markdown_table(titles, lines).rstrip()
 
 
 def _leads(leads: Sequence[Row], methods: Sequence[str]) -> str:
     titles = ["ms before", *(f"{NAMES[method]}, mm (time, ms)" for method in methods)]
-    times = sorted({int(str(row["lead_ms"])) for row in leads})
-    lines = []
-    for lead in times:
-        cells = [str(lead)]
-        for method in methods:
-            row = next(row for row in leads if row["method"] == method and row["lead_ms"] == lead)
-            cells.append(f"{_pair(row, 'error')} ({_text(row['time_median_ms'])})")
-        lines.append(cells)
-    return _table(titles, lines)
+    said: dict[str, dict[object, str]] = {}
+    for row in sorted(leads, key=lambda row: int(str(row["lead_ms"]))):
+        words = f"{_pair(row, 'error')} ({_text(row['time_median_ms'])})"
+        said.setdefault(str(row["lead_ms"]), {})[row["method"]] = words
+    lines = [[lead, *(by_method[method] for method in methods)] for lead, by_method in said.items()]
+    return markdown_table(titles, lines).rstrip()
 
 
-def _pair(row: Row, name: str) -> str:
-    return f"{_text(row[f'{name}_median_mm'])} / {_text(row[f'{name}_p95_mm'])}"
+def _pair(row: Row, name: str, unit: str = "mm") -> str:
+    return f"{_text(row[f'{name}_median_{unit}'])} / {_text(row[f'{name}_p95_{unit}'])}"
 
 
 def _text(value: object) -> str:
-    return f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) and value < 10 else (
-        f"{value:.0f}" if isinstance(value, float) else "-" if value is None else str(value)
-    )  # fmt: skip
-
-
-def _table(titles: Sequence[str], lines: Sequence[Sequence[object]]) -> str:
-    rows = [titles, ["---"] * len(titles), *lines]
-    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in rows)
+    if not isinstance(value, float):
+        return "-" if value is None else str(value)
+    return f"{value:.2f}".rstrip("0").rstrip(".") if value < 10 else f"{value:.0f}"

@@ -12,10 +12,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from core.bench.heat_map import heat_map
-from core.bench.learning.tables import binomial_interval, table
-from core.bench.rally.simulated_returns import ReturnOutcome, SimulatedReturns, SimulatedReturnsConfig
+from core.bench.charts import heat_map
+from core.bench.learning.tables import binomial_interval
+from core.markdown import markdown_table
+from core.physics.ball_states import join_serves
 from core.physics.episode import Serves
+from core.rally.simulated.simulated_returns import ReturnOutcome, SimulatedReturns, SimulatedReturnsConfig
 from core.simulation.episodes.incoming import Incoming
 
 Array = NDArray[np.float64]
@@ -53,20 +55,21 @@ class PlayedFile:
 
 def summary_row(name: str, played: SimulatedReturns, which: Mask) -> Row:
     """Counts, and the share of the playable balls that came back, with its 95 % interval."""
-    balls, playable = int(which.sum()), int((which & (played.fate != ReturnOutcome.NOT_PLAYABLE)).sum())
-    returned = int((which & (played.fate == ReturnOutcome.RETURNED)).sum())
-    low, high = binomial_interval(returned / playable, playable) if playable else (float("nan"), float("nan"))
+    playable = int((which & (played.fate != ReturnOutcome.NOT_PLAYABLE)).sum())
     errors = 1e3 * played.error_m[which & (played.fate == ReturnOutcome.RETURNED)]
+    returned = len(errors)
+    low, high = binomial_interval(returned / playable, playable) if playable else (None, None)
+    median, p95 = np.percentile(errors, (50, 95)).tolist() if returned else (None, None)
     return {
         "balls": name,
-        "count": balls,
+        "count": int(which.sum()),
         "playable": playable,
         "returned": returned,
         "share": returned / playable if playable else None,
-        "low": low if playable else None,
-        "high": high if playable else None,
-        "error_mm_median": float(np.median(errors)) if len(errors) else None,
-        "error_mm_p95": float(np.percentile(errors, 95)) if len(errors) else None,
+        "low": low,
+        "high": high,
+        "error_mm_median": median,
+        "error_mm_p95": p95,
     }
 
 
@@ -80,11 +83,10 @@ def losses(played: SimulatedReturns) -> dict[str, int]:
 def report_rows(files: Sequence[PlayedFile]) -> dict[str, list[Row]]:
     """Rows by file, by speed at the state and by spin there."""
     whole = _joined(files)
-    speeds, spins = _speeds(whole.balls), _spins(whole.balls)
     return {
-        "files": [summary_row(file.name, file.played, np.ones(len(file.balls), np.bool_)) for file in files],
-        "speeds": [summary_row(f"{name} m/s", whole.played, which) for name, which in _bins(speeds, SPEED_EDGES_MPS)],
-        "spins": [summary_row(f"{name} rad/s", whole.played, which) for name, which in _bins(spins, SPIN_EDGES_RADPS)],
+        "files": [_row_of(file) for file in files],
+        "speeds": [summary_row(f"{name} m/s", whole.played, which) for name, which in _by_speed(whole.balls)],
+        "spins": [summary_row(f"{name} rad/s", whole.played, which) for name, which in _by_spin(whole.balls)],
     }
 
 
@@ -93,46 +95,27 @@ def write_ball_states_report(
 ) -> None:
     """The page, and its picture in `images/` beside it."""
     whole, rows = _joined(files), report_rows(files)
-    rows["all"] = [summary_row("all", whole.played, np.ones(len(whole.balls), np.bool_))]
-    images = path.parent / "images"
-    images.mkdir(parents=True, exist_ok=True)
-    (images / f"{path.stem}.svg").write_text(_picture(whole), encoding="utf-8")
+    every = _row_of(whole)
     lost = {file.name: losses(file.played) for file in files}
-    path.write_text(_page(rows, lost, config, command, f"images/{path.stem}.svg"), encoding="utf-8")
-
-
-_TITLES: Final = (
-    "balls",
-    "count",
-    "playable",
-    "returned",
-    "of the playable, % [95 %]",
-    "off the target, mm, median / 95 %",
-)
-
-
-def _page(
-    rows: dict[str, list[Row]],
-    lost: dict[str, dict[str, int]],
-    config: SimulatedReturnsConfig,
-    command: str,
-    picture: str,
-) -> str:
-    files = rows["files"] + (rows["all"] if len(rows["files"]) > 1 else [])
+    words = [
+        one for one in (*INCOMING_WORDS.values(), *FATE_WORDS.values()) if any(one in each for each in lost.values())
+    ]
     parts = [
         "# Balls of human play against the simulated robot\n",
         f"Made by `{command}`.\n",
-        *(f"{textwrap.fill(text, 118)}\n" for text in (_about_balls(rows["all"][0], config), _about_robot(config))),
-        table(_TITLES, [_cells(row) for row in files]),
+        *(f"{textwrap.fill(text, 118)}\n" for text in (_about_balls(every, config), _about_robot(config))),
+        _table([*rows["files"], every] if len(files) > 1 else rows["files"]),
         "## By speed where the state begins\n",
-        table(_TITLES, [_cells(row) for row in rows["speeds"]]),
+        _table(rows["speeds"]),
         "## By spin there\n",
-        table(_TITLES, [_cells(row) for row in rows["spins"]]),
-        f"![returned by speed and spin]({picture})\n",
+        _table(rows["spins"]),
+        f"![returned by speed and spin](images/{path.stem}.svg)\n",
         "## What the others were lost to\n",
-        _loss_table(lost),
-    ]
-    return "\n".join(parts)
+        markdown_table(("", *lost), [[one, *(each.get(one, 0) for each in lost.values())] for one in words],
+                       ("", *[","] * len(lost))),
+    ]  # fmt: skip
+    path.write_text("\n".join(parts), encoding="utf-8")
+    _draw(path.parent / "images" / f"{path.stem}.svg", whole)
 
 
 def _about_balls(row: Row, config: SimulatedReturnsConfig) -> str:
@@ -160,59 +143,62 @@ def _about_robot(config: SimulatedReturnsConfig) -> str:
     )
 
 
-def _cells(row: Row) -> list[str]:
-    def number(key: str, form: str, scale: int = 1) -> str:
+def _table(rows: Sequence[Row]) -> str:
+    def text(row: Row, key: str, form: str, scale: int = 1) -> str:
         value = row[key]
-        return format(scale * value, form) if isinstance(value, (int, float)) else "-"
+        return format(scale * value, form) if isinstance(value, float) else "-"
 
-    share = f"{number('share', '.1f', 100)} [{number('low', '.1f', 100)}, {number('high', '.1f', 100)}]"
-    off = f"{number('error_mm_median', '.1f')} / {number('error_mm_p95', '.0f')}"
-    return [str(row["balls"]), *(number(key, ",") for key in ("count", "playable", "returned")), share, off]
-
-
-def _loss_table(lost: dict[str, dict[str, int]]) -> str:
-    words = [
-        one for one in (*INCOMING_WORDS.values(), *FATE_WORDS.values()) if any(one in each for each in lost.values())
+    cells = [
+        [
+            *(row[key] for key in ("balls", "count", "playable", "returned")),
+            f"{text(row, 'share', '.1f', 100)} [{text(row, 'low', '.1f', 100)}, {text(row, 'high', '.1f', 100)}]",
+            f"{text(row, 'error_mm_median', '.1f')} / {text(row, 'error_mm_p95', '.0f')}",
+        ]
+        for row in rows
     ]
-    rows = [[one, *(f"{each.get(one, 0):,}" for each in lost.values())] for one in words]
-    return table(("", *lost), rows)
-
-
-def _picture(whole: PlayedFile) -> str:
-    by_speed = _bins(_speeds(whole.balls), SPEED_EDGES_MPS)
-    by_spin = _bins(_spins(whole.balls), SPIN_EDGES_RADPS)
-    playable, returned = whole.played.fate != ReturnOutcome.NOT_PLAYABLE, whole.played.fate == ReturnOutcome.RETURNED
-    counts = np.array([[(playable & a & b).sum() for _, a in by_speed] for _, b in by_spin])
-    hits = np.array([[(returned & a & b).sum() for _, a in by_speed] for _, b in by_spin])
-    return heat_map(
-        "Playable balls of human play that come back",
-        "speed, m/s",
-        "spin, rad/s",
-        [name for name, _ in by_speed],
-        [name for name, _ in by_spin],
-        hits / np.maximum(counts, 1),
-        counts,
+    titles = (
+        "balls",
+        "count",
+        "playable",
+        "returned",
+        "of the playable, % [95 %]",
+        "off the target, mm, median / 95 %",
     )
+    return markdown_table(titles, cells, ("", ",", ",", ","))
+
+
+def _draw(path: Path, whole: PlayedFile) -> None:
+    by_speed, by_spin = _by_speed(whole.balls), _by_spin(whole.balls)
+    playable, returned = whole.played.fate != ReturnOutcome.NOT_PLAYABLE, whole.played.fate == ReturnOutcome.RETURNED
+    counts, hits = (
+        np.array([[(counted & a & b).sum() for _, a in by_speed] for _, b in by_spin])
+        for counted in (playable, returned)
+    )
+    names = [name for name, _ in by_speed], [name for name, _ in by_spin]
+    title = "Playable balls of human play that come back"
+    heat_map(path, title, "speed, m/s", "spin, rad/s", *names, hits / np.maximum(counts, 1), counts)
+
+
+def _by_speed(balls: Serves) -> list[tuple[str, Mask]]:
+    return _bins(np.linalg.norm(balls.vs_mps, axis=1), SPEED_EDGES_MPS)
+
+
+def _by_spin(balls: Serves) -> list[tuple[str, Mask]]:
+    return _bins(np.linalg.norm(balls.spins_radps, axis=1), SPIN_EDGES_RADPS)
 
 
 def _bins(values: Array, edges: Sequence[float]) -> list[tuple[str, Mask]]:
-    named = []
-    for low, high in itertools.pairwise(edges):
-        name = f"from {low:g}" if high == np.inf else f"{low:g} to {high:g}"
-        named.append((name, (low <= values) & (values < high)))
-    return named
+    return [
+        (f"from {low:g}" if high == np.inf else f"{low:g} to {high:g}", (low <= values) & (values < high))
+        for low, high in itertools.pairwise(edges)
+    ]
 
 
-def _speeds(balls: Serves) -> Array:
-    return np.linalg.norm(balls.vs_mps, axis=1)
-
-
-def _spins(balls: Serves) -> Array:
-    return np.linalg.norm(balls.spins_radps, axis=1)
+def _row_of(file: PlayedFile) -> Row:
+    return summary_row(file.name, file.played, np.ones(len(file.balls), np.bool_))
 
 
 def _joined(files: Sequence[PlayedFile]) -> PlayedFile:
-    balls = Serves(*(np.concatenate([getattr(f.balls, k) for f in files]) for k in ("ps_m", "vs_mps", "spins_radps")))
     names = ("fate", "incoming", "is_service", "error_m")
     played = SimulatedReturns(*(np.concatenate([getattr(file.played, name) for file in files]) for name in names))
-    return PlayedFile("all", balls, played)
+    return PlayedFile("all", join_serves([file.balls for file in files]), played)

@@ -39,9 +39,6 @@ SEED: Final = 2026
 FEWEST_POINTS: Final = 5
 """A ball counts as seen from so many points in space on: what a prediction needs."""
 WINDOW_US: Final = 2000
-CASES: Final = {
-    Case.RETURNED: "returned", Case.OWN_HALF: "own_half", Case.NET: "net", Case.OUT: "out", Case.MISSED: "missed"
-}  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -113,15 +110,15 @@ def measure_rally(
 
 
 def _returns(played: list[PlayedBall], goal_m: Array) -> dict[str, object]:
-    cases = Counter(CASES[ball.judged.outcome.case] for ball in played)
+    cases = Counter(ball.judged.outcome.case for ball in played)
     misses = [float(np.linalg.norm(ball.judged.outcome.landing_m[:2] - goal_m)) for ball in played if ball.returned]
     aims = [ball.aim_error_m for ball in played if math.isfinite(ball.aim_error_m)]
     return {
-        "returned": cases["returned"] / len(played),
+        "returned": cases[Case.RETURNED] / len(played),
         "landing_mm_median": _millimetres(misses, 50),
         "landing_mm_p95": _millimetres(misses, 95),
         "aim_mm_median": _millimetres(aims, 50),
-        **{name: cases[name] for name in ("own_half", "net", "out", "missed")},
+        **{case.name.lower(): cases[case] for case in (Case.OWN_HALF, Case.NET, Case.OUT, Case.MISSED)},
     }
 
 

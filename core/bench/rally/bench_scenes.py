@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -14,8 +13,9 @@ from core.bench.machine import describe_machine, machine_words
 from core.bench.simulation.scene_picture import picture_of_scene
 from core.cameras import stereo_preset
 from core.detection import make_detector
-from core.metrics.run import run_detector
-from core.metrics.score import score_answers
+from core.markdown import markdown_table
+from core.metrics.run import duration_of
+from core.metrics.score import score_recording
 from core.rally.simulated.closed_loop import ClosedLoop
 from core.rally.simulated.world import WorldConfig
 from core.simulation import StereoConfig, scene_named
@@ -44,19 +44,11 @@ WORDS: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """How a detector did in a scene: sums over the cameras."""
-
-    scene: str
-    placement: str
-    method: str
-    mevps: float
-    """Events of both cameras, millions per second."""
-    windows_with_ball: int
-    precision: float
-    recall: float
-    median_error_px: float
+TITLES: Final = (
+    "scene", "cameras", "Mev/s", "windows with ball", "method", "precision", "recall", "median error px", "returned"
+)  # fmt: skip
+FORMATS: Final = ("", "", ".2f", "d", "", ".3f", ".3f", ".2f")
+Row = dict[str, object]
 
 
 def run(
@@ -68,7 +60,7 @@ def run(
     balls: int = BALLS,
 ) -> dict[str, object]:
     """A row per scene, placement and method, the balls that came back, and the machine."""
-    seen: list[Seen] = []
+    seen: list[Row] = []
     returned: dict[str, int] = {}
     steps = len(scenes) * (len(PLACEMENTS) + 1)
     for number, scene in enumerate(scenes):
@@ -78,30 +70,37 @@ def run(
         returned[scene] = play_in(scene, balls)
         progress((number + 1) * (len(PLACEMENTS) + 1) / steps)
     machine = describe_machine("numba", "numpy", clock="none: counts of simulated windows and balls")
-    if report == REPORT and not report.parent.is_dir():
-        report, pictures = Path(REPORT.name), Path()  # not in a source checkout
     for scene in scenes:
         picture_of_scene(scene, pictures / f"scene-{scene}.jpg", seed=SEED)
     report.write_text(write_scenes_report(seen, returned, balls, machine), encoding="utf-8")
-    rows = [{name: getattr(one, name) for name in Seen.__dataclass_fields__} for one in seen]
-    return {"rows": rows, "returned": returned, "balls": balls, "report": str(report), "machine": machine}
+    return {"rows": seen, "returned": returned, "balls": balls, "report": str(report), "machine": machine}
 
 
-def detect_in(scene: str, placement: str) -> list[Seen]:
-    """Every method on both cameras, window after window with its region of interest."""
+def detect_in(scene: str, placement: str) -> list[Row]:
+    """A row for every method on both cameras, window after window with its region of interest."""
     streams = simulate_flights(scene, NOISE_HZ, SPEEDS_MPS, seed=SEED, placement=placement)
-    mevps = sum(stream.event_count for stream in streams) / streams[0].duration_us
-    rows = []
+    mevps = sum(stream.event_count for stream in streams) / duration_of(streams[0])
+    rows: list[Row] = []
     for method in METHODS:
         scores = [
-            score_answers(run_detector(stream, make_detector(method, stream.sensor), WINDOW_US), stream.truth)
-            for stream in streams
+            score_recording(stream, make_detector(method, stream.sensor), window_us=WINDOW_US) for stream in streams
         ]
         found, false = sum(score.found for score in scores), sum(score.false for score in scores)
         with_ball = sum(score.with_ball for score in scores)
         error_px = float(np.nanmean([score.median_error_px for score in scores]))
         precision = found / (found + false) if found + false else float("nan")
-        rows.append(Seen(scene, placement, method, mevps, with_ball, precision, found / with_ball, error_px))
+        rows.append(
+            {
+                "scene": scene,
+                "placement": placement,
+                "mevps": mevps,  # of both cameras, millions per second
+                "windows_with_ball": with_ball,
+                "method": method,
+                "precision": precision,
+                "recall": found / with_ball,
+                "median_error_px": error_px,
+            }
+        )
     return rows
 
 
@@ -115,7 +114,7 @@ def play_in(scene: str, balls: int) -> int:
         loop.close()
 
 
-def write_scenes_report(seen: list[Seen], returned: dict[str, int], balls: int, machine: dict[str, object]) -> str:
+def write_scenes_report(seen: list[Row], returned: dict[str, int], balls: int, machine: dict[str, object]) -> str:
     """The report as Markdown."""
     speeds = " and ".join(f"{speed:g}" for speed in SPEEDS_MPS)
     lines = [
@@ -130,22 +129,13 @@ def write_scenes_report(seen: list[Seen], returned: dict[str, int], balls: int, 
         "ball to find. Returned: balls of 5 m/s that the built-in controller returns through the chain, cameras at the",
         f"side. Seed {SEED}.",
         "",
-        "| scene | cameras | Mev/s | windows with ball | method | precision | recall | median error px | returned |",
-        "|---|---|---|---|---|---|---|---|---|",
     ]
-    for one in seen:
-        back = f"{returned[one.scene]} of {balls}" if (one.placement, one.method) == ("side", "auto") else ""
-        lines.append(
-            f"| {one.scene} | {one.placement} | {one.mevps:.2f} | {one.windows_with_ball} | {one.method} |"
-            f" {one.precision:.3f} | {one.recall:.3f} | {one.median_error_px:.2f} | {back} |"
-        )
-    lines += ["", f"Made on {machine_words(machine)}.", ""]
-    for scene in dict.fromkeys(one.scene for one in seen):
-        lines += [
-            f"## {scene}",
-            f"{WORDS.get(scene, '').capitalize()}.",
-            "",
-            f"![{scene}](images/scene-{scene}.jpg)",
-            "",
-        ]
+    back = {scene: f"{count} of {balls}" for scene, count in returned.items()}
+    rows = [
+        [*row.values(), back[str(row["scene"])] if (row["placement"], row["method"]) == ("side", "auto") else ""]
+        for row in seen
+    ]
+    lines += [markdown_table(TITLES, rows, FORMATS), f"Made on {machine_words(machine)}.", ""]
+    for scene in returned:
+        lines += [f"## {scene}", f"{WORDS[scene].capitalize()}.", "", f"![{scene}](images/scene-{scene}.jpg)", ""]
     return "\n".join(lines)

@@ -8,8 +8,8 @@ pixel every 20 us. Counts must agree within 10 %, the Kolmogorov-Smirnov distanc
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -22,13 +22,14 @@ from core.cameras import Camera
 from core.cameras.presets import DISTORTION, FOCAL_PX, PLACEMENTS
 from core.events import SensorSize
 from core.geometry import look_at
+from core.markdown import markdown_table
 from core.simulation.bodies import MovingBodies, make_actors
 from core.simulation.bodies.rally_flight import draw_flights
 from core.simulation.event_cameras.event_camera import EventCamera
 from core.simulation.flights.ball_path import BallPath
 from core.simulation.flights.serve import LaunchConfig
 from core.simulation.scenes.racket_shape import RacketPoses
-from core.simulation.scenes.scene import SceneConfig, scene_named
+from core.simulation.scenes.scene import scene_named
 from core.simulation.sensor.sensor import SensorConfig
 
 REPORT: Final = Path("docs/sensor-report.md")
@@ -51,7 +52,7 @@ class SensorClip:
     start_us: int
     duration_us: int = 40_000
     speed_mps: float = 5.0
-    changes: tuple[tuple[str, float], ...] = ()
+    changes: Mapping[str, float] = field(default_factory=dict)
     """Of the scene's settings."""
     racket: bool = False
     """The robot's racket moves through the picture too."""
@@ -63,8 +64,8 @@ CLIPS: Final = (
     SensorClip(name="slow ball, 3 m/s", start_us=300_000, speed_mps=3.0),
     SensorClip(name="dark ball", scene="dark", start_us=250_000),
     SensorClip(name="low contrast", scene="low-contrast", start_us=250_000),
-    SensorClip(name="bright walls", placement="behind", start_us=150_000, changes=(("wall", 0.7),)),
-    SensorClip(name="flickering light", start_us=250_000, changes=(("flicker", 0.2),)),
+    SensorClip(name="bright walls", placement="behind", start_us=150_000, changes={"wall": 0.7}),
+    SensorClip(name="flickering light", start_us=250_000, changes={"flicker": 0.2}),
     SensorClip(name="ball and the robot's racket", start_us=250_000, racket=True),
     SensorClip(name="person: trunk", scene="person", placement="behind", part=2, start_us=500_000),
     SensorClip(
@@ -104,15 +105,13 @@ def run(progress: Callable[[float], None], *, report: Path = REPORT) -> dict[str
         rows.append(measure_sensor(clip))
         progress(len(rows) / len(CLIPS))
     machine = describe_machine("numba", "numpy", clock="none: counts and times of simulated events")
-    if report == REPORT and not report.parent.is_dir():
-        report = Path(REPORT.name)  # not in a source checkout
     report.write_text(write_sensor_report(rows, machine), encoding="utf-8")
     return {"rows": rows, "report": str(report), "machine": machine}
 
 
 def measure_sensor(clip: SensorClip, size: SensorSize = SIZE) -> dict[str, object]:
     """Measure one clip: one row of the report."""
-    scene = _changed(scene_named(clip.scene), clip.changes)
+    scene = dataclasses.replace(scene_named(clip.scene), **clip.changes)
     balls = [LaunchConfig(speed_mps=clip.speed_mps)] * 3
     path, strokes = draw_flights(scene, balls, np.random.default_rng(SEED))
     bodies = make_actors(scene.cast, SEED, strokes)
@@ -148,20 +147,15 @@ def write_sensor_report(rows: list[dict[str, object]], machine: dict[str, object
         "Ratio: events of the event camera per event of the dense simulation. KS: Kolmogorov-Smirnov distance of their",
         f"time stamps. Bounds: {COUNT_BOUND:.0%} and {KS_BOUND}.",
         "",
-        "| clip | events (dense) | ON ratio | ON KS | OFF ratio | OFF KS | within the bounds |",
-        "|---|---|---|---|---|---|---|",
+        markdown_table(
+            ("clip", "events (dense)", "ON ratio", "ON KS", "OFF ratio", "OFF KS", "within the bounds"),
+            [[*(row | {"within": "yes" if row["within"] else "**no**"}).values()] for row in rows],
+            ("", ",", ".3f", ".4f", ".3f", ".4f"),
+        ),
     ]
-    for row in rows:
-        on = f"{row['on_ratio']:.3f} | {row['on_ks']:.4f}"
-        off = f"{row['off_ratio']:.3f} | {row['off_ks']:.4f}"
-        lines.append(f"| {row['clip']} | {row['dense']:,} | {on} | {off} | {'yes' if row['within'] else '**no**'} |")
     within = sum(bool(row["within"]) for row in rows)
-    lines += ["", f"{within} of {len(rows)} clips are within the bounds. Seed {SEED}; {machine_words(machine)}.", ""]
+    lines += [f"{within} of {len(rows)} clips are within the bounds. Seed {SEED}; {machine_words(machine)}.", ""]
     return "\n".join(lines)
-
-
-def _changed(scene: SceneConfig, changes: tuple[tuple[str, float], ...]) -> SceneConfig:
-    return dataclasses.replace(scene, **dict(changes))
 
 
 def _target(clip: SensorClip, path: BallPath, bodies: MovingBodies | None, t_s: float) -> NDArray[np.float64]:

@@ -78,33 +78,27 @@ def measure_simulation(case: SpeedCase, *, serves: int = SERVES) -> dict[str, ob
     path, strokes = draw_flights(scene_named(case.scene), balls, np.random.default_rng(SEED))
     bodies = make_actors(scene_named(case.scene).cast, SEED, strokes)
     end_us = min(int(np.ceil(path.end_s * 1e6 / BLOCK_US)) * BLOCK_US, LONGEST_US)
-    on_core = [_take_turns(case, path, bodies, end_us) for _ in range(RUNS)]
+    events, cpus_s, setups_s = zip(*(_take_turns(case, path, bodies, end_us) for _ in range(RUNS)), strict=True)
     walls_s = [_wall_s(case, path, bodies, end_us) for _ in range(RUNS)]
-    cpus_s = [run.cpu_s for run in on_core]
     return {
         "scene": case.scene,
         "sensor": str(case.sensor),
         "speed_mps": case.speed_mps,
         "noise_hz": case.noise_hz,
         "simulated_s": end_us * 1e-6,
-        "events_per_s": round(on_core[0].events / (end_us * 1e-6)),
+        "events_per_s": round(events[0] / (end_us * 1e-6)),
         "one_core": end_us * 1e-6 / float(np.median(cpus_s)),
         "one_core_slowest": end_us * 1e-6 / max(cpus_s),
         "wall": (end_us - BLOCK_US) * 1e-6 / float(np.median(walls_s)),
         "wall_slowest": (end_us - BLOCK_US) * 1e-6 / max(walls_s),
-        "setup_s": float(np.median([run.setup_s for run in on_core])),
+        "setup_s": float(np.median(setups_s)),
     }
 
 
-@dataclass(frozen=True, slots=True)
-class _Turns:
-    events: int
-    cpu_s: float
-    setup_s: float
-
-
-def _take_turns(case: SpeedCase, path: FlightSeries, bodies: MovingBodies | None, end_us: int) -> _Turns:
-    """Both cameras in this thread."""
+def _take_turns(
+    case: SpeedCase, path: FlightSeries, bodies: MovingBodies | None, end_us: int
+) -> tuple[int, float, float]:
+    """Both cameras in this thread: events, and the seconds of CPU time with them and of setting them up."""
     config = _config(case)
     started_s = time.thread_time()
     rigs = [
@@ -116,7 +110,7 @@ def _take_turns(case: SpeedCase, path: FlightSeries, bodies: MovingBodies | None
     for now_us in range(BLOCK_US, end_us + 1, BLOCK_US):
         for rig in rigs:
             events += len(rig.advance(path, now_us))
-    return _Turns(events, time.thread_time() - ready_s, ready_s - started_s)
+    return events, time.thread_time() - ready_s, ready_s - started_s
 
 
 def _wall_s(case: SpeedCase, path: FlightSeries, bodies: MovingBodies | None, end_us: int) -> float:

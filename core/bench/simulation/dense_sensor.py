@@ -6,12 +6,12 @@ between two looks, rests, refractory times and the order of it all are its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import ks_2samp
 
 from core.cameras import Camera
 from core.events import Events
@@ -65,7 +65,6 @@ def dense_events(
     seed: int = 0,
     bodies: MovingBodies | None = None,
     racket: RacketPath | None = None,
-    progress: Callable[[float], None] = lambda share: None,
 ) -> DenseEvents:
     """The same sensor model without noise, from `start_us` to `end_us`.
 
@@ -112,7 +111,6 @@ def dense_events(
                 found.append((float(crossing), int(pixel), sign > 0))
                 reference[pixel], release_us[pixel] = level, crossing + config.refractory_us
         previous[:] = light
-        progress(index / len(times_us))
     t, pixel, on = zip(*sorted(found), strict=True) if found else ((), (), ())
     return DenseEvents(np.array(t, np.float64), np.array(pixel, np.int64), np.array(on, np.bool_))
 
@@ -122,13 +120,6 @@ def compare_events(events: Events, dense: DenseEvents) -> dict[str, SensorAgreem
     found = {}
     for name, polarity in (("on", True), ("off", False)):
         mine, theirs = events.t_us[events.on == polarity], dense.t_us[dense.on == polarity]
-        ks = _distance(mine, theirs) if len(mine) and len(theirs) else float("nan")
+        ks = float(ks_2samp(mine, theirs).statistic) if len(mine) and len(theirs) else float("nan")  # type: ignore[union-attr]
         found[name] = SensorAgreement(len(mine), len(theirs), ks)
     return found
-
-
-def _distance(one: NDArray[np.generic], other: NDArray[np.generic]) -> float:
-    """Largest difference of the two cumulative distributions (Kolmogorov-Smirnov)."""
-    at = np.sort(np.concatenate([one, other]))
-    shares = [np.searchsorted(np.sort(side), at, side="right") / len(side) for side in (one, other)]
-    return float(np.abs(shares[0] - shares[1]).max())

@@ -11,6 +11,7 @@ from typing import Final
 
 from core.errors import RecordingError
 from core.files import replace_file
+from core.markdown import markdown_table
 from core.rally.data_sets.facts import RecordingFacts
 from core.rally.data_sets.plan import DataSetPlan, PlannedRecording
 
@@ -113,6 +114,7 @@ COLUMNS: Final = (
     "recording", "scene", "placement", "m/s", "robot", "s", "events", "2D", "3D", "frames", "with ball", "dropped",
     "MB", "seed",
 )  # fmt: skip
+FORMATS: Final = ("", "", "", "", "", ".2f", ",", ",", ",", ",", ",", ",", ".1f", "d")
 """Of the card's second table."""
 
 
@@ -128,40 +130,34 @@ def make_card(manifest: Mapping[str, object]) -> str:
         f"Scenes: {_list(manifest['scenes'])}. Placements: {_list(manifest['placements'])}. "
         f"Speeds: {_list(manifest['speeds_mps'])} m/s.",
         "",
-        "| total | |",
-        "|---|---|",
-        *(f"| {label} | {_figure(total[key])} |" for key, label in LABELS.items()),
-        "",
-        f"| {' | '.join(COLUMNS)} |",
-        "|---" * len(COLUMNS) + "|",
-        *(_row(entry) for entry in recordings),
+        markdown_table(("total", ""), [(label, _figure(total[key])) for key, label in LABELS.items()]),
+        markdown_table(COLUMNS, map(_row, recordings), FORMATS),
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
 
 
-def _row(entry: Mapping) -> str:
+def _row(entry: Mapping) -> tuple[object, ...]:
     settings, cameras = entry["settings"], entry["cameras"].values()
     sums = {
         key: sum(camera[key] for camera in cameras)
         for key in ("events", "centres", "frames", "frames_with_ball", "dropped")
     }
-    cells = (
+    return (
         entry["file"],
         settings["scene"],
         settings["placement"],
         _list(settings["speeds_mps"]),
         "plays" if settings["robot"] else "none",
-        f"{entry['duration_us'] / 1e6:.2f}",
-        _figure(sums["events"]),
-        _figure(sums["centres"]),
-        _figure(entry["points_3d"]),
-        _figure(sums["frames"]),
-        _figure(sums["frames_with_ball"]),
-        _figure(sums["dropped"]),
-        f"{entry['bytes'] / 1e6:.1f}",
-        str(settings["seed"]),
+        entry["duration_us"] / 1e6,
+        sums["events"],
+        sums["centres"],
+        entry["points_3d"],
+        sums["frames"],
+        sums["frames_with_ball"],
+        sums["dropped"],
+        entry["bytes"] / 1e6,
+        settings["seed"],
     )
-    return f"| {' | '.join(cells)} |"
 
 
 def _list(values: object) -> str:

@@ -16,12 +16,12 @@ from core.recordings import RecordingWriter
 def recording(tmp_path_factory) -> Path:
     """Two simulated cameras, 0.4 s, with the truth."""
     path = tmp_path_factory.mktemp("detect") / "flight.h5"
-    streams = simulate_flights("ball", 0.1, (6.0,), seed=4, duration_us=400_000)
+    streams = simulate_flights("ball", 0.1, (6.0,), seed=4)
     with RecordingWriter(path, {stream.name: stream.sensor for stream in streams}) as writer:
         for stream in streams:
-            writer.append(stream.name, stream.events)
+            writer.append(stream.name, stream.slice(0, 400_000))
             writer.write_truth(stream.name, stream.truth)
-        writer.extend_duration(streams[0].duration_us)
+        writer.extend_duration(400_000)
     return path
 
 

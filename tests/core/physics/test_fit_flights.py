@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.bench.physics.physics_report import bounce_point, compare_models
 from core.errors import RallyscopeError
+from core.metrics.flight_predictions import bounce_point, compare_models
 from core.physics.config import PhysicsConfig, physics_profile
 from core.physics.fit_flights import (
     RecordedFlight,
@@ -67,8 +67,8 @@ def test_one_flights_start_is_found_under_known_constants() -> None:
 
 def test_the_true_model_predicts_better_than_gravity_alone() -> None:
     made, _ = flights(8, seed=4)
-    gravity, _, both = compare_models(made, fit_physics(made, MAGNUS))
-    assert (gravity.model, both.model) == ("gravity", "drag + Magnus")
+    found = compare_models(made, fit_physics(made, MAGNUS))
+    gravity, both = found["gravity"], found["drag + Magnus"]
     assert both.ahead_median_mm[0.2] < 0.5 * gravity.ahead_median_mm[0.2]
     assert both.bounce_median_mm < gravity.bounce_median_mm
     assert gravity.flights == {0.1: 8, 0.2: 8, 0.3: 8}

@@ -13,7 +13,6 @@ from core.bench.learning.plan import EXPLORATIONS, RIVALS, Counts, plan, rival_t
 from core.bench.learning.tables import binomial_interval, paired
 from core.bench.learning.targets import TARGETS
 from core.bench.learning.verdicts import CLAIMS, judge
-from core.bench.line_chart import ChartLine, line_chart
 from core.learning.runs.summary import SeedSpread
 
 TINY = Counts(seeds=2, minor_seeds=1, rival_seeds=1, balls=10, shorten=50)
@@ -87,12 +86,6 @@ def test_paired_differences_use_the_seeds_that_both_have() -> None:
 def test_the_interval_of_fifty_balls_is_wilson_s() -> None:
     low, high = binomial_interval(0.98, 50)
     assert (round(low, 3), round(high, 3)) == (0.895, 0.996)
-
-
-def test_a_chart_is_well_formed_even_without_lines() -> None:
-    ElementTree.fromstring(line_chart("a < b", "x", "y", []))
-    line = ChartLine("c & d", [0, 1], [1.0, float("nan")], [0.5, float("nan")], [1.5, float("nan")])
-    assert "c &amp; d" in line_chart("t", "x", "y", [line])
 
 
 def test_a_claim_holds_only_if_the_whole_interval_is_on_its_side() -> None:

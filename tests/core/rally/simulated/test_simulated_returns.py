@@ -1,4 +1,4 @@
-"""Balls of known state against the simulated robot, and the page about them."""
+"""Balls of known state against the simulated robot."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.bench.rally.ball_states_report import PlayedFile, losses, report_rows, write_ball_states_report
-from core.bench.rally.simulated_returns import ReturnOutcome, SimulatedReturns, SimulatedReturnsConfig, play_known_balls
 from core.physics import Serves
 from core.physics.ball_states import join_serves, read_ball_states
 from core.physics.task import task_profile
+from core.rally.simulated.simulated_returns import (
+    ReturnOutcome,
+    SimulatedReturnsConfig,
+    play_known_balls,
+)
 from core.simulation.episodes import draw_serves
 from core.simulation.episodes.incoming import Incoming
 from core.simulation.episodes.racket import RacketConfig
@@ -61,28 +64,6 @@ def test_the_simulation_s_step_does_not_decide(serves: Serves) -> None:
     coarse, fine = (play_known_balls(serves[:8], replace(CONFIG, step_ms=step)) for step in (10.0, 2.0))
     np.testing.assert_array_equal(coarse.fate, fine.fate)
     np.testing.assert_allclose(coarse.error_m, fine.error_m, atol=2e-4)
-
-
-def test_rows_and_losses_add_up_and_the_page_has_them(tmp_path: Path, serves: Serves) -> None:
-    fates = np.full(20, ReturnOutcome.RETURNED, np.int8)
-    fates[:5], fates[5:7] = ReturnOutcome.NOT_PLAYABLE, ReturnOutcome.NET
-    incoming = np.where(fates == ReturnOutcome.NOT_PLAYABLE, Incoming.TWO_BOUNCES, Incoming.PLAYABLE).astype(np.int8)
-    errors_m = np.where(fates == ReturnOutcome.RETURNED, 0.05, np.nan)
-    file = PlayedFile("human", serves, SimulatedReturns(fates, incoming, np.zeros(20, np.bool_), errors_m))
-    rows = report_rows([file, file])
-    assert [row["count"] for row in rows["files"]] == [20, 20]
-    for name in ("speeds", "spins"):
-        assert sum(int(str(row["count"])) for row in rows[name]) == 40, "every ball is in one bin"
-        assert sum(int(str(row["returned"])) for row in rows[name]) == 26
-    row = rows["files"][0]
-    assert (row["playable"], row["returned"], row["share"]) == (15, 13, pytest.approx(13 / 15))
-    assert row["error_mm_median"] == pytest.approx(50.0)
-    assert losses(file.played) == {"two bounces before the hitting plane": 5, "struck into the net": 2}
-    write_ball_states_report(tmp_path / "page.md", [file], CONFIG, "the command")
-    page = (tmp_path / "page.md").read_text()
-    assert "the command" in page and "| human | 20 | 15 | 13 | 86.7 [" in page and "images/page.svg" in page
-    picture = (tmp_path / "images" / "page.svg").read_text()
-    assert picture.startswith("<svg") and "87 %" in picture and "of 15" in picture
 
 
 def test_most_recorded_balls_come_back(shared_data: Path) -> None:

@@ -1,0 +1,158 @@
+"""How well recorded flights are predicted from their first 150 ms: by models of flight, and by predictors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.physics.config import PhysicsConfig
+from core.physics.contact import come_down
+from core.physics.fit_flights import FittedPhysics, RecordedFlight, fit_start, simulate_flight, with_constants
+from core.physics.flight import air_from_config
+from core.trajectory import FilterConfig, FilterPredictor, PaperPredictor, predictor_for
+
+Array = NDArray[np.float64]
+Recorded = tuple[RecordedFlight, Array | None]
+"""With its bounce, if it has one: time, x and y."""
+
+OBSERVED_S: Final = 0.150
+AHEAD_S: Final = (0.1, 0.2, 0.3)
+NEAR_S: Final = 0.006
+"""A recorded point counts as being at a time if it is so near; what is predicted is then that of its own time."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightErrors:
+    """Errors over the flights, in millimetres; nan where no flight is long enough. Dicts are by seconds ahead."""
+
+    bounce_median_mm: float
+    bounce_p95_mm: float
+    bounces: int
+    ahead_median_mm: dict[float, float]
+    ahead_p95_mm: dict[float, float]
+    flights: dict[float, int]
+    """How many are long enough."""
+    normalised: dict[float, float]
+    """Mean squared error in units of what was said of it and of the noise of the point, over three: 1 is honest.
+    Only where something was said."""
+    normalised_but_worst: dict[float, float]
+    """The same without the flight that is farthest off: one may touch the net after it was seen."""
+
+
+class Said(NamedTuple):
+    """What is predicted of one flight."""
+
+    bounce: Array | None
+    """Time, x and y."""
+    positions: Callable[[Array], tuple[Array, Array | None]]
+    """Of the times (N,): points (N, 3), and the variances (N, 3), if known, of their distance from recorded ones."""
+
+
+def compare_models(
+    flights: Sequence[RecordedFlight], fitted: FittedPhysics, progress: Callable[[float], None] = lambda share: None
+) -> dict[str, FlightErrors]:
+    """Least-squares fits, each with the fitted table; nothing is known of how far they are off."""
+    both = fitted.profile()
+    drag = with_constants(0.0, fitted.drag_coefficient, fitted.restitution, fitted.friction)
+    gravity = replace(drag, air=replace(drag.air, drag_coefficient=0.0))
+    bounced = [(flight, bounce) for flight, bounce in _with_bounces(flights, fitted) if bounce is not None]
+    found: dict[str, FlightErrors] = {}
+    for name, physics in {"gravity": gravity, "drag": drag, "drag + Magnus": both}.items():
+        found[name] = _score(partial(_fitted, physics, with_spin=physics is both), bounced)
+        progress(len(found) / 3)
+    return found
+
+
+def compare_predictors(flights: Sequence[RecordedFlight], fitted: FittedPhysics) -> dict[str, FlightErrors]:
+    """The filter, with the fitted constants, each with its usual spread, and the paper's rule, fed point by point."""
+    config = replace(
+        FilterConfig(),
+        drag=fitted.drag_coefficient,
+        restitution=fitted.restitution,
+        friction=fitted.friction,
+        magnus=fitted.magnus_coefficient,
+    )
+    predictors = {"filter": FilterPredictor(config), "paper": PaperPredictor(predictor_for("real"))}
+    bounces = list(_with_bounces(flights, fitted))
+    return {name: _score(partial(_told, predictor), bounces) for name, predictor in predictors.items()}
+
+
+def bounce_point(start: Array, physics: PhysicsConfig) -> Array | None:
+    """(3,) time, x and y at which the ball first comes down to the table's plane; None if it does not."""
+    landed = np.empty(9)
+    t_s = come_down(start, air_from_config(physics), landed)
+    return None if np.isnan(t_s) else np.array([t_s, landed[0], landed[1]])
+
+
+def _with_bounces(flights: Sequence[RecordedFlight], fitted: FittedPhysics) -> Iterable[Recorded]:
+    physics = fitted.profile()
+    return ((flight, bounce_point(fit_start(flight, physics, with_spin=True), physics)) for flight in flights)
+
+
+def _fitted(physics: PhysicsConfig, flight: RecordedFlight, *, with_spin: bool) -> Said | None:
+    if len(flight.t_s) < 6:
+        return None
+    start = fit_start(flight, physics, with_spin=with_spin)
+    bounce = bounce_point(start, physics)
+    never = np.full(3, np.inf)
+    return Said(never if bounce is None else bounce, lambda t_s: (simulate_flight(start, t_s, physics), None))
+
+
+def _told(predictor: FilterPredictor | PaperPredictor, flight: RecordedFlight) -> Said | None:
+    predictor.reset()
+    for t, p in zip(flight.t_s, flight.ps_m, strict=True):
+        predictor.add(round(1e6 * t), p)
+    said = predictor.predict() if isinstance(predictor, FilterPredictor) else predictor.latest
+    if said is None:
+        return None
+    noise_m2 = np.square(predictor.config.sigma_point_m)
+    if isinstance(predictor, FilterPredictor):
+        noise_m2 = noise_m2 * predictor.noise_scales
+
+    def positions(t_s: Array) -> tuple[Array, Array]:
+        ps, sigmas = said.positions(t_s)
+        return ps, sigmas**2 + noise_m2
+
+    landing = said.landing
+    return Said(None if landing is None else np.array([landing.t_s, *landing.p_world_m[:2]]), positions)
+
+
+def _score(predict: Callable[[RecordedFlight], Said | None], flights: Sequence[Recorded]) -> FlightErrors:
+    bounce_mm: list[float] = []
+    ahead_mm: dict[float, list[float]] = {ahead: [] for ahead in AHEAD_S}
+    normalised: dict[float, list[float]] = {ahead: [] for ahead in AHEAD_S}
+    for flight, bounce in flights:
+        seen = flight.t_s <= OBSERVED_S
+        said = predict(RecordedFlight(flight.name, flight.t_s[seen], flight.ps_m[seen]))
+        if said is None:
+            continue
+        if bounce is not None and bounce[0] > OBSERVED_S and said.bounce is not None:
+            bounce_mm.append(1e3 * float(np.linalg.norm(said.bounce[1:] - bounce[1:])))
+        for ahead in AHEAD_S:
+            wanted = flight.t_s[seen][-1] + ahead
+            near = int(np.abs(flight.t_s - wanted).argmin())
+            if abs(flight.t_s[near] - wanted) <= NEAR_S:
+                ps, variances = said.positions(flight.t_s[near : near + 1])
+                miss = ps[0] - flight.ps_m[near]
+                ahead_mm[ahead].append(1e3 * float(np.linalg.norm(miss)))
+                if variances is not None:
+                    normalised[ahead].append(float(np.mean(miss**2 / variances)))
+    return FlightErrors(
+        _percentile(bounce_mm, 50),
+        _percentile(bounce_mm, 95),
+        len(bounce_mm),
+        {ahead: _percentile(errors, 50) for ahead, errors in ahead_mm.items()},
+        {ahead: _percentile(errors, 95) for ahead, errors in ahead_mm.items()},
+        {ahead: len(errors) for ahead, errors in ahead_mm.items()},
+        {ahead: float(np.mean(errors)) for ahead, errors in normalised.items() if errors},
+        {ahead: float(np.mean(sorted(errors)[:-1])) for ahead, errors in normalised.items() if len(errors) > 1},
+    )
+
+
+def _percentile(values: Sequence[float], percent: float) -> float:
+    return float(np.percentile(values, percent)) if values else float("nan")
