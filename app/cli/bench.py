@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import functools
 import importlib
 import importlib.util
 import inspect
 import json
 from collections.abc import Callable
+from dataclasses import dataclass
 
+from app.cli.arguments import flag, positional
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
+from app.cli.tables import format_table
 from core.errors import CommandError, NotBuiltError
 
 BENCHES = {
@@ -34,14 +36,16 @@ BENCHES = {
 """The module that measures each."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument("name", choices=BENCHES, metavar="|".join(BENCHES), help="what to measure")
-    parser.add_argument("--count", type=int, metavar="N", help="balls of each speed (perceived-prediction only)")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchArguments:
+    """Measure speed and quality on this machine."""
+
+    name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
+    count: int | None = flag("balls of each speed (perceived-prediction only)", "N")
+    json: bool = flag("print the figures as JSON")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: BenchArguments) -> None:
     """Run the module of the name and print what it returns: "rows", "machine" and what else it has."""
     module = find_bench(arguments.name)
     if module is None:
@@ -69,22 +73,3 @@ def find_bench(name: str) -> str | None:
     """The module that measures this, or None while there is none."""
     module = BENCHES[name]
     return module if importlib.util.find_spec(module) else None
-
-
-def format_table(rows: list[dict[str, object]]) -> str:
-    """Rows with the same keys as text, numbers to the right and to three decimals."""
-    if not rows:
-        return "nothing was measured"
-    titles = list(rows[0])
-    cells = [[_cell(row.get(title)) for title in titles] for row in rows]
-    widths = [max(len(line[k]) for line in [titles, *cells]) for k in range(len(titles))]
-    lines = [
-        "  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in [titles, *cells]
-    ]
-    return "\n".join(lines)
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.3f}" if isinstance(value, float) else str(value)

@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
-import argparse
 import json
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.cli.bench import format_table
+from app.cli.arguments import flag, positional
 from app.cli.progress import progress_bar
+from app.cli.tables import format_table
 from core.errors import CommandError
+
+if TYPE_CHECKING:
+    from core.bench.physics.flight_predictors import PredictorErrors
+    from core.bench.physics.physics_report import ModelErrors
 
 TEST_SHARE = 0.3
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument(
-        "flights", nargs="+", type=Path, metavar="FLIGHTS", help="CSV of t_s,x_m,y_m,z_m (world), or as tt3d writes it"
-    )
-    parser.add_argument(
-        "--magnus", type=float, default=0.10, metavar="CM", help="Magnus coefficient, which flights do not fix (0.10)"
-    )
-    parser.add_argument("--samples", type=int, default=20, metavar="N", help="bootstrap samples for the spread (20)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the split into fit and test (default: 0)")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitPhysicsArguments:
+    """Fit the flight model to real flights: drag, restitution and friction."""
+
+    flights: tuple[Path, ...] = positional("CSV of t_s,x_m,y_m,z_m (world), or as tt3d writes it", "FLIGHTS")
+    magnus: float = flag("Magnus coefficient, which flights do not fix", "CM", 0.10)
+    samples: int = flag("bootstrap samples for the spread", "N", 20)
+    seed: int = flag("of the split into fit and test", "N", 0)
+    json: bool = flag("print the figures as JSON")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: FitPhysicsArguments) -> None:
     """Fit on most of the flights, test on the others, print both."""
     if not 0 <= arguments.magnus <= 0.5:
         raise CommandError("no such coefficient", expected="0 to 0.5", got=arguments.magnus, where="--magnus")
@@ -76,36 +80,19 @@ def run(arguments: argparse.Namespace) -> None:
     print(format_table([{"constant": name, **values} for name, values in constants.items()]))
     print()
     print("Test flights, errors after 150 ms of observation, mm (median, 95 %):")
-    print(
-        format_table(
-            [
-                {
-                    "model": row.model,
-                    "bounce": row.bounce_median_mm,
-                    "bounce 95 %": row.bounce_p95_mm,
-                    **{f"{1e3 * ahead:.0f} ms": value for ahead, value in row.ahead_median_mm.items()},
-                    **{f"{1e3 * ahead:.0f} ms 95 %": value for ahead, value in row.ahead_p95_mm.items()},
-                }
-                for row in errors
-            ]
-        )
-    )
+    print(format_table([{"model": row.model, **_errors(row)} for row in errors]))
     print()
     print(
         "Test flights, predicted point by point from the same 150 ms, mm (median, 95 %; squared error over its spread):"
     )
-    print(
-        format_table(
-            [
-                {
-                    "predictor": row.method,
-                    "bounce": row.bounce_median_mm,
-                    "bounce 95 %": row.bounce_p95_mm,
-                    **{f"{1e3 * ahead:.0f} ms": value for ahead, value in row.ahead_median_mm.items()},
-                    **{f"{1e3 * ahead:.0f} ms 95 %": value for ahead, value in row.ahead_p95_mm.items()},
-                    **{f"{1e3 * ahead:.0f} ms nees": value for ahead, value in row.normalised.items()},
-                }
-                for row in predictors
-            ]
-        )
-    )
+    rows = [{"predictor": row.method, **_errors(row), **_by_time(row.normalised, " nees")} for row in predictors]
+    print(format_table(rows))
+
+
+def _errors(row: ModelErrors | PredictorErrors) -> dict[str, object]:
+    ahead = {**_by_time(row.ahead_median_mm), **_by_time(row.ahead_p95_mm, " 95 %")}
+    return {"bounce": row.bounce_median_mm, "bounce 95 %": row.bounce_p95_mm, **ahead}
+
+
+def _by_time(values: Mapping[float, float], suffix: str = "") -> dict[str, object]:
+    return {f"{1e3 * ahead_s:.0f} ms{suffix}": value for ahead_s, value in values.items()}
