@@ -2,8 +2,9 @@
 
 A verb is `run(arguments: ItsArguments)`. A field's type says how a word is read: a `Path`, `int`, `float` or `str`;
 `Literal` for choices; `bool` for a switch, `bool | None` for one that can also be turned off (`--no-...`); a tuple of a
-plain type for several words; `Annotated[kind, read]` for what `read` makes of a word. Without `| None` and a default it
-has to be given. A field whose type is such a dataclass itself stands for all flags of it.
+plain type for several words; `Annotated[kind, read]` for what `read` makes of a word. With `| None` it may be left out,
+and is None then; so may a switch and what has a default. A field whose type is such a dataclass itself stands for all
+of its flags.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
@@ -18,6 +20,8 @@ from core.config import field_spec
 from core.errors import CommandError
 
 A = TypeVar("A")
+DATA = Path("rallyscope-data")
+"""The workspace, unless `--data` names another."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -35,19 +39,18 @@ def flag(
     choices: Iterable[object] | None = None,
     name: str | None = None,
 ) -> Any:
-    """A field that is a flag: `--its-name`, unless it is given another `name`. The default is said in its help."""
+    """A field that is a flag: `--its-name`, unless it is given another `name`.
+
+    Its help says the default. Of a field with `| None` that is what the verb takes for None.
+    """
     settings = {"help": what, "metavar": metavar, "default": default, "choices": choices}
     return dataclasses.field(metadata={"settings": settings, "name": name})
 
 
 def setting_flag(config: type, setting: str, metavar: str | None = None, what: str = "") -> Any:
-    """A flag that sets a field of a config, which says what it is, what may be chosen and what holds without the flag.
-
-    Only where the field has no `| None` that default is the flag's own too.
-    """
+    """A flag that sets a field of a config, which says its default and, unless told otherwise, what it is."""
     spec = field_spec(config, setting)
-    made = flag(what or spec.doc.removesuffix("."), metavar, spec.default, choices=spec.choices or None)
-    return dataclasses.field(metadata={**made.metadata, "setting": True})
+    return flag(what or spec.doc.removesuffix("."), metavar, spec.default)
 
 
 def positional(what: str, metavar: str, *, choices: Iterable[object] | None = None) -> Any:
@@ -82,7 +85,7 @@ def arguments_of(run: Callable[[A], None]) -> type[A]:
 def add_arguments(parser: argparse._ActionsContainer, kind: type) -> None:
     """All flags and positional arguments of a dataclass."""
     for item, hint in _fields(kind):
-        if dataclasses.is_dataclass(hint):
+        if _is_group(hint):
             title = item.metadata.get("title")
             add_arguments(parser.add_argument_group(title) if title else parser, hint)
         elif "one_of" in item.metadata:
@@ -97,11 +100,11 @@ def read_arguments(kind: type[A], parsed: argparse.Namespace) -> A:
     """The dataclass with what was parsed."""
     values: dict[str, object] = {}
     for item, hint in _fields(kind):
-        if dataclasses.is_dataclass(hint):
+        if _is_group(hint):
             values[item.name] = read_arguments(hint, parsed)
         elif "one_of" in item.metadata:
-            given = ((name, getattr(parsed, name)) for name in item.metadata["one_of"])
-            values[item.name] = next(pair for pair in given if pair[1] is not None)
+            asked = given({name: getattr(parsed, name) for name in item.metadata["one_of"]})
+            values[item.name] = next(iter(asked.items()))
         else:
             value = getattr(parsed, item.name)
             values[item.name] = tuple(value) if isinstance(value, list) else value
@@ -113,16 +116,20 @@ def _fields(kind: type) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
     return ((item, hints[item.name]) for item in dataclasses.fields(kind))
 
 
+def _is_group(hint: object) -> bool:
+    return dataclasses.is_dataclass(hint)
+
+
 def _add_argument(parser: argparse._ActionsContainer, item: dataclasses.Field[Any], hint: Any) -> None:
-    options = {key: value for key, value in item.metadata["settings"].items() if value is not None}
+    options: dict[str, Any] = given(item.metadata["settings"])
     optional = NoneType in get_args(hint)
     kind = next(part for part in get_args(hint) if part is not NoneType) if optional else hint
     default = options.get("default")
-    if default is not None and kind is not bool:
+    if default is not None:
         options["help"] += f" (default: {default:g})" if isinstance(default, float) else f" (default: {default})"
     options["help"] = options["help"].replace("%", "%%")
-    if optional and "setting" in item.metadata:
-        del options["default"]
+    if optional:
+        options.pop("default", None)
     if kind is bool:
         options["action"] = argparse.BooleanOptionalAction if optional else "store_true"
     elif get_origin(kind) is Literal:
@@ -134,11 +141,16 @@ def _add_argument(parser: argparse._ActionsContainer, item: dataclasses.Field[An
     else:
         options["type"] = kind
     if "name" not in item.metadata:
-        parser.add_argument(item.name, **({"nargs": "?"} if optional else {}), **options)
+        parser.add_argument(item.name, **options | ({"nargs": "?"} if optional else {}))
         return
-    needed = {} if optional or default is not None or kind is bool else {"required": True}
-    name = item.metadata["name"] or item.name.replace("_", "-")
-    parser.add_argument(f"--{name}", dest=item.name, **needed, **options)
+    if not optional and default is None and kind is not bool:
+        options["required"] = True
+    parser.add_argument(f"--{item.metadata['name'] or item.name.replace('_', '-')}", dest=item.name, **options)
+
+
+def given(values: Mapping[str, A | None]) -> dict[str, A]:
+    """Those that were given: what is None is left to others."""
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def positive_int(text: str) -> int:

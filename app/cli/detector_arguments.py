@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from app.cli.arguments import PositiveInt, flag
 from core.config import load_config
 from core.detection import DetectorConfig
-from core.detection.methods import METHODS, PLANNED, method_config
+from core.detection.methods import METHODS, PLANNED, Method, method_config, method_named
 
 WHAT = "; ".join(f"{name}: {what}" for name, what in METHODS.items())
 CONFIG = "detector settings saved in the app, a TOML file"
@@ -18,7 +19,7 @@ CONFIG = "detector settings saved in the app, a TOML file"
 class MethodArguments:
     """A detector that works."""
 
-    method: str = flag(WHAT, "|".join(METHODS), "auto", choices=METHODS)
+    method: Method = flag(WHAT, "|".join(METHODS), "auto")
     config: Path | None = flag(CONFIG, "FILE")
 
     def settings(self) -> DetectorConfig:
@@ -30,20 +31,20 @@ class MethodArguments:
 class DetectorArguments:
     """A detector, or one that is only planned, and its window."""
 
-    method: str = flag(WHAT, "|".join([*METHODS, *PLANNED]), "auto")
+    method: Annotated[Method, method_named] = flag(WHAT, "|".join([*METHODS, *PLANNED]), "auto")
     config: Path | None = flag(CONFIG, "FILE")
-    window_us: PositiveInt | None = flag("length of a window (default: the config's)", "N")
+    window_us: PositiveInt | None = flag("length of a window", "N", "the config's")
 
     def settings(self) -> tuple[DetectorConfig, int]:
-        """What the detector runs with and the length of a window; raises RallyscopeError for a bad method or file."""
+        """What the detector runs with and the length of a window; raises RallyscopeError for a bad file."""
         config = detector_settings(self.method, self.config)
         return config, self.window_us or config.window.window_us
 
 
-def detector_settings(method: str, file: Path | None) -> DetectorConfig:
+def detector_settings(method: Method, file: Path | None) -> DetectorConfig:
     """What a method runs with, by default its own settings.
 
     Raises:
-        RallyscopeError: for an unknown method or a bad file.
+        RallyscopeError: for a bad file.
     """
     return method_config(method, load_config(DetectorConfig, file) if file else None)

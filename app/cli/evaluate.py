@@ -22,7 +22,7 @@ class EvaluateArguments:
 
     run_folder: Path | None = positional("folder of a training run", "RUN")
     best: bool = flag("the best policy of each seed instead of the last")
-    balls: PositiveInt | None = flag("fixed balls per speed (default: the run's, 500)", "N")
+    balls: PositiveInt | None = flag("fixed balls per speed", "N", "the run's, 500")
     json: bool = flag("print a row per speed as JSON")
     recorded: BallStatesArguments = group("balls of human play, against the built-in controller that knows all of them")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 
-from app.cli.arguments import flag, setting_flag
+from app.cli.arguments import flag, given, setting_flag
 from core.simulation.scenes.scene import SCENES, SceneConfig, scene_named
 
 DEFAULT = "ball"
@@ -15,7 +15,7 @@ DEFAULT = "ball"
 class SceneArguments:
     """`--scene` and what may be changed of it."""
 
-    scene: str | None = flag(f"what the cameras look at (default: {DEFAULT})", "|".join(SCENES))
+    scene: str | None = flag("what the cameras look at", "|".join(SCENES), DEFAULT)
     wall: float | None = flag("brightness of the walls (the scene's: 0.16 or 0.7)", "0..1")
     flicker: float | None = setting_flag(SceneConfig, "flicker", "DEPTH")
     flicker_hz: float | None = setting_flag(SceneConfig, "flicker_hz", "HZ", "its frequency")
@@ -30,5 +30,4 @@ class SceneArguments:
 
     def changes(self) -> dict[str, float]:
         """What of a scene was asked to be otherwise."""
-        changes = {"wall": self.wall, "flicker": self.flicker, "flicker_hz": self.flicker_hz}
-        return {name: value for name, value in changes.items() if value is not None}
+        return given({"wall": self.wall, "flicker": self.flicker, "flicker_hz": self.flicker_hz})

@@ -11,6 +11,7 @@ from app.cli.arguments import flag, setting_flag
 from app.cli.cameras import Sensor, named_cameras
 from app.cli.ending import end_event
 from app.cli.scenes import SceneArguments
+from core.cameras.presets import SENSOR_720
 from core.errors import CommandError
 from core.files import end_with_parent
 from core.physics.ball_states import join_serves, read_ball_states
@@ -37,10 +38,10 @@ class SimServerArguments:
         "tcp://127.0.0.1:5555",
     )
     cameras: str = flag("placement, or a calibration file", "PRESET|FILE", "side")
-    sensor: Sensor | None = flag("of a placement's cameras (default: 1280x720)", "WxH")
+    sensor: Sensor | None = flag("of a placement's cameras", "WxH", SENSOR_720)
     scene: SceneArguments
     noise_hz: float = setting_flag(SensorConfig, "noise_hz", "HZ")
-    physics: Profile | None = flag("flight of the ball (default: paper; real with --ball-states)")
+    physics: Profile | None = flag("flight of the ball", default="paper; real with --ball-states")
     ball_states: tuple[Path, ...] | None = flag("serve recorded balls (JSON), not drawn ones", "FILE")
     auto_serve: float = setting_flag(ServerConfig, "auto_serve_mps", "MPS")
     until_eof: bool = flag("end when standard input ends, as a child process should")

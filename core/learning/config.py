@@ -73,6 +73,7 @@ class RewardConfig:
     """The three rewards: CDTA (the paper's, time-weighted), case-based with constant weights, and simple."""
 
     kind: RewardKind = "cdta"
+    """Which of them."""
     base: float = setting(1.0, 0.1, 10.0)
     """l_base: a returned ball (choice)."""
     scale: float = setting(3.0, 0.0, 20.0)
@@ -243,6 +244,7 @@ class RunConfig:
     """Every setting of a training run."""
 
     agent: AgentName = "ddpg"
+    """Who learns: the paper's agent, the one beyond it, or one of stable-baselines3."""
     environment: EnvironmentConfig = field(default_factory=EnvironmentConfig)
     reward: RewardConfig = field(default_factory=RewardConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
@@ -253,6 +255,7 @@ class RunConfig:
     seeds: int = setting(1, 1, 1000)
     """Independent repetitions."""
     first_seed: int = setting(0, 0, 2**31 - 1)
+    """Number of the first repetition."""
     checkpoint_every: int = setting(50, 1, 100_000)
     """Episodes between checkpoints; each also evaluates the policy (paper: every 50)."""
     evaluation_balls: int = setting(500, 1, 100_000)
