@@ -4,7 +4,7 @@ A verb is `run(arguments: ItsArguments)`. A field's type says how a word is read
 `Literal` for choices; `bool` for a switch, `bool | None` for one that can also be turned off (`--no-...`); a tuple of a
 plain type for several words; `Annotated[kind, read]` for what `read` makes of a word. With `| None` it may be left out,
 and is None then; so may a switch and what has a default. A field whose type is such a dataclass itself stands for all
-of its flags.
+of its flags, which stand under its `TITLE` in the help if it has one. A verb's description is the docstring.
 """
 
 from __future__ import annotations
@@ -58,11 +58,6 @@ def positional(what: str, metavar: str, *, choices: Iterable[object] | None = No
     return dataclasses.field(metadata={"settings": {"help": what, "metavar": metavar, "choices": choices}})
 
 
-def group(title: str) -> Any:
-    """A field for the flags of another dataclass, with a title of their own in the help."""
-    return dataclasses.field(metadata={"title": title})
-
-
 def one_of(flags: Mapping[str, tuple[str, str]]) -> Any:
     """A field (flag, value) for flags of which exactly one is given; help and metavar of each by its name."""
     return dataclasses.field(metadata={"one_of": flags})
@@ -86,7 +81,7 @@ def add_arguments(parser: argparse._ActionsContainer, kind: type) -> None:
     """All flags and positional arguments of a dataclass."""
     for item, hint in _fields(kind):
         if _is_group(hint):
-            title = item.metadata.get("title")
+            title = getattr(hint, "TITLE", None)
             add_arguments(parser.add_argument_group(title) if title else parser, hint)
         elif "one_of" in item.metadata:
             flags = parser.add_mutually_exclusive_group(required=True)
@@ -141,7 +136,8 @@ def _add_argument(parser: argparse._ActionsContainer, item: dataclasses.Field[An
     else:
         options["type"] = kind
     if "name" not in item.metadata:
-        parser.add_argument(item.name, **options | ({"nargs": "?"} if optional else {}))
+        options |= {"nargs": "?"} if optional else {}
+        parser.add_argument(item.name, **options)
         return
     if not optional and default is None and kind is not bool:
         options["required"] = True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from core.physics.task import task_profile
 class BallStatesArguments:
     """What concerns ball states."""
 
+    TITLE: ClassVar = "balls of human play, against the built-in controller that knows all of them"
     ball_states: tuple[Path, ...] | None = flag("JSON of position, velocity and spin (no RUN then)", "FILE")
     sample: PositiveInt | None = flag("so many of each file at random, not all", "N")
     told_after_ms: float = setting_flag(SimulatedReturnsConfig, "told_after_ms", "MS")

@@ -39,12 +39,13 @@ SCALE_FORM = "baseline=METRES|wand=METRES|gravity|table"
 
 def named_paths(text: str) -> dict[str, Path]:
     """`left=FILE,right=FILE` as argparse's type."""
-    pairs = [part.partition("=") for part in text.split(",")]
-    if any(not (name.strip() and path.strip()) for name, _, path in pairs) or len({pair[0] for pair in pairs}) < len(
-        pairs
-    ):
-        raise argparse.ArgumentTypeError(f"expected NAME=FILE,NAME=FILE, got {text!r}")
-    return {name.strip(): Path(path.strip()) for name, _, path in pairs}
+    named: dict[str, Path] = {}
+    for part in text.split(","):
+        name, _, path = (word.strip() for word in part.partition("="))
+        if not name or not path or name in named:
+            raise argparse.ArgumentTypeError(f"expected NAME=FILE,NAME=FILE, got {text!r}")
+        named[name] = Path(path)
+    return named
 
 
 NamedPaths = Annotated[dict[str, Path], named_paths]

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.cli.arguments import PositiveInt, flag, group, positional
+from app.cli.arguments import PositiveInt, flag, positional
 from app.cli.ball_states import BallStatesArguments, run_ball_states
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
@@ -24,7 +24,7 @@ class EvaluateArguments:
     best: bool = flag("the best policy of each seed instead of the last")
     balls: PositiveInt | None = flag("fixed balls per speed", "N", "the run's, 500")
     json: bool = flag("print a row per speed as JSON")
-    recorded: BallStatesArguments = group("balls of human play, against the built-in controller that knows all of them")
+    recorded: BallStatesArguments
 
 
 def run(arguments: EvaluateArguments) -> None:

@@ -31,10 +31,8 @@ def run(arguments: InfoArguments) -> None:
         recording = open_recording(arguments.recording, progress=progress)
     with closing(recording):
         facts = recording_facts(recording)
-        if arguments.json:
-            print(json.dumps({"path": str(arguments.recording), **facts}))
-        else:
-            print("\n".join([str(arguments.recording), *_lines(recording, facts)]))
+        lines = [str(arguments.recording), *_lines(recording, facts)]
+        print(json.dumps({"path": lines[0], **facts}) if arguments.json else "\n".join(lines))
 
 
 def recording_facts(recording: FileRecording) -> Facts:

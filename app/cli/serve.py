@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import webbrowser
 from dataclasses import dataclass
@@ -56,7 +57,9 @@ def run(arguments: ServeArguments) -> None:
         from app.preparation.startup import Startup
 
         address = None if source == LIVE else source
-        startup = Startup(workspace, address=address, arguments=("--auto-serve", "5", *own), say=_say)
+        startup = Startup(
+            workspace, address=address, arguments=("--auto-serve", "5", *own), say=functools.partial(print, flush=True)
+        )
         if address is not None:
             startup.wait_for_news()
             if startup.problem is not None:
@@ -69,13 +72,7 @@ def run(arguments: ServeArguments) -> None:
     preparation = None if startup is None else startup.preparation
     try:
         lab = App(
-            workspace,
-            library,
-            first,
-            host=arguments.host,
-            port=arguments.port,
-            config=config,
-            preparation=preparation,
+            workspace, library, first, host=arguments.host, port=arguments.port, config=config, preparation=preparation
         )
     except CommandError:
         if startup is not None:
@@ -93,10 +90,6 @@ def run(arguments: ServeArguments) -> None:
     if startup is not None:
         startup.stop()
     lab.stop()
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)
 
 
 def _check_source(source: str | None, recording: Path | None) -> str | None:

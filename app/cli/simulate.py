@@ -33,10 +33,7 @@ def run(arguments: SimulateArguments) -> None:
     refuse_data_set_arguments(arguments.data_set)
     with progress_bar(f"Simulating {arguments.out.name}") as progress:
         made = _simulate(arguments, progress)
-    if arguments.json:
-        print(json.dumps({**asdict(made), "path": str(made.path)}))
-    else:
-        _tell(made)
+    print(json.dumps({**asdict(made), "path": str(made.path)}) if arguments.json else _describe(made))
 
 
 def _simulate(arguments: SimulateArguments, progress: Progress) -> SimulatedRecording:
@@ -70,11 +67,10 @@ def _simulate(arguments: SimulateArguments, progress: Progress) -> SimulatedReco
     )
 
 
-def _tell(made: SimulatedRecording) -> None:
+def _describe(made: SimulatedRecording) -> str:
     noun = "serve" if made.serves == 1 else "serves"
     events = ", ".join(f"{name} {count:,}" for name, count in made.events.items())
     frames = f", {made.frames:,} frames" if made.frames else ""
-    print(f"{made.path}: {made.serves} {noun}, {made.duration_us / 1e6:.3f} s, events: {events}{frames}")
-    for name, dropped in made.dropped.items():
-        if dropped:
-            print(f"the readout of {name} dropped {dropped:,} events")
+    line = f"{made.path}: {made.serves} {noun}, {made.duration_us / 1e6:.3f} s, events: {events}{frames}"
+    dropped = (f"the readout of {name} dropped {count:,} events" for name, count in made.dropped.items() if count)
+    return "\n".join([line, *dropped])

@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
-from app.cli.arguments import Names, Numbers, PositiveInt, flag, given, group, setting_flag
+from app.cli.arguments import Names, Numbers, PositiveInt, flag, given, setting_flag
 from app.cli.cameras import Sensor
 from app.cli.scenes import SceneArguments
 from core.cameras.presets import PLACEMENTS, SENSOR_720
@@ -26,6 +27,7 @@ SPEEDS = ",".join(f"{speed:g}" for speed in PAPER_SPEEDS_MPS)
 class DataSetArguments:
     """What makes a data set of it, and what goes with that only."""
 
+    TITLE: ClassVar = "data sets: a folder of recordings; lists are comma-separated"
     speeds: Numbers | None = flag("a recording each", "MPS,MPS...", SPEEDS)
     scenes: Names | None = flag("every speed in each", "SCENE,SCENE...", "ball")
     recordings_per: PositiveInt | None = flag("of every scene and speed", "N", 1)
@@ -58,7 +60,7 @@ class SimulateArguments:
     seed: int = flag("the same seed, the same events", "N", 0)
     force: bool = flag("replace what is there")
     json: bool = flag("print what was made as JSON")
-    data_set: DataSetArguments = group("data sets: a folder of recordings; lists are comma-separated")
+    data_set: DataSetArguments
 
     def frames(self) -> FrameConfig | None:
         """The pictures that were asked for, if any.

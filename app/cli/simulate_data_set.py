@@ -31,16 +31,11 @@ def run_data_sets(arguments: SimulateArguments) -> None:
     _refuse(single, "is of a single recording; a data set takes --speeds and --scenes")
     if arguments.out.exists() and not arguments.out.is_dir():
         raise CommandError("a data set is a folder", got="a file", where=arguments.out)
-    plan = _plan(arguments)
+    plan, jobs = _plan(arguments), arguments.data_set.jobs
     with progress_bar(f"Simulating {len(plan.recordings)} recordings") as progress:
-        done = run_data_set(
-            plan, arguments.out, jobs=arguments.data_set.jobs, overwrite=arguments.force, progress=progress
-        )
-    if arguments.json:
-        text = {"folder": str(done.folder), "made": done.made, "kept": done.kept, "total": done.manifest["total"]}
-        print(json.dumps(text))
-    else:
-        _tell(done)
+        done = run_data_set(plan, arguments.out, jobs=jobs, overwrite=arguments.force, progress=progress)
+    report = {"folder": str(done.folder), "made": done.made, "kept": done.kept, "total": done.manifest["total"]}
+    print(json.dumps(report) if arguments.json else _describe(done))
 
 
 def _plan(arguments: SimulateArguments) -> DataSetPlan:
@@ -76,14 +71,12 @@ def _plan(arguments: SimulateArguments) -> DataSetPlan:
     )
 
 
-def _tell(done: DataSetRun) -> None:
+def _describe(done: DataSetRun) -> str:
     total = done.manifest["total"]
     assert isinstance(total, dict)
     kept = f", {len(done.kept)} were there" if done.kept else ""
-    print(
-        f"{done.folder}: {len(done.made)} recordings made{kept}; {total['seconds']:.1f} s, {total['events']:,} events"
-    )
-    print(
+    return (
+        f"{done.folder}: {len(done.made)} recordings made{kept}; {total['seconds']:.1f} s, {total['events']:,} events\n"
         f"truths: {total['centres_2d']:,} ball centres in the pictures, {total['points_3d']:,} in the world, "
         f"{total['frames_with_ball']:,} of {total['frames']:,} frames with a ball; see {done.folder / CARD}"
     )

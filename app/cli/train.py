@@ -86,23 +86,19 @@ def run(arguments: TrainArguments) -> None:
 def requested_run(arguments: NewRunArguments) -> RunConfig:
     """The run that the options describe."""
     config = load_config(RunConfig, arguments.config) if arguments.config else default_run(arguments.agent or "ddpg")
-    if arguments.config and arguments.agent:
-        config = dataclasses.replace(config, agent=arguments.agent)
+    environment, state_source = config.environment, arguments.state_source or config.environment.state_source
     if arguments.physics or arguments.serves:
-        source = config.environment.state_source
-        environment = environment_profile(
-            arguments.physics or "paper", serves=arguments.serves or "standard", state_source=source
-        )
-        config = dataclasses.replace(config, environment=environment)
-    if arguments.state_source:
-        environment = dataclasses.replace(config.environment, state_source=arguments.state_source)
-        config = dataclasses.replace(config, environment=environment)
-    if config.environment.state_source == "events" and not arguments.config:
-        config = dataclasses.replace(config, evaluation_balls=BALLS_BEFORE_CAMERAS)
-    if arguments.reward:
-        config = dataclasses.replace(config, reward=dataclasses.replace(config.reward, kind=arguments.reward))
-    counts = given({"seeds": arguments.seeds, "first_seed": arguments.first_seed})
-    return dataclasses.replace(config, curriculum=_curriculum(config.curriculum, arguments), **counts)
+        physics, serves = arguments.physics or "paper", arguments.serves or "standard"
+        environment = environment_profile(physics, serves=serves, state_source=state_source)
+    few = state_source == "events" and not arguments.config
+    return dataclasses.replace(
+        config,
+        environment=dataclasses.replace(environment, state_source=state_source),
+        evaluation_balls=BALLS_BEFORE_CAMERAS if few else config.evaluation_balls,
+        reward=dataclasses.replace(config.reward, **given({"kind": arguments.reward})),
+        curriculum=_curriculum(config.curriculum, arguments),
+        **given({"agent": arguments.agent, "seeds": arguments.seeds, "first_seed": arguments.first_seed}),
+    )
 
 
 def _curriculum(curriculum: CurriculumConfig, arguments: NewRunArguments) -> CurriculumConfig:

@@ -19,10 +19,10 @@ from app.cli.arguments import Parser, add_arguments, read_arguments
 SERVE = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main(sys.argv[1:]))", "serve"]
 
 
-def parse(kind: type[A], words: list[str]) -> A:
+def asked(*words: str) -> serve.ServeArguments:
     parser = Parser()
-    add_arguments(parser, kind)
-    return read_arguments(kind, parser.parse_args(words))
+    add_arguments(parser, serve.ServeArguments)
+    return read_arguments(serve.ServeArguments, parser.parse_args(words))
 
 
 def start(arguments: list[str], log: Path) -> tuple[subprocess.Popen, str]:
@@ -79,8 +79,8 @@ def test_its_own_simulation_is_told_the_physics_and_the_balls(tmp_path) -> None:
     keys = ("pos_x", "pos_y", "pos_z", "vel_x", "vel_y", "vel_z", "w_vel_x", "w_vel_y", "w_vel_z")
     states.write_text(json.dumps([dict(zip(keys, (0, 1.2, 0.35, 0, -5.0, 1.0, 0, 0, 0), strict=True))]))
     told = ["--physics", "paper", "--ball-states", str(states)]
-    assert serve.own_simulation(parse(serve.ServeArguments, told), "live") == told
-    assert serve.own_simulation(parse(serve.ServeArguments, []), None) == []
+    assert serve.own_simulation(asked(*told), "live") == told
+    assert serve.own_simulation(asked(), None) == []
 
 
 def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> None:
