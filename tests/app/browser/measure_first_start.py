@@ -1,6 +1,7 @@
 """How long a newcomer waits: `make run` in a fresh clone, with nothing compiled, beside busy processes.
 
-    python -m tests.app.browser.measure_first_start [--clones 3] [--busy 4] [--folder "Möbel und Bälle"] [--python PYTHON]
+    python -m tests.app.browser.measure_first_start [--clones 3] [--busy 4]
+        [--folder "Möbel und Bälle"] [--python PYTHON]
 
 For each clone one line: seconds from the end of the installation to the page's address, to the card in the browser and
 to the first returned ball in the browser. Everything that a start could have warmed is put into a folder of its own.
