@@ -38,7 +38,9 @@ class NewRunArguments:
     """What describes a new run, and so cannot stand beside --resume."""
 
     config: Path | None = flag("a config.toml; other options change it", "FILE")
-    agent: AgentName | None = setting_flag(RunConfig, "agent")
+    agent: AgentName | None = setting_flag(
+        RunConfig, "agent", what="who learns; the defaults below are those of ddpg, the paper's"
+    )
     speeds: Numbers | None = flag("curriculum: serve speeds in m/s, 3 to 9", "3,5")
     episodes: Counts | None = flag("of each stage, or one number for all", "800,900")
     advance: Literal["episodes", "converged"] | None = setting_flag(CurriculumConfig, "advance")

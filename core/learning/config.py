@@ -73,7 +73,6 @@ class RewardConfig:
     """The three rewards: CDTA (the paper's, time-weighted), case-based with constant weights, and simple."""
 
     kind: RewardKind = "cdta"
-    """Which of them."""
     base: float = setting(1.0, 0.1, 10.0)
     """l_base: a returned ball (choice)."""
     scale: float = setting(3.0, 0.0, 20.0)
@@ -244,7 +243,6 @@ class RunConfig:
     """Every setting of a training run."""
 
     agent: AgentName = "ddpg"
-    """Who learns: the paper's agent, the one beyond it, or one of stable-baselines3."""
     environment: EnvironmentConfig = field(default_factory=EnvironmentConfig)
     reward: RewardConfig = field(default_factory=RewardConfig)
     exploration: ExplorationConfig = field(default_factory=ExplorationConfig)
