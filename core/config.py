@@ -95,26 +95,30 @@ def check_settings(config: object) -> None:
 def field_specs(config_type: type, *, prefix: tuple[str, ...] = ()) -> tuple[FieldSpec, ...]:
     """Every leaf field of a config type, nested configs flattened in order of declaration."""
     hints = _type_hints(config_type)
-    docs = _field_docs(config_type)
     specs: list[FieldSpec] = []
     for item in dataclasses.fields(config_type):
         kind = hints[item.name]
-        path = (*prefix, item.name)
         if dataclasses.is_dataclass(kind):
-            specs.extend(field_specs(typing.cast(type, kind), prefix=path))
-            continue
-        choices: tuple[str, ...] = ()
-        if typing.get_origin(kind) is typing.Literal:
-            choices, kind = typing.get_args(kind), str
-        is_list = typing.get_origin(kind) is tuple
-        if is_list:
-            kind = typing.get_args(kind)[0]
-        default = item.default if item.default is not dataclasses.MISSING else None
-        plain = isinstance(default, (bool, int, float, str, tuple))
-        assert plain, f"{config_type.__name__}.{item.name} needs a plain default"
-        bounds, doc = item.metadata.get("bounds"), docs.get(item.name, "")
-        specs.append(FieldSpec(path, kind, default, bounds, choices, doc, is_list))
+            specs.extend(field_specs(typing.cast(type, kind), prefix=(*prefix, item.name)))
+        else:
+            specs.append(field_spec(config_type, item.name, prefix=prefix))
     return tuple(specs)
+
+
+def field_spec(config_type: type, name: str, *, prefix: tuple[str, ...] = ()) -> FieldSpec:
+    """One leaf field of a config type."""
+    kind = _type_hints(config_type)[name]
+    item = next(item for item in dataclasses.fields(config_type) if item.name == name)
+    choices: tuple[str, ...] = ()
+    if typing.get_origin(kind) is typing.Literal:
+        choices, kind = typing.get_args(kind), str
+    is_list = typing.get_origin(kind) is tuple
+    if is_list:
+        kind = typing.get_args(kind)[0]
+    default = item.default
+    assert isinstance(default, (bool, int, float, str, tuple)), f"{config_type.__name__}.{name} needs a plain default"
+    bounds, doc = item.metadata.get("bounds"), _field_docs(config_type).get(name, "")
+    return FieldSpec((*prefix, name), kind, default, bounds, choices, doc, is_list)
 
 
 def get_setting(config: object, path: tuple[str, ...]) -> Setting:

@@ -1,11 +1,27 @@
-"""Argument parsing that answers a bad argument with one clear line."""
+"""The arguments of the verbs: frozen dataclasses whose fields say all of a flag, and the parsers made from them.
+
+A verb is `run(arguments: ItsArguments)`. A field's type says how a word is read: a `Path`, `int`, `float` or `str`;
+`Literal` for choices; `bool` for a switch, `bool | None` for one that can also be turned off (`--no-...`); a tuple of a
+plain type for several words; `Annotated[kind, read]` for what `read` makes of a word. With `| None` it may be left out,
+and is None then; so may a switch and what has a default. A field whose type is such a dataclass itself stands for all
+of its flags, which stand under its `TITLE` in the help if it has one. A verb's description is the docstring.
+"""
 
 from __future__ import annotations
 
 import argparse
-from typing import NoReturn
+import dataclasses
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from types import NoneType
+from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
+from core.config import field_spec
 from core.errors import CommandError
+
+A = TypeVar("A")
+DATA = Path("rallyscope-data")
+"""The workspace, unless `--data` names another."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -15,9 +31,151 @@ class Parser(argparse.ArgumentParser):
         raise CommandError(message, where=self.prog, remedy=f"see `{self.prog} --help`")
 
 
+def flag(
+    what: str,
+    metavar: str | None = None,
+    default: object = None,
+    *,
+    choices: Iterable[object] | None = None,
+    name: str | None = None,
+) -> Any:
+    """A field that is a flag: `--its-name`, unless it is given another `name`.
+
+    Its help says the default. Of a field with `| None` that is what the verb takes for None.
+    """
+    settings = {"help": what, "metavar": metavar, "default": default, "choices": choices}
+    return dataclasses.field(metadata={"settings": settings, "name": name})
+
+
+def setting_flag(config: type, setting: str, metavar: str | None = None, what: str = "") -> Any:
+    """A flag that sets a field of a config, which says its default and, unless told otherwise, what it is."""
+    spec = field_spec(config, setting)
+    return flag(what or spec.doc.removesuffix("."), metavar, spec.default)
+
+
+def positional(what: str, metavar: str, *, choices: Iterable[object] | None = None) -> Any:
+    """A field that is known by its place; with `| None` it may be left out."""
+    return dataclasses.field(metadata={"settings": {"help": what, "metavar": metavar, "choices": choices}})
+
+
+def one_of(flags: Mapping[str, tuple[str, str]]) -> Any:
+    """A field (flag, value) for flags of which exactly one is given; help and metavar of each by its name."""
+    return dataclasses.field(metadata={"one_of": flags})
+
+
+def add_verb(parser: argparse.ArgumentParser, run: Callable[[A], None]) -> None:
+    """Give a parser the arguments of a verb; its result's `run()` then runs the verb with them."""
+    kind = arguments_of(run)
+    parser.description = " ".join((kind.__doc__ or "").split())
+    parser.usage = getattr(kind, "USAGE", None)
+    add_arguments(parser, kind)
+    parser.set_defaults(run=lambda parsed: run(read_arguments(kind, parsed)))
+
+
+def arguments_of(run: Callable[[A], None]) -> type[A]:
+    """The dataclass that a verb takes."""
+    return get_type_hints(run)["arguments"]
+
+
+def add_arguments(parser: argparse._ActionsContainer, kind: type) -> None:
+    """All flags and positional arguments of a dataclass."""
+    for item, hint in _fields(kind):
+        if _is_group(hint):
+            title = getattr(hint, "TITLE", None)
+            add_arguments(parser.add_argument_group(title) if title else parser, hint)
+        elif "one_of" in item.metadata:
+            flags = parser.add_mutually_exclusive_group(required=True)
+            for name, (what, metavar) in item.metadata["one_of"].items():
+                flags.add_argument(f"--{name}", type=get_args(hint)[1], metavar=metavar, help=what)
+        else:
+            _add_argument(parser, item, hint)
+
+
+def read_arguments(kind: type[A], parsed: argparse.Namespace) -> A:
+    """The dataclass with what was parsed."""
+    values: dict[str, object] = {}
+    for item, hint in _fields(kind):
+        if _is_group(hint):
+            values[item.name] = read_arguments(hint, parsed)
+        elif "one_of" in item.metadata:
+            asked = given({name: getattr(parsed, name) for name in item.metadata["one_of"]})
+            values[item.name] = next(iter(asked.items()))
+        else:
+            value = getattr(parsed, item.name)
+            values[item.name] = tuple(value) if isinstance(value, list) else value
+    return kind(**values)
+
+
+def _fields(kind: type) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
+    hints = get_type_hints(kind, include_extras=True)
+    return ((item, hints[item.name]) for item in dataclasses.fields(kind))
+
+
+def _is_group(hint: object) -> bool:
+    return dataclasses.is_dataclass(hint)
+
+
+def _add_argument(parser: argparse._ActionsContainer, item: dataclasses.Field[Any], hint: Any) -> None:
+    options: dict[str, Any] = given(item.metadata["settings"])
+    optional = NoneType in get_args(hint)
+    kind = next(part for part in get_args(hint) if part is not NoneType) if optional else hint
+    default = options.get("default")
+    if default is not None:
+        options["help"] += f" (default: {default:g})" if isinstance(default, float) else f" (default: {default})"
+    options["help"] = options["help"].replace("%", "%%")
+    if optional:
+        options.pop("default", None)
+    if kind is bool:
+        options["action"] = argparse.BooleanOptionalAction if optional else "store_true"
+    elif get_origin(kind) is Literal:
+        options["choices"] = get_args(kind)
+    elif get_origin(kind) is Annotated:
+        options["type"] = kind.__metadata__[0]
+    elif get_origin(kind) is tuple:
+        options |= {"type": get_args(kind)[0], "nargs": "+"}
+    else:
+        options["type"] = kind
+    if "name" not in item.metadata:
+        options |= {"nargs": "?"} if optional else {}
+        parser.add_argument(item.name, **options)
+        return
+    if not optional and default is None and kind is not bool:
+        options["required"] = True
+    parser.add_argument(f"--{item.metadata['name'] or item.name.replace('_', '-')}", dest=item.name, **options)
+
+
+def given(values: Mapping[str, A | None]) -> dict[str, A]:
+    """Those that were given: what is None is left to others."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
 def positive_int(text: str) -> int:
     """A whole number above 0."""
     value = int(text)
     if value <= 0:
         raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text!r}")
     return value
+
+
+def separated(read: Callable[[str], A], what: str) -> Callable[[str], tuple[A, ...]]:
+    """Reads several of them with commas between."""
+
+    def read_all(text: str) -> tuple[A, ...]:
+        try:
+            return tuple(read(part.strip()) for part in text.split(","))
+        except (ValueError, argparse.ArgumentTypeError):
+            raise argparse.ArgumentTypeError(f"expected {what} between commas, got {text!r}") from None
+
+    return read_all
+
+
+def _name(text: str) -> str:
+    if not text:
+        raise ValueError
+    return text
+
+
+PositiveInt = Annotated[int, positive_int]
+Numbers = Annotated[tuple[float, ...], separated(float, "numbers")]
+Counts = Annotated[tuple[int, ...], separated(positive_int, "whole numbers above 0")]
+Names = Annotated[tuple[str, ...], separated(_name, "names")]

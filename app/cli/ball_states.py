@@ -2,45 +2,42 @@
 
 from __future__ import annotations
 
-import argparse
 import json
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
-from app.cli.arguments import positive_int
-from app.cli.bench import format_table
+from app.cli.arguments import PositiveInt, flag, setting_flag
 from app.cli.progress import progress_bar
+from app.cli.tables import format_table
 from core.bench.rally.ball_states_report import PlayedFile, losses, report_rows, write_ball_states_report
 from core.errors import CommandError
 from core.physics.ball_states import read_ball_states
+from core.physics.config import Profile
 from core.physics.task import task_profile
 from core.rally.simulated.simulated_returns import SimulatedReturnsConfig, play_known_balls
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BallStatesArguments:
     """What concerns ball states."""
-    group = parser.add_argument_group("balls of human play, against the built-in controller that knows all of them")
-    group.add_argument(
-        "--ball-states", nargs="+", type=Path, metavar="FILE", help="JSON of position, velocity and spin (no RUN then)"
-    )
-    group.add_argument("--sample", type=positive_int, metavar="N", help="so many of each file at random, not all")
-    group.add_argument(
-        "--told-after-ms", type=float, default=0.0, metavar="MS", help="how late it is told (default: 0)"
-    )
-    group.add_argument("--physics", default="real", choices=("paper", "real"), help="default: %(default)s")
-    group.add_argument(
-        "--report", type=Path, metavar="FILE.md", help="write a page with a picture (matplotlib draws it)"
-    )
+
+    TITLE: ClassVar = "balls of human play, against the built-in controller that knows all of them"
+    ball_states: tuple[Path, ...] | None = flag("JSON of position, velocity and spin (no RUN then)", "FILE")
+    sample: PositiveInt | None = flag("so many of each file at random, not all", "N")
+    told_after_ms: float = setting_flag(SimulatedReturnsConfig, "told_after_ms", "MS")
+    physics: Profile = flag("how balls fly and bounce", default="real")
+    report: Path | None = flag("write a page with a picture (matplotlib draws it)", "FILE.md")
 
 
-def run_ball_states(arguments: argparse.Namespace) -> None:
+def run_ball_states(arguments: BallStatesArguments, paths: tuple[Path, ...], *, as_json: bool) -> None:
     """Play all of them, and print or write what came of it."""
-    report: Path | None = arguments.report
+    report = arguments.report
     if report is not None and (report.suffix != ".md" or not report.parent.is_dir()):
         raise CommandError("no such page", expected="FILE.md in a folder that exists", got=report, where="--report")
     config = SimulatedReturnsConfig(task=task_profile(arguments.physics), told_after_ms=arguments.told_after_ms)
-    paths: list[Path] = arguments.ball_states
     read = [read_ball_states(path) for path in paths]
     if arguments.sample is not None:
         rng = np.random.default_rng(0)
@@ -58,20 +55,17 @@ def run_ball_states(arguments: argparse.Namespace) -> None:
     rows = report_rows(files)
     if report is not None:
         write_ball_states_report(report, files, config, _command(arguments, paths))
-    if arguments.json:
+    if as_json:
         print(json.dumps(rows | {"losses": {file.name: losses(file.played) for file in files}}))
         return
     for table in rows.values():
         print(format_table(table))
         print()
-    print(
-        format_table(
-            [{"lost to": words, "balls": count} for file in files for words, count in losses(file.played).items()]
-        )
-    )
+    lost = [losses(file.played).items() for file in files]
+    print(format_table([{"lost to": words, "balls": count} for counts in lost for words, count in counts]))
 
 
-def _command(arguments: argparse.Namespace, paths: list[Path]) -> str:
+def _command(arguments: BallStatesArguments, paths: tuple[Path, ...]) -> str:
     """What was asked for, with the files' plain names."""
     words = ["rallyscope evaluate --ball-states", *(path.name for path in paths), f"--physics {arguments.physics}"]
     if arguments.told_after_ms:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import importlib.util
 import inspect
 import json
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from app.cli.arguments import positive_int
+from app.cli.arguments import PositiveInt, flag, given, positional
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
+from app.cli.tables import format_table
 from core.errors import CommandError, NotBuiltError
 
 BENCHES = {
@@ -35,24 +36,25 @@ BENCHES = {
 """The module that measures each."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument("name", choices=BENCHES, metavar="|".join(BENCHES), help="what to measure")
-    parser.add_argument("--count", type=positive_int, metavar="N", help="balls of each speed (perceived-prediction)")
-    parser.add_argument("--folder", type=Path, help="what is measured is kept here (learning, perceived-prediction)")
-    parser.add_argument("--report", type=Path, metavar="FILE.md", help="the page, for a bench that writes one")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchArguments:
+    """Measure speed and quality on this machine."""
+
+    name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
+    count: PositiveInt | None = flag("balls of each speed (perceived-prediction)", "N")
+    folder: Path | None = flag("what is measured is kept here (learning, perceived-prediction)")
+    report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
+    json: bool = flag("print the figures as JSON")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: BenchArguments) -> None:
     """Run the module of the name and print what it returns: "rows", "machine" and what else it has."""
     module = find_bench(arguments.name)
     if module is None:
         built = ", ".join(name for name in BENCHES if find_bench(name))
         raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
     measure: Callable[..., dict[str, object]] = importlib.import_module(module).run
-    given = {name: vars(arguments).get(name) for name in ("count", "folder", "report")}
-    options = {name: value for name, value in given.items() if value is not None}
+    options = given({name: getattr(arguments, name) for name in ("count", "folder", "report")})
     for name in options.keys() - inspect.signature(measure).parameters.keys():
         raise CommandError(f"`bench {arguments.name}` has no such option", got=f"--{name}")
     silence_viser()
@@ -72,22 +74,3 @@ def find_bench(name: str) -> str | None:
     """The module that measures this, or None while there is none."""
     module = BENCHES[name]
     return module if importlib.util.find_spec(module) else None
-
-
-def format_table(rows: list[dict[str, object]]) -> str:
-    """Rows with the same keys as text, numbers to the right and to three decimals."""
-    if not rows:
-        return "nothing was measured"
-    titles = list(rows[0])
-    cells = [[_cell(row.get(title)) for title in titles] for row in rows]
-    widths = [max(len(line[k]) for line in [titles, *cells]) for k in range(len(titles))]
-    lines = [
-        "  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in [titles, *cells]
-    ]
-    return "\n".join(lines)
-
-
-def _cell(value: object) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.3f}" if isinstance(value, float) else str(value)

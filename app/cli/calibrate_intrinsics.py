@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from app.cli.arguments import positive_int
+from app.cli.arguments import PositiveInt, flag, positional
+from app.cli.files import check_folder, write_text
 from app.cli.progress import progress_bar
 from core.cameras.calibration import Board, BoardView, Lens, calibrate_lens, find_board
-from core.cameras.calibration.board import KINDS
+from core.cameras.calibration.board import KINDS, BoardKind
 from core.cameras.calibration.intrinsics import COEFFICIENTS
 from core.cameras.calibration.lens_file import YAML_SUFFIXES, save_lens
 from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
@@ -19,50 +20,35 @@ from core.errors import CalibrationError, CommandError
 from core.events import SensorSize
 from core.recordings.board_pictures import read_board_pictures
 
-SUMMARY = "the lens of one camera, from pictures of a chessboard or a dot board"
 POOR_SIGMA = 0.005
 """Relative standard deviation of the focal length above which a warning is printed."""
 POOR_COVERAGE = 0.5
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The sub-verb's arguments."""
-    parser.add_argument(
-        "source", type=Path, metavar="SRC", help="a folder of pictures, a video, or a recording with frames or events"
-    )
-    parser.add_argument("--board", required=True, choices=KINDS, metavar="|".join(KINDS), help="the pattern")
-    parser.add_argument(
-        "--rows",
-        type=positive_int,
-        required=True,
-        metavar="R",
-        help="rows of dots, or of inner corners of a chessboard",
-    )
-    parser.add_argument("--columns", type=positive_int, required=True, metavar="C", help="columns, likewise")
-    parser.add_argument("--spacing-mm", type=float, required=True, metavar="S", help="from one to the next")
-    parser.add_argument(
-        "--out", type=Path, required=True, metavar="CAL", help=".yaml: as OpenCV writes it; .toml: as Rallyscope does"
-    )
-    parser.add_argument("--camera", metavar="NAME", help="which camera of a recording; its name in the file")
-    parser.add_argument(
-        "--coefficients",
-        type=int,
-        default=4,
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntrinsicsArguments:
+    """The lens of one camera, from pictures of a chessboard or a dot board."""
+
+    source: Path = positional("a folder of pictures, a video, or a recording with frames or events", "SRC")
+    board: BoardKind = flag("the pattern", "|".join(KINDS))
+    rows: PositiveInt = flag("rows of dots, or of inner corners of a chessboard", "R")
+    columns: PositiveInt = flag("columns, likewise", "C")
+    spacing_mm: float = flag("from one to the next", "S")
+    out: Path = flag(".yaml: as OpenCV writes it; .toml: as Rallyscope does", "CAL")
+    camera: str | None = flag("which camera of a recording; its name in the file", "NAME")
+    coefficients: int = flag(
+        "how many of k1 k2 p1 p2 k3 are fitted, 5 for a wide lens",
+        "|".join(map(str, COEFFICIENTS)),
+        4,
         choices=COEFFICIENTS,
-        metavar="|".join(map(str, COEFFICIENTS)),
-        help="how many of k1 k2 p1 p2 k3 are fitted (default: 4; 5 for a wide lens)",
     )
-    parser.add_argument(
-        "--pictures", type=positive_int, default=40, metavar="N", help="at most so many, evenly spread (%(default)s)"
-    )
-    parser.add_argument(
-        "--window-us", type=positive_int, default=5000, metavar="N", help="of an event picture (%(default)s)"
-    )
-    parser.add_argument("--report", type=Path, metavar="FILE.svg", help="the residuals as a picture")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    pictures: PositiveInt = flag("at most so many, evenly spread", "N", 40)
+    window_us: PositiveInt = flag("of an event picture", "N", 5000)
+    report: Path | None = flag("the residuals as a picture", "FILE.svg")
+    json: bool = flag("print the figures as JSON")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: IntrinsicsArguments) -> None:
     """Find the board, fit the lens, write it, and say how good it is."""
     board = Board(arguments.board, arguments.rows, arguments.columns, arguments.spacing_mm / 1e3)
     check_destinations(arguments.out, arguments.report)
@@ -71,31 +57,22 @@ def run(arguments: argparse.Namespace) -> None:
     name = arguments.camera or "camera"
     save_lens(arguments.out, name, lens.camera, notes={"rms_px": lens.rms_px, "camera_name": name})
     if arguments.report is not None:
-        write_lens_report(arguments.report, _picture(lens, f"{name}: {arguments.source.name}"))
+        write_text(arguments.report, _picture(lens, f"{name}: {arguments.source.name}"))
     report = _report(lens, empty, arguments)
     print(json.dumps(report) if arguments.json else _describe(lens, empty, arguments.out))
 
 
 def check_destinations(out: Path, report: Path | None, suffixes: tuple[str, ...] = (*YAML_SUFFIXES, ".toml")) -> None:
     """Raises CommandError before the long work rather than after it."""
-    for option, path in (("--out", out), ("--report", report)):
-        if path is not None and not path.parent.is_dir():
-            raise CommandError("no such folder", got=path.parent, where=option)
+    check_folder(out)
+    check_folder(report, "--report")
     if out.suffix.lower() not in suffixes:
         raise CommandError("not a calibration's name", expected=" or ".join(suffixes), got=out.name, where="--out")
     if report is not None and report.suffix.lower() != ".svg":
         raise CommandError("not a picture's name", expected="FILE.svg", got=report.name, where="--report")
 
 
-def write_lens_report(path: Path, text: str) -> None:
-    """Raises CommandError if it cannot be written."""
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise CommandError(f"cannot write: {error.strerror}", where=path) from error
-
-
-def _find_views(arguments: argparse.Namespace, board: Board) -> tuple[list[BoardView], list[str], SensorSize]:
+def _find_views(arguments: IntrinsicsArguments, board: Board) -> tuple[list[BoardView], list[str], SensorSize]:
     """The pictures with a board, the names of the others, and the size of all."""
     views: list[BoardView] = []
     empty: list[str] = []
@@ -124,7 +101,7 @@ def _find_views(arguments: argparse.Namespace, board: Board) -> tuple[list[Board
     return views, empty, sensor
 
 
-def _report(lens: Lens, empty: list[str], arguments: argparse.Namespace) -> dict[str, object]:
+def _report(lens: Lens, empty: list[str], arguments: IntrinsicsArguments) -> dict[str, object]:
     K = lens.camera.K
     values = (K[0, 0], K[1, 1], K[0, 2], K[1, 2], *lens.camera.distortion)
     return {

@@ -5,14 +5,19 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
 
-from app.cli.arguments import positive_int
-from app.cli.bench import format_table
-from app.cli.calibrate_intrinsics import check_destinations, write_lens_report
+from app.cli.arguments import PositiveInt, flag, positional, setting_flag
+from app.cli.calibrate_intrinsics import check_destinations
+from app.cli.detector_arguments import MethodArguments
+from app.cli.files import write_text
 from app.cli.progress import progress_bar
+from app.cli.tables import format_table
 from core.cameras import Camera, load_calibration, save_calibration
 from core.cameras.calibration.free_fall import REAL_DRAG_PER_M
 from core.cameras.calibration.point_track import PointTrack, read_point_track
@@ -21,60 +26,59 @@ from core.cameras.calibration.rig import RigConfig, calibrate_rig
 from core.cameras.calibration.rig_result import CameraFit, RigCalibration
 from core.cameras.calibration.scale import KINDS, Scale
 from core.cameras.calibration.table_corners import CORNERS, read_clicks
-from core.config import load_config
-from core.detection import DetectorConfig, make_detector
-from core.detection.methods import METHODS, method_config
+from core.detection import make_detector
 from core.errors import CommandError
 from core.metrics import run_detector
+from core.physics.config import Profile
 from core.recordings import Recording, open_recording
 
-SUMMARY = "poses, clocks and scale of two or more cameras, from a ball or a wand swept before them"
 DETECTING = 0.7
 """Share of the time that the detector takes."""
 SCALE_FORM = "baseline=METRES|wand=METRES|gravity|table"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The sub-verb's arguments."""
-    parser.add_argument(
-        "recording", type=Path, nargs="?", metavar="REC", help="a recording of the sweep; not needed with --detections"
+def named_paths(text: str) -> dict[str, Path]:
+    """`left=FILE,right=FILE` as argparse's type."""
+    named: dict[str, Path] = {}
+    for part in text.split(","):
+        name, _, path = (word.strip() for word in part.partition("="))
+        if not name or not path or name in named:
+            raise argparse.ArgumentTypeError(f"expected NAME=FILE,NAME=FILE, got {text!r}")
+        named[name] = Path(path)
+    return named
+
+
+NamedPaths = Annotated[dict[str, Path], named_paths]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StereoArguments:
+    """Poses, clocks and scale of two or more cameras, from a ball or a wand swept before them."""
+
+    recording: Path | None = positional("a recording of the sweep; not needed with --detections", "REC")
+    swept: Literal["ball", "wand"] = flag("what was swept", "ball|wand", "ball", name="from")
+    detections: NamedPaths | None = flag(
+        "as `detect` writes them; a wand's have a column marker (0, 1, ...)", "left=CSV,right=CSV"
     )
-    parser.add_argument(
-        "--from", dest="swept", default="ball", choices=("ball", "wand"), metavar="ball|wand", help="(%(default)s)"
-    )
-    parser.add_argument(
-        "--detections",
-        type=_named_paths,
-        metavar="left=CSV,right=CSV",
-        help="as `detect` writes them; a wand's have a column marker (0, 1, ...)",
-    )
-    parser.add_argument(
-        "--lenses", type=_named_paths, metavar="left=CAL,right=CAL", help="calibrated lenses (default: the recording's)"
-    )
-    parser.add_argument(
-        "--scale",
-        metavar=SCALE_FORM,
-        help="distance of the first two cameras, of a wand's markers 0 and 1, free flight, or the table's corners "
+    lenses: NamedPaths | None = flag("calibrated lenses", "left=CAL,right=CAL", "the recording's")
+    scale: str | None = flag(
+        "distance of the first two cameras, of a wand's markers 0 and 1, free flight, or the table's corners "
         "(the default with --table-corners)",
+        SCALE_FORM,
     )
-    parser.add_argument(
-        "--table-corners", type=Path, metavar="CSV", help=f"camera,corner,u_px,v_px; corners: {', '.join(CORNERS)}"
-    )
-    parser.add_argument("--click-sigma-px", type=float, default=1.0, metavar="S", help="of a corner (default: 1)")
-    parser.add_argument("--max-offset-ms", type=float, default=50.0, metavar="N", help="of the clocks (default: 50)")
-    parser.add_argument("--same-clock", action="store_true", help="the cameras have one clock: fit no offset")
-    parser.add_argument(
-        "--physics", default="real", choices=("real", "paper"), metavar="real|paper", help="air for gravity (real)"
-    )
-    parser.add_argument("--method", default="auto", choices=METHODS, metavar="|".join(METHODS), help="(%(default)s)")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="detector settings saved in the app, a TOML file")
-    parser.add_argument("--window-us", type=positive_int, metavar="N", help="length of a window (the config's)")
-    parser.add_argument("--out", type=Path, required=True, metavar="CAL.toml", help="the calibration of all cameras")
-    parser.add_argument("--report", type=Path, metavar="FILE.svg", help="the reprojection errors as a picture")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+    table_corners: Path | None = flag(f"camera,corner,u_px,v_px; corners: {', '.join(CORNERS)}", "CSV")
+    click_sigma_px: float = setting_flag(RigConfig, "click_sigma_px", "S")
+    max_offset_ms: float = setting_flag(RigConfig, "max_offset_ms", "N")
+    same_clock: bool = flag("the cameras have one clock: fit no offset")
+    physics: Profile = flag("air for gravity", "real|paper", "real")
+    detector: MethodArguments
+    window_us: PositiveInt | None = flag("length of a window", "N", "the config's")
+    out: Path = flag("the calibration of all cameras", "CAL.toml")
+    report: Path | None = flag("the reprojection errors as a picture", "FILE.svg")
+    json: bool = flag("print the figures as JSON")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: StereoArguments) -> None:
     """Find the point, calibrate, write, and say how good it is."""
     check_destinations(arguments.out, arguments.report, (".toml",))
     scale = _scale(arguments.scale, arguments.table_corners is not None, arguments.physics)
@@ -95,7 +99,7 @@ def run(arguments: argparse.Namespace) -> None:
         )
     save_calibration(arguments.out, found.cameras)
     if arguments.report is not None:
-        write_lens_report(arguments.report, rig_svg(found, arguments.out.name))
+        write_text(arguments.report, rig_svg(found, arguments.out.name))
     rows = [_row(name, fit, found) for name, fit in found.fits.items()]
     print(json.dumps(_report(found, rows, arguments.out)) if arguments.json else _describe(found, rows, arguments.out))
 
@@ -109,15 +113,6 @@ def rig_svg(found: RigCalibration, title: str) -> str:
             ResidualPanel(name, fit.camera.sensor, fit.uvs_px[seen], fit.residuals_px[seen], found.used[seen])
         )
     return residual_svg(f"{title}: seen minus projected, what two views can see of it", panels)
-
-
-def _named_paths(text: str) -> dict[str, Path]:
-    pairs = [part.partition("=") for part in text.split(",")]
-    if any(not (name.strip() and path.strip()) for name, _, path in pairs) or len({pair[0] for pair in pairs}) < len(
-        pairs
-    ):
-        raise argparse.ArgumentTypeError(f"expected NAME=FILE,NAME=FILE, got {text!r}")
-    return {name.strip(): Path(path.strip()) for name, _, path in pairs}
 
 
 def _scale(text: str | None, corners: bool, physics: str) -> Scale:
@@ -140,39 +135,36 @@ def _scale(text: str | None, corners: bool, physics: str) -> Scale:
 
 
 def _inputs(
-    arguments: argparse.Namespace, progress: Callable[[float], None]
+    arguments: StereoArguments, progress: Callable[[float], None]
 ) -> tuple[dict[str, PointTrack], dict[str, Camera]]:
     """What each camera saw, and its lens."""
     given = {name: _lens(name, path) for name, path in (arguments.lenses or {}).items()}
     if arguments.detections is not None:
         tracks = {name: read_point_track(path) for name, path in arguments.detections.items()}
         if arguments.recording is not None:
-            given = {**_recorded_lenses(arguments.recording), **given}
+            with closing(open_recording(arguments.recording)) as recording:
+                given = {**_lenses_of(recording), **given}
         return tracks, given
     if arguments.swept == "wand":
         raise CommandError("no detector finds a wand's markers", remedy="give their places with --detections")
     if arguments.recording is None:
         raise CommandError("nothing to calibrate from", expected="a recording, or --detections")
-    recording = open_recording(arguments.recording)
-    try:
+    with closing(open_recording(arguments.recording)) as recording:
         tracks = _detect(recording, arguments, progress)
         return tracks, {**_lenses_of(recording), **given}
-    finally:
-        recording.close()
 
 
 def _detect(
-    recording: Recording, arguments: argparse.Namespace, progress: Callable[[float], None]
+    recording: Recording, arguments: StereoArguments, progress: Callable[[float], None]
 ) -> dict[str, PointTrack]:
-    loaded = load_config(DetectorConfig, arguments.config) if arguments.config else None
-    config = method_config(arguments.method, loaded)
+    config = arguments.detector.settings()
     tracks = {}
     for number, (name, stream) in enumerate(recording.cameras.items()):
 
         def show(share: float, number: int = number) -> None:
             progress((number + share) / len(recording.cameras))
 
-        detector = make_detector(arguments.method, stream.sensor, config)
+        detector = make_detector(arguments.detector.method, stream.sensor, config)
         answers = run_detector(stream, detector, arguments.window_us or config.window.window_us, progress=show)
         seen = answers.detected
         tracks[name] = PointTrack.of(answers.t_us[seen], np.column_stack([answers.u_px, answers.v_px])[seen])
@@ -184,14 +176,6 @@ def _lens(name: str, path: Path) -> Camera:
     if len(cameras) > 1 and name not in cameras:
         raise CommandError(f"no camera {name!r}", expected=f"one of {', '.join(cameras)}", where=path)
     return cameras.get(name) or next(iter(cameras.values()))
-
-
-def _recorded_lenses(path: Path) -> dict[str, Camera]:
-    recording = open_recording(path)
-    try:
-        return _lenses_of(recording)
-    finally:
-        recording.close()
 
 
 def _lenses_of(recording: Recording) -> dict[str, Camera]:

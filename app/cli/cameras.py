@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Annotated
 
 from core.cameras import Camera, load_calibration, stereo_preset
 from core.cameras.presets import PLACEMENTS, SENSOR_720
@@ -33,3 +34,6 @@ def sensor_size(text: str) -> SensorSize:
     if not (width.isdecimal() and height.isdecimal() and 16 <= int(width) <= 4096 and 16 <= int(height) <= 4096):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT from 16 to 4096, such as 1280x720, got {text!r}")
     return SensorSize(int(width), int(height))
+
+
+Sensor = Annotated[SensorSize, sensor_size]

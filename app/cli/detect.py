@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
-import csv
 import json
-from dataclasses import asdict
+from contextlib import closing
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from app.cli.detector_arguments import add_detector_arguments, detector_of
+from app.cli.arguments import flag, positional
+from app.cli.detector_arguments import DetectorArguments
+from app.cli.files import check_folder, write_csv
 from app.cli.progress import progress_bar
 from core.detection import make_detector
 from core.errors import CommandError
@@ -18,35 +19,35 @@ from core.metrics import WindowAnswers, run_detector, score_answers
 from core.recordings import CameraStream, Recording, open_recording
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument("recording", type=Path, metavar="REC", help="a recording or an event file")
-    parser.add_argument("--camera", metavar="NAME", help="which camera; needed if there are several")
-    add_detector_arguments(parser, "t_us,u_px,v_px,r_px")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectArguments:
+    """Find the ball in every window of one camera."""
+
+    recording: Path = positional("a recording or an event file", "REC")
+    camera: str | None = flag("which camera; needed if there are several", "NAME")
+    detector: DetectorArguments
+    out: Path = flag("columns t_us,u_px,v_px,r_px", "CSV")
+    json: bool = flag("print a summary as JSON")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: DetectArguments) -> None:
     """Detect, write, and say what came out."""
-    config, window_us = detector_of(arguments)
-    recording = open_recording(arguments.recording)
-    try:
+    method, (config, window_us) = arguments.detector.method, arguments.detector.settings()
+    check_folder(arguments.out)
+    with closing(open_recording(arguments.recording)) as recording:
         stream = choose_camera(recording, arguments.camera)
-        detector = make_detector(arguments.method, stream.sensor, config)
+        detector = make_detector(method, stream.sensor, config)
         with progress_bar("Detecting") as progress:
             answers = run_detector(stream, detector, window_us, progress=progress)
         write_detections(arguments.out, answers)
         summary = _summarise(arguments, stream, window_us, answers)
-    finally:
-        recording.close()
     if arguments.json:
         print(json.dumps(summary))
-    else:
-        score = summary["score"]
-        print(f"{summary['detections']} detections in {summary['windows']} windows of {window_us} us: {arguments.out}")
-        if isinstance(score, dict):
-            print(
-                f"precision {score['precision']}, recall {score['recall']}, median error {score['median_error_px']} px"
-            )
+        return
+    score = summary["score"]
+    print(f"{summary['detections']} detections in {summary['windows']} windows of {window_us} us: {arguments.out}")
+    if isinstance(score, dict):
+        print(f"precision {score['precision']}, recall {score['recall']}, median error {score['median_error_px']} px")
 
 
 def choose_camera(recording: Recording, name: str | None) -> CameraStream:
@@ -67,19 +68,15 @@ def choose_camera(recording: Recording, name: str | None) -> CameraStream:
 
 def write_detections(path: Path, answers: WindowAnswers) -> None:
     """A row per detection; no row for a window without a ball."""
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["t_us", "u_px", "v_px", "r_px"])
-            for row in np.flatnonzero(answers.detected):
-                place = (answers.u_px[row], answers.v_px[row], answers.r_px[row])
-                writer.writerow([answers.t_us[row], *(f"{value:.4f}" for value in place)])
-    except OSError as error:
-        raise CommandError(f"cannot write: {error.strerror}", where=path) from error
+    rows = []
+    for row in np.flatnonzero(answers.detected):
+        place = (answers.u_px[row], answers.v_px[row], answers.r_px[row])
+        rows.append([answers.t_us[row], *(f"{value:.4f}" for value in place)])
+    write_csv(path, ("t_us", "u_px", "v_px", "r_px"), rows)
 
 
 def _summarise(
-    arguments: argparse.Namespace, stream: CameraStream, window_us: int, answers: WindowAnswers
+    arguments: DetectArguments, stream: CameraStream, window_us: int, answers: WindowAnswers
 ) -> dict[str, object]:
     score = None
     if stream.truth is not None:
@@ -88,7 +85,7 @@ def _summarise(
     return {
         "recording": str(arguments.recording),
         "camera": stream.name,
-        "method": arguments.method,
+        "method": arguments.detector.method,
         "window_us": window_us,
         "windows": len(answers.end_us),
         "detections": int(answers.detected.sum()),

@@ -2,38 +2,49 @@
 
 from __future__ import annotations
 
-import argparse
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from app.cli.arguments import positive_int
+from app.cli.arguments import PositiveInt, flag
 from core.config import load_config
 from core.detection import DetectorConfig
-from core.detection.methods import METHODS, PLANNED, method_config
-from core.errors import CommandError
+from core.detection.methods import METHODS, PLANNED, Method, method_config, method_named
+
+WHAT = "; ".join(f"{name}: {what}" for name, what in METHODS.items())
+CONFIG = "detector settings saved in the app, a TOML file"
 
 
-def add_detector_arguments(parser: argparse.ArgumentParser, columns: str) -> None:
-    """Method, config, window, and the CSV with these columns."""
-    methods = "; ".join(f"{name}: {what}" for name, what in METHODS.items())
-    parser.add_argument(
-        "--method", default="auto", metavar="|".join([*METHODS, *PLANNED]), help=f"{methods} (default: %(default)s)"
-    )
-    parser.add_argument("--config", type=Path, metavar="FILE", help="detector settings saved in the app, a TOML file")
-    parser.add_argument(
-        "--window-us", type=positive_int, metavar="N", help="length of a window (default: the config's)"
-    )
-    parser.add_argument("--out", type=Path, required=True, metavar="CSV", help=f"columns {columns}")
-    parser.add_argument("--json", action="store_true", help="print a summary as JSON")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MethodArguments:
+    """A detector that works."""
+
+    method: Method = flag(WHAT, "|".join(METHODS), "auto")
+    config: Path | None = flag(CONFIG, "FILE")
+
+    def settings(self) -> DetectorConfig:
+        """What the detector runs with; raises RallyscopeError for a bad file."""
+        return detector_settings(self.method, self.config)
 
 
-def detector_of(arguments: argparse.Namespace) -> tuple[DetectorConfig, int]:
-    """The settings and the length of a window in microseconds, once the place of the CSV has been checked.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectorArguments:
+    """A detector, or one that is only planned, and its window."""
+
+    method: Annotated[Method, method_named] = flag(WHAT, "|".join([*METHODS, *PLANNED]), "auto")
+    config: Path | None = flag(CONFIG, "FILE")
+    window_us: PositiveInt | None = flag("length of a window", "N", "the config's")
+
+    def settings(self) -> tuple[DetectorConfig, int]:
+        """What the detector runs with and the length of a window; raises RallyscopeError for a bad file."""
+        config = detector_settings(self.method, self.config)
+        return config, self.window_us or config.window.window_us
+
+
+def detector_settings(method: Method, file: Path | None) -> DetectorConfig:
+    """What a method runs with, by default its own settings.
 
     Raises:
-        RallyscopeError: for an unknown method, a bad config or a folder that is not there.
+        RallyscopeError: for a bad file.
     """
-    loaded = load_config(DetectorConfig, arguments.config) if arguments.config else None
-    config = method_config(arguments.method, loaded)
-    if not arguments.out.parent.is_dir():
-        raise CommandError("no such folder", got=arguments.out.parent, where="--out")
-    return config, arguments.window_us or config.window.window_us
+    return method_config(method, load_config(DetectorConfig, file) if file else None)

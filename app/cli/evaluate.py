@@ -2,51 +2,51 @@
 
 from __future__ import annotations
 
-import argparse
 import json
+from dataclasses import dataclass
 from pathlib import Path
 
-from app.cli import ball_states
-from app.cli.arguments import positive_int
-from app.cli.bench import format_table
+from app.cli.arguments import PositiveInt, flag, positional
+from app.cli.ball_states import BallStatesArguments, run_ball_states
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
+from app.cli.tables import format_table
 from core.errors import CommandError
 from core.learning.runs.run_files import read_run
 from core.learning.runs.summary import evaluate_run
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument("run_folder", nargs="?", type=Path, metavar="RUN", help="folder of a training run")
-    parser.add_argument("--best", action="store_true", help="the best policy of each seed instead of the last")
-    parser.add_argument(
-        "--balls", type=positive_int, metavar="N", help="fixed balls per speed (default: the run's, 500)"
-    )
-    parser.add_argument("--json", action="store_true", help="print a row per speed as JSON")
-    ball_states.add_arguments(parser)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluateArguments:
+    """Evaluate a trained policy on fixed balls, or the built-in controller on recorded ones."""
+
+    run_folder: Path | None = positional("folder of a training run", "RUN")
+    best: bool = flag("the best policy of each seed instead of the last")
+    balls: PositiveInt | None = flag("fixed balls per speed", "N", "the run's, 500")
+    json: bool = flag("print a row per speed as JSON")
+    recorded: BallStatesArguments
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: EvaluateArguments) -> None:
     """Evaluate and print."""
-    if (arguments.run_folder is None) == (arguments.ball_states is None):
+    folder, ball_states = arguments.run_folder, arguments.recorded.ball_states
+    if folder is not None and ball_states is None:
+        _evaluate(folder, arguments)
+    elif folder is None and ball_states is not None:
+        run_ball_states(arguments.recorded, ball_states, as_json=arguments.json)
+    else:
         raise CommandError("what is to be evaluated?", expected="a RUN, or --ball-states FILE, one of them")
-    if arguments.ball_states is not None:
-        ball_states.run_ball_states(arguments)
-        return
+
+
+def _evaluate(folder: Path, arguments: EvaluateArguments) -> None:
     which = "best" if arguments.best else "last"
-    with open_backend(read_run(arguments.run_folder), None) as backend:
+    with open_backend(read_run(folder), None) as backend:
         if backend is None:
-            rows = evaluate_run(arguments.run_folder, balls=arguments.balls, which=which)
+            rows = evaluate_run(folder, balls=arguments.balls, which=which)
         else:
             with progress_bar("Playing before the cameras") as progress:
-                rows = evaluate_run(
-                    arguments.run_folder, balls=arguments.balls, which=which, backend=backend, progress=progress
-                )
-    if arguments.json:
-        print(json.dumps(rows))
-        return
-    print(format_table([line for row in rows for line in _lines(row)]))
+                rows = evaluate_run(folder, balls=arguments.balls, which=which, backend=backend, progress=progress)
+    print(json.dumps(rows) if arguments.json else format_table([line for row in rows for line in _lines(row)]))
 
 
 def _lines(row: dict[str, object]) -> list[dict[str, object]]:

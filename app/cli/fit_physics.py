@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from app.cli.bench import format_table
+from app.cli.arguments import flag, positional
 from app.cli.progress import progress_bar
+from app.cli.tables import format_table
 from core.errors import CommandError
 
 if TYPE_CHECKING:
@@ -20,20 +20,18 @@ if TYPE_CHECKING:
 TEST_SHARE = 0.3
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument(
-        "flights", nargs="+", type=Path, metavar="FLIGHTS", help="CSV of t_s,x_m,y_m,z_m (world), or as tt3d writes it"
-    )
-    parser.add_argument(
-        "--magnus", type=float, default=0.10, metavar="CM", help="Magnus coefficient, which flights do not fix (0.10)"
-    )
-    parser.add_argument("--samples", type=int, default=20, metavar="N", help="bootstrap samples for the spread (20)")
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of the split into fit and test (default: 0)")
-    parser.add_argument("--json", action="store_true", help="print the figures as JSON")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitPhysicsArguments:
+    """Fit the flight model to real flights: drag, restitution and friction."""
+
+    flights: tuple[Path, ...] = positional("CSV of t_s,x_m,y_m,z_m (world), or as tt3d writes it", "FLIGHTS")
+    magnus: float = flag("Magnus coefficient, which flights do not fix", "CM", 0.10)
+    samples: int = flag("bootstrap samples for the spread", "N", 20)
+    seed: int = flag("of the split into fit and test", "N", 0)
+    json: bool = flag("print the figures as JSON")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: FitPhysicsArguments) -> None:
     """Fit on most of the flights, test on the others, print both."""
     if not 0 <= arguments.magnus <= 0.5:
         raise CommandError("no such coefficient", expected="0 to 0.5", got=arguments.magnus, where="--magnus")

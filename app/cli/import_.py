@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
-from app.cli.arguments import positive_int
+from app.cli.arguments import Names, PositiveInt, flag, positional
 from app.cli.progress import progress_bar
 from core.cameras import load_calibration
 from core.errors import CommandError
@@ -15,34 +16,29 @@ from core.events import SensorSize
 from core.recordings.frame_import import FrameInput
 from core.recordings.importing import ImportSummary, import_recording
 
-_FORMATS = (
-    "Reads Prophesee RAW (EVT2, EVT2.1, EVT3) and DAT, AEDAT4, Event Stream, Metavision HDF5, DSEC, MVSEC and other "
-    "HDF5 layouts, npz, npy and CSV; the format is recognised by content."
-)
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportArguments:
+    """Convert an event file, or a stereo pair, to a recording. Reads Prophesee RAW (EVT2, EVT2.1, EVT3) and DAT,
+    AEDAT4, Event Stream, Metavision HDF5, DSEC, MVSEC and other HDF5 layouts, npz, npy and CSV; the format is
+    recognised by content.
+    """
+
+    USAGE: ClassVar = "rallyscope import SRC [SRC2] DST.h5 [options]"
+    paths: tuple[Path, ...] = positional("event file(s), and the result", "SRC [SRC2] DST.h5")
+    names: Names | None = flag("what to call the cameras", "left,right")
+    calibration: Path | None = flag("calibration of the cameras, to be kept along", "FILE")
+    offset_us: int = flag("add N to SRC2's times to get SRC's clock", "N", 0)
+    width: PositiveInt | None = flag("sensor width, overrides what the file says", "W")
+    height: PositiveInt | None = flag("sensor height, likewise", "H")
+    frames: Path | None = flag("pictures of an ordinary camera", "VIDEO|FOLDER")
+    frame_times: Path | None = flag("a time in us on SRC's clock for each picture", "CSV")
+    exposure_us: PositiveInt | None = flag("exposure of the pictures", "N")
+    force: bool = flag("replace DST.h5 if it exists")
+    json: bool = flag("print what was made as JSON")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.description = f"Convert an event file, or a stereo pair, to a recording. {_FORMATS}"
-    parser.usage = "rallyscope import SRC [SRC2] DST.h5 [options]"
-    parser.add_argument(
-        "paths", nargs="+", type=Path, metavar="SRC [SRC2] DST.h5", help="event file(s), and the result"
-    )
-    parser.add_argument("--names", type=_names, metavar="left,right", help="what to call the cameras")
-    parser.add_argument("--calibration", type=Path, metavar="FILE", help="calibration of the cameras, to be kept along")
-    parser.add_argument(
-        "--offset-us", type=int, default=0, metavar="N", help="add N to SRC2's times to get SRC's clock (default: 0)"
-    )
-    parser.add_argument("--width", type=positive_int, metavar="W", help="sensor width, overrides what the file says")
-    parser.add_argument("--height", type=positive_int, metavar="H", help="sensor height, likewise")
-    parser.add_argument("--frames", type=Path, metavar="VIDEO|FOLDER", help="pictures of an ordinary camera")
-    parser.add_argument("--frame-times", type=Path, metavar="CSV", help="a time in us on SRC's clock for each picture")
-    parser.add_argument("--exposure-us", type=positive_int, metavar="N", help="exposure of the pictures")
-    parser.add_argument("--force", action="store_true", help="replace DST.h5 if it exists")
-    parser.add_argument("--json", action="store_true", help="print what was made as JSON")
-
-
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: ImportArguments) -> None:
     """Import and say what was made."""
     if not 2 <= len(arguments.paths) <= 3:
         raise CommandError("wrong number of files", expected="SRC [SRC2] DST.h5", got=len(arguments.paths))
@@ -61,14 +57,8 @@ def run(arguments: argparse.Namespace) -> None:
             progress=progress,
         )
     assert summary is not None  # nobody cancels but with Ctrl-C
-    if arguments.json:
-        print(json.dumps({**dataclasses.asdict(summary), "path": str(summary.path)}))
-    else:
-        print(_describe(summary))
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",")]
+    report = {**dataclasses.asdict(summary), "path": str(summary.path)}
+    print(json.dumps(report) if arguments.json else _describe(summary))
 
 
 def _sensor(width: int | None, height: int | None) -> SensorSize | None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from app.cli.arguments import flag, positional
 from app.cli.progress import progress_bar
 from core.recordings import CameraStream, open_recording
 from core.recordings.reader import FileRecording
@@ -16,22 +17,22 @@ from core.recordings.reader import FileRecording
 Facts = dict[str, object]
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument("recording", type=Path, metavar="REC", help="a recording or an event file")
-    parser.add_argument("--json", action="store_true", help="print it as JSON")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InfoArguments:
+    """Show what a recording, or an event file of any other format, holds."""
+
+    recording: Path = positional("a recording or an event file", "REC")
+    json: bool = flag("print it as JSON")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: InfoArguments) -> None:
     """Print what is there."""
     with progress_bar(f"Reading {arguments.recording.name}") as progress:
         recording = open_recording(arguments.recording, progress=progress)
     with closing(recording):
         facts = recording_facts(recording)
-        if arguments.json:
-            print(json.dumps({"path": str(arguments.recording), **facts}))
-        else:
-            print("\n".join([str(arguments.recording), *_lines(recording, facts)]))
+        lines = [str(arguments.recording), *_lines(recording, facts)]
+        print(json.dumps({"path": lines[0], **facts}) if arguments.json else "\n".join(lines))
 
 
 def recording_facts(recording: FileRecording) -> Facts:

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import math
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.cli.arguments import positive_int
+from app.cli.arguments import DATA, PositiveInt, flag, positional
 from app.cli.detect import choose_camera
+from app.cli.detector_arguments import MethodArguments
 from app.cli.progress import progress_bar
 from app.modes.label.sources import LabelSource, sources_of
-from core.config import load_config
-from core.detection import DetectorConfig, make_detector
-from core.detection.methods import METHODS, method_config
+from core.detection import make_detector
 from core.errors import CommandError, LabelError
 from core.recordings import CameraStream, Recording, open_recording
 from labels.agreement import Agreement, measure_agreement
@@ -40,116 +40,130 @@ MAX_SHOWN = 20
 """Rejections printed one by one; `--json` has them all."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    acts = parser.add_subparsers(dest="act", required=True, metavar="import|export|score|agree")
-    formats = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
-
-    add = acts.add_parser("import", help="take labels from files of another tool")
-    add.add_argument("source", type=Path, metavar="SRC", help="a file, or a folder of files")
-    _add_common(add)
-    add.add_argument("--format", required=True, choices=FORMATS, metavar="|".join(FORMATS), help=formats)
-    add.add_argument(
-        "--frame-times", type=Path, metavar="CSV", help="column t_us: the time of each picture, by its number from 0"
-    )
-    add.add_argument("--replace", action="store_true", help="replace labels that are there already")
-
-    out = acts.add_parser("export", help="write labels for another tool")
-    _add_common(out)
-    out.add_argument("--format", required=True, choices=FORMATS, metavar="|".join(FORMATS), help=formats)
-    out.add_argument("--out", type=Path, required=True, metavar="DIR", help="a folder; for hdf5 a file")
-    out.add_argument("--pictures", action="store_true", help="draw the events of each label as a PNG beside it")
-    out.add_argument("--window-us", type=positive_int, default=2000, metavar="N", help="of a picture (%(default)s)")
-    out.add_argument("--stride-us", type=positive_int, metavar="N", help="time between the pictures of the clip")
-    out.add_argument(
-        "--unchecked", choices=("refuse", "drop"), default="refuse", help="tracknet: pictures without label"
-    )
-    out.add_argument("--decimals", action="store_true", help="voc, tracknet: do not round to whole pixels")
-
-    score = acts.add_parser("score", help="score a detector against labels")
-    _add_common(score)
-    score.add_argument("--method", default="auto", choices=METHODS, metavar="|".join(METHODS), help="(%(default)s)")
-    score.add_argument("--config", type=Path, metavar="FILE", help="settings saved in the app, a TOML file")
-    score.add_argument("--window-us", type=positive_int, metavar="N", help="length of a window (the config's)")
-    score.add_argument("--picture", type=Path, metavar="FILE.svg", help="precision, recall and errors as a picture")
-
-    agree = acts.add_parser("agree", help="compare two annotators, or one with the blind repeats")
-    _add_common(agree)
-    agree.add_argument("--with", dest="other", metavar="NAME", help="the other annotator (default: blind repeats)")
+FORMAT_HELP = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Do what the sub-verb says."""
-    recording = open_recording(arguments.recording)
-    try:
-        frames = sources_of(recording).get(arguments.camera or "")
-        stream = frames if frames is not None and frames.frames is not None else None
-        stream = stream or choose_camera(recording, arguments.camera)
-        act = {"import": _import, "export": _export, "score": _score, "agree": _agree}[arguments.act]
-        report, text = act(arguments, recording, stream)
-    finally:
-        recording.close()
-    print(json.dumps(_plain(report)) if arguments.json else text)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerArguments:
+    """Which labels of what."""
+
+    recording: Path = positional("the recording that was labelled", "REC")
+    camera: str | None = flag("which camera; needed if there are several", "NAME")
+    annotator: str | None = flag("whose labels; needed if there are several", "NAME")
+    data: Path = flag("workspace", "DIR", DATA)
+    json: bool = flag("print the result as JSON")
+
+    @property
+    def folder(self) -> Path:
+        """Where the labels are."""
+        return self.data / "labels"
+
+    @contextmanager
+    def open(self) -> Iterator[tuple[Recording, Labelled]]:
+        """The recording and what was labelled of it, until the block ends."""
+        with closing(open_recording(self.recording)) as recording:
+            frames = sources_of(recording).get(self.camera or "")
+            stream = frames if frames is not None and frames.frames is not None else None
+            yield recording, stream or choose_camera(recording, self.camera)
+
+    def tell(self, report: dict[str, object], lines: Iterable[str]) -> None:
+        """What came out, for a program or a person."""
+        print(json.dumps(_plain(report)) if self.json else "\n".join(lines))
 
 
-def _add_common(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("recording", type=Path, metavar="REC", help="the recording that was labelled")
-    parser.add_argument("--camera", metavar="NAME", help="which camera; needed if there are several")
-    parser.add_argument("--annotator", metavar="NAME", help="whose labels; needed if there are several")
-    parser.add_argument("--data", type=Path, default=Path("rallyscope-data"), metavar="DIR", help="(%(default)s)")
-    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelImportArguments:
+    """Take labels from files of another tool."""
+
+    source: Path = positional("a file, or a folder of files", "SRC")
+    layer: LayerArguments
+    format: str = flag(FORMAT_HELP, "|".join(FORMATS), choices=FORMATS)
+    frame_times: Path | None = flag("column t_us: the time of each picture, by its number from 0", "CSV")
+    replace: bool = flag("replace labels that are there already")
 
 
-def _import(arguments: argparse.Namespace, recording: Recording, stream: Labelled) -> tuple[dict, str]:
-    if not arguments.source.exists():
-        raise CommandError("no such file or folder", where=arguments.source)
-    annotator = arguments.annotator or "imported"
-    times = _frame_times(arguments.frame_times) if arguments.frame_times else None
-    context = ImportContext(stream.sensor, times, f"import {arguments.format}", stream.name)
-    found = FORMATS[arguments.format].read(arguments.source, context)
-    folder, tool = arguments.data / "labels", f"rallyscope {version('rallyscope')}"
-    with LabelStore.open(folder, recording.uuid, stream.name, annotator, tool=tool) as store:
-        kept = [label for label in found.labels if not arguments.replace and store.at(label.t_us) is not None]
-        new = [label for label in found.labels if arguments.replace or store.at(label.t_us) is None]
-        store.edit(put=new)  # one step: one undo takes the whole import back
-    rejections = [str(rejection) for rejection in found.rejections]
-    report = {"annotator": annotator, "imported": len(new), "already_there": len(kept), "rejected": rejections}
-    lines = [
-        f"{len(new)} labels imported for {annotator!r}, {len(kept)} were there already, {len(rejections)} rejected"
-    ]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelExportArguments:
+    """Write labels for another tool."""
+
+    layer: LayerArguments
+    format: str = flag(FORMAT_HELP, "|".join(FORMATS), choices=FORMATS)
+    out: Path = flag("a folder; for hdf5 a file", "DIR")
+    pictures: bool = flag("draw the events of each label as a PNG beside it")
+    window_us: PositiveInt = flag("of a picture", "N", 2000)
+    stride_us: PositiveInt | None = flag("time between the pictures of the clip", "N")
+    unchecked: Literal["refuse", "drop"] = flag("tracknet: pictures without label", default="refuse")
+    decimals: bool = flag("voc, tracknet: do not round to whole pixels")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelScoreArguments:
+    """Score a detector against labels."""
+
+    layer: LayerArguments
+    detector: MethodArguments
+    window_us: PositiveInt | None = flag("length of a window", "N", "the config's")
+    picture: Path | None = flag("precision, recall and errors as a picture", "FILE.svg")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelAgreeArguments:
+    """Compare two annotators, or one with the blind repeats."""
+
+    layer: LayerArguments
+    other: str | None = flag("the other annotator", "NAME", "blind repeats", name="with")
+
+
+def run_import(arguments: LabelImportArguments) -> None:
+    """Import as one step, and say what was rejected."""
+    layer = arguments.layer
+    with layer.open() as (recording, stream):
+        if not arguments.source.exists():
+            raise CommandError("no such file or folder", where=arguments.source)
+        annotator = layer.annotator or "imported"
+        times = _frame_times(arguments.frame_times) if arguments.frame_times else None
+        context = ImportContext(stream.sensor, times, f"import {arguments.format}", stream.name)
+        found = FORMATS[arguments.format].read(arguments.source, context)
+        tool = f"rallyscope {version('rallyscope')}"
+        with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
+            new = [label for label in found.labels if arguments.replace or store.at(label.t_us) is None]
+            store.edit(put=new)  # one step: one undo takes the whole import back
+    there, rejections = len(found.labels) - len(new), [str(rejection) for rejection in found.rejections]
+    lines = [f"{len(new)} labels imported for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
     lines += rejections[:MAX_SHOWN]
     lines += [f"... and {len(rejections) - MAX_SHOWN} more, see --json"] if len(rejections) > MAX_SHOWN else []
     if not found.labels and rejections:
         raise LabelError(f"nothing could be imported, {len(rejections)} rejected", got=rejections[0])
-    return report, "\n".join(lines)
+    layer.tell({"annotator": annotator, "imported": len(new), "already_there": there, "rejected": rejections}, lines)
 
 
-def _export(arguments: argparse.Namespace, recording: Recording, stream: Labelled) -> tuple[dict, str]:
-    store = _read_layer(arguments, recording, stream)
-    frames = None
-    if arguments.stride_us:
-        frames = tuple(range(0, recording.duration_us, arguments.stride_us))
-    if isinstance(stream, LabelSource) and stream.frames_us is not None:
-        frames = tuple(stream.frames_us.tolist())
-    labels = LabelSet(recording.uuid, stream.name, store.layer.annotator, stream.sensor, store.all(), frames)
-    options = ExportOptions(whole_pixels=not arguments.decimals, drop_unchecked=arguments.unchecked == "drop")
-    kind = FORMATS[arguments.format]
-    written = kind.write(labels, arguments.out, options)
-    pictures = ()
-    if arguments.pictures:
-        if not kind.pictures:
-            raise CommandError(f"{kind.name} has no pictures", where="--pictures")
-        with progress_bar("Drawing") as progress:
-            if isinstance(stream, LabelSource):
-                pictures = write_label_pictures(stream, labels.labels, arguments.out, progress)
-            else:
-                pictures = write_pictures(
-                    stream, labels.labels, arguments.out, window_us=arguments.window_us, progress=progress
-                )
-    report = {"labels": len(labels.labels), "files": len(written.files), "pictures": len(pictures)}
-    lines = [f"{report['labels']} labels in {report['files']} files, {report['pictures']} pictures: {arguments.out}"]
+def run_export(arguments: LabelExportArguments) -> None:
+    """Write the labels, and pictures of them, and say what the format could not hold."""
+    kind, out = FORMATS[arguments.format], arguments.out
+    with arguments.layer.open() as (recording, stream):
+        store = _read_layer(arguments.layer, recording, stream)
+        frames = None
+        if arguments.stride_us:
+            frames = tuple(range(0, recording.duration_us, arguments.stride_us))
+        if isinstance(stream, LabelSource) and stream.frames_us is not None:
+            frames = tuple(stream.frames_us.tolist())
+        labels = LabelSet(recording.uuid, stream.name, store.layer.annotator, stream.sensor, store.all(), frames)
+        options = ExportOptions(whole_pixels=not arguments.decimals, drop_unchecked=arguments.unchecked == "drop")
+        written = kind.write(labels, out, options)
+        pictures = ()
+        if arguments.pictures:
+            if not kind.pictures:
+                raise CommandError(f"{kind.name} has no pictures", where="--pictures")
+            with progress_bar("Drawing") as progress:
+                if isinstance(stream, LabelSource):
+                    pictures = write_label_pictures(stream, labels.labels, out, progress)
+                else:
+                    window_us = arguments.window_us
+                    pictures = write_pictures(stream, labels.labels, out, window_us=window_us, progress=progress)
+    counts = {"labels": len(labels.labels), "files": len(written.files), "pictures": len(pictures)}
+    lines = [f"{counts['labels']} labels in {counts['files']} files, {counts['pictures']} pictures: {out}"]
     lines += [f"not in this format: {loss}" for loss in written.losses]
-    return {**report, "out": str(arguments.out), "losses": list(written.losses)}, "\n".join(lines)
+    arguments.layer.tell({**counts, "out": str(out), "losses": list(written.losses)}, lines)
 
 
 def write_label_pictures(
@@ -168,59 +182,64 @@ def write_label_pictures(
     return tuple(files)
 
 
-def _score(arguments: argparse.Namespace, recording: Recording, stream: Labelled) -> tuple[dict, str]:
-    if isinstance(stream, LabelSource):
-        raise CommandError("the detector works on events", got=f"the frames of {stream.name!r}", where="--camera")
-    store = _read_layer(arguments, recording, stream)
-    saved = load_config(DetectorConfig, arguments.config) if arguments.config else None
-    config = method_config(arguments.method, saved)
-    window_us = arguments.window_us or config.window.window_us
-    detector = make_detector(arguments.method, stream.sensor, config)
-    labels = store.labels()
-    asked = labels.rows(labels.state != STATES.index(LabelState.OCCLUDED))
-    with progress_bar("Scoring") as progress:
-        answers = answers_at(stream, detector, asked.t_us, window_us, progress=progress)
-    scores = score_groups(answers, asked)
-    noise = _own_noise(arguments.data / "labels", store)
+def run_score(arguments: LabelScoreArguments) -> None:
+    """Detect where there are labels, and compare."""
+    method, folder = arguments.detector.method, arguments.layer.folder
+    with arguments.layer.open() as (recording, stream):
+        if isinstance(stream, LabelSource):
+            raise CommandError("the detector works on events", got=f"the frames of {stream.name!r}", where="--camera")
+        store = _read_layer(arguments.layer, recording, stream)
+        config = arguments.detector.settings()
+        window_us = arguments.window_us or config.window.window_us
+        detector = make_detector(method, stream.sensor, config)
+        labels = store.labels()
+        asked = labels.rows(labels.state != STATES.index(LabelState.OCCLUDED))
+        with progress_bar("Scoring") as progress:
+            answers = answers_at(stream, detector, asked.t_us, window_us, progress=progress)
+    scores, annotator, noise = score_groups(answers, asked), store.layer.annotator, _own_noise(folder, store)
     if arguments.picture is not None:
-        title = f"{arguments.method}, {stream.name}, against {len(labels)} labels by {store.layer.annotator}"
+        title = f"{method}, {store.layer.camera}, against {len(labels)} labels by {annotator}"
         sigma_px = None if noise is None or not noise.both_seen else noise.sigma_px
         write_text(arguments.picture, score_svg(measure_curves(answers, asked), title, noise_px=sigma_px))
     report = {
-        "annotator": store.layer.annotator,
-        "method": arguments.method,
+        "annotator": annotator,
+        "method": method,
         "window_us": window_us,
         "rows": [asdict(score) for score in scores],
         "annotator_noise": None if noise is None else asdict(noise),
     }
-    return report, "\n".join([_score_table(scores), _noise_line(noise)])
+    arguments.layer.tell(report, [*_score_table(scores), _noise_line(noise)])
 
 
-def _agree(arguments: argparse.Namespace, recording: Recording, stream: Labelled) -> tuple[dict, str]:
-    first = _read_layer(arguments, recording, stream)
-    name, blind = arguments.other or first.layer.annotator, arguments.other is None
-    folder = arguments.data / "labels"
-    second = LabelStore.read(folder, Layer(recording.uuid, stream.name, name, blind))
-    found = measure_agreement(first.labels(), second.labels())
-    what = "blind repeats" if blind else repr(name)
+def run_agree(arguments: LabelAgreeArguments) -> None:
+    """Compare the labels of the same instants."""
+    with arguments.layer.open() as (recording, stream):
+        first = _read_layer(arguments.layer, recording, stream)
+    mine = first.layer.annotator
+    name, blind = arguments.other or mine, arguments.other is None
+    layer = Layer(first.layer.recording_uuid, first.layer.camera, name, blind)
+    found = measure_agreement(first.labels(), LabelStore.read(arguments.layer.folder, layer).labels())
     lines = [
-        f"{first.layer.annotator!r} and {what}: {found.common} common, "
+        f"{mine!r} and {'blind repeats' if blind else repr(name)}: {found.common} common, "
         f"{found.only_first} and {found.only_second} of one only",
         f"states: {found.same_state} the same, kappa {found.kappa:.3f}",
         f"positions ({found.both_seen}): median {found.median_px:.2f} px "
         f"({found.median_low_px:.2f} to {found.median_high_px:.2f}), p95 {found.p95_px:.2f}, "
         f"sigma of one {found.sigma_px:.2f} px, bias {found.bias_x_px:+.2f} {found.bias_y_px:+.2f}",
     ]
-    return {"first": first.layer.annotator, "second": name, "blind": blind, **asdict(found)}, "\n".join(lines)
+    arguments.layer.tell({"first": mine, "second": name, "blind": blind, **asdict(found)}, lines)
 
 
-def _read_layer(arguments: argparse.Namespace, recording: Recording, stream: Labelled) -> LabelStore:
+ACTS = {"import": run_import, "export": run_export, "score": run_score, "agree": run_agree}
+
+
+def _read_layer(arguments: LayerArguments, recording: Recording, stream: Labelled) -> LabelStore:
     """The layer that is meant.
 
     Raises:
         CommandError: if there is none, or several and no name.
     """
-    folder = arguments.data / "labels"
+    folder = arguments.folder
     layers = [layer for layer in find_layers(folder, recording.uuid) if layer.camera == stream.name and not layer.blind]
     names = [layer.annotator for layer in layers]
     if not names:
@@ -241,13 +260,13 @@ def _own_noise(folder: Path, store: LabelStore) -> Agreement | None:
     return measure_agreement(store.labels(), LabelStore.read(folder, layer).labels())
 
 
-def _score_table(scores: tuple[GroupScore, ...]) -> str:
+def _score_table(scores: tuple[GroupScore, ...]) -> list[str]:
     lines = ["labels         number  balls   P / R / F1 at 1, 2, 4, 8 px" + " " * 44 + "median   p95  along across px"]
     for score in scores:
         at = "   ".join(f"{row.precision:.3f}/{row.recall:.3f}/{row.f1:.3f}" for row in score.at)
         errors = f"{score.median_px:6.2f} {score.p95_px:6.2f} {score.along_px:+6.2f} {score.across_px:+6.2f}"
         lines.append(f"{score.group:<13} {score.labels:7d} {score.with_ball:6d}   {at}  {errors}")
-    return "\n".join(lines)
+    return lines
 
 
 def _noise_line(noise: Agreement | None) -> str:

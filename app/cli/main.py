@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from app.cli.arguments import Parser
+from app.cli.arguments import Parser, add_verb, arguments_of
 from core.errors import NotBuiltError, RallyscopeError
 
 VERBS = {
@@ -41,7 +41,8 @@ def _module_name(verb: str) -> str:
 
 
 BUILT = tuple(verb for verb in VERBS if Path(__file__).with_name(f"{_module_name(verb)}.py").exists())
-"""Verbs that work; each is the module `app.cli.<verb>` with `add_arguments(parser)` and `run(arguments) -> None`."""
+"""Verbs that work; each is the module `app.cli.<verb>` with `run(arguments: ItsArguments)`, or with several such
+functions by the names of its sub-verbs in `ACTS`."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -76,8 +77,13 @@ def _run(argv: list[str]) -> int:
             child.set_defaults(run=None)
         elif verb == chosen:  # only the chosen verb's module is imported: `rallyscope info` need not load the app
             module = importlib.import_module(f"app.cli.{_module_name(verb)}")
-            module.add_arguments(child)
-            child.set_defaults(run=module.run)
+            acts = getattr(module, "ACTS", None)
+            if acts is None:
+                add_verb(child, module.run)
+                continue
+            sub_verbs = child.add_subparsers(dest="act", required=True, metavar="|".join(acts))
+            for name, run in acts.items():
+                add_verb(sub_verbs.add_parser(name, help=arguments_of(run).__doc__), run)
     if chosen in VERBS and chosen not in BUILT and not {"-h", "--help"} & set(argv):
         raise NotBuiltError(f"`rallyscope {chosen}` is not built yet", remedy="see `rallyscope --help` for what is")
     arguments = parser.parse_args(argv)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from app.cli.arguments import flag, positional, setting_flag
+from app.cli.files import check_folder, write_text
 from core.errors import CommandError
+from core.physics.config import Profile
 from core.physics.points_file import read_points
 from core.trajectory import (
     FilterPredictor,
@@ -24,44 +28,30 @@ from core.trajectory import (
     predictor_for,
 )
 
-METHODS = ("paper", "filter")
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictArguments:
+    """Predict a flight from its first points: where it bounces and where it crosses the hitting plane."""
+
+    points: Path = positional("columns t_s,x_m,y_m,z_m (world)", "POINTS.csv")
+    observe_ms: float = flag("how much of the flight is seen", "MS", 150.0)
+    method: Literal["paper", "filter"] = flag(
+        "paper: five points, gravity, one reflection; filter: every point, drag, spin", default="paper"
+    )
+    physics: Profile | None = flag(
+        "how balls fly and bounce: as simulated after the paper, or as measured on real flights "
+        "(default: the filter finds out, the paper's method takes the paper's)"
+    )
+    hit_x: float = setting_flag(PaperPredictorConfig, "hit_x_m", "M")
+    out: Path = flag("where the prediction goes", "JSON")
+    json: bool = flag("print a summary as JSON")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument("points", type=Path, metavar="POINTS.csv", help="columns t_s,x_m,y_m,z_m (world)")
-    parser.add_argument(
-        "--observe-ms", type=float, default=150.0, metavar="MS", help="how much of the flight is seen (default: 150)"
-    )
-    parser.add_argument(
-        "--method",
-        default="paper",
-        choices=METHODS,
-        help="paper: five points, gravity, one reflection; filter: every point, drag, spin (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--physics",
-        choices=("paper", "real"),
-        help="how balls fly and bounce: as simulated after the paper, or as measured on real flights "
-        "(default: the filter finds out, the paper's method takes the paper's)",
-    )
-    parser.add_argument(
-        "--hit-x",
-        type=float,
-        default=PaperPredictorConfig().hit_x_m,
-        metavar="M",
-        help="x of the hitting plane (default: %(default)s)",
-    )
-    parser.add_argument("--out", type=Path, required=True, metavar="JSON", help="where the prediction goes")
-    parser.add_argument("--json", action="store_true", help="print a summary as JSON")
-
-
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: PredictArguments) -> None:
     """Read, predict, write."""
     if not (math.isfinite(arguments.observe_ms) and arguments.observe_ms > 0):
         raise CommandError("nothing would be seen", expected="above 0", got=arguments.observe_ms, where="--observe-ms")
-    if not arguments.out.parent.is_dir():
-        raise CommandError("no such folder", got=arguments.out.parent, where="--out")
+    check_folder(arguments.out)
     paper = predictor_for(arguments.physics or "paper", hit_x_m=arguments.hit_x)
     t_s, ps_m = read_points(arguments.points)
     seen = t_s < t_s[0] + 1e-3 * arguments.observe_ms
@@ -83,10 +73,7 @@ def run(arguments: argparse.Namespace) -> None:
             where=arguments.points,
             remedy="see more with --observe-ms",
         )
-    try:
-        arguments.out.write_text(json.dumps(prediction_json(prediction, t_s[~seen])) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise CommandError(f"cannot write: {error.strerror}", where=arguments.out) from error
+    write_text(arguments.out, json.dumps(prediction_json(prediction, t_s[~seen])) + "\n")
     _say(arguments, prediction, int(seen.sum()))
 
 
@@ -129,7 +116,7 @@ def _hit_plane_json(plane: HitPlane) -> dict[str, object]:
     }
 
 
-def _say(arguments: argparse.Namespace, prediction: Prediction, seen: int) -> None:
+def _say(arguments: PredictArguments, prediction: Prediction, seen: int) -> None:
     plane = prediction.hit_plane
     if arguments.json:
         summary = {

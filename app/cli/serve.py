@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
+import functools
 import logging
-import signal
-import threading
 import webbrowser
+from dataclasses import dataclass
 from pathlib import Path
 
 from app.address import check_address
+from app.cli.arguments import DATA, flag, positional
+from app.cli.ending import end_event
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.shared.library import Library
@@ -17,35 +18,32 @@ from app.shared.workspace import Workspace
 from core.config import load_config
 from core.detection import DetectorConfig
 from core.errors import CommandError
+from core.physics.config import Profile
 
 LIVE = "live"
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument("recording", nargs="?", type=Path, metavar="RECORDING", help="a recording or an event file")
-    parser.add_argument(
-        "--source",
-        metavar="live|tcp://HOST:PORT",
-        help="watch a live simulation: one of its own, or one that runs there (default without a recording: live)",
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServeArguments:
+    """Open the app in a browser, on a recording or a live simulation."""
+
+    recording: Path | None = positional("a recording or an event file", "RECORDING")
+    source: str | None = flag(
+        "watch a live simulation: one of its own, or one that runs there",
+        "live|tcp://HOST:PORT",
+        "live, without a recording",
     )
-    parser.add_argument("--physics", choices=("paper", "real"), help="of a live simulation of its own (paper)")
-    parser.add_argument(
-        "--ball-states",
-        nargs="+",
-        type=Path,
-        metavar="FILE",
-        help="it serves recorded balls (JSON), by default in `real`",
-    )
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default: %(default)s, this machine)")
-    parser.add_argument("--port", type=int, default=8080, help="port to listen on (default: %(default)s)")
-    parser.add_argument("--data", type=Path, default=Path("rallyscope-data"), help="workspace (default: %(default)s)")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="detector settings to start with, a TOML file")
-    parser.add_argument("--open", action="store_true", help="open a browser")
+    physics: Profile | None = flag("of a live simulation of its own", default="paper")
+    ball_states: tuple[Path, ...] | None = flag("it serves recorded balls (JSON), by default in `real`", "FILE")
+    host: str = flag("address to listen on; the default is this machine only", default="127.0.0.1")
+    port: int = flag("port to listen on", default=8080)
+    data: Path = flag("workspace", default=DATA)
+    config: Path | None = flag("detector settings to start with, a TOML file", "FILE")
+    open: bool = flag("open a browser")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: ServeArguments) -> None:
     """Serve until interrupted."""
     source = _check_source(arguments.source, arguments.recording)
     own = own_simulation(arguments, source)
@@ -59,12 +57,14 @@ def run(arguments: argparse.Namespace) -> None:
         from app.preparation.startup import Startup
 
         address = None if source == LIVE else source
-        startup = Startup(workspace, address=address, arguments=("--auto-serve", "5", *own), say=_say)
+        startup = Startup(
+            workspace, address=address, arguments=("--auto-serve", "5", *own), say=functools.partial(print, flush=True)
+        )
         if address is not None:
             startup.wait_for_news()
             if startup.problem is not None:
                 raise startup.problem
-    first = LIVE if source is not None else _open_recording(arguments.recording, library)
+    first = LIVE if arguments.recording is None else _open_recording(arguments.recording, library)
     from app.server import App  # after the recording: a mistake in the arguments is answered at once
 
     silence_viser()
@@ -72,13 +72,7 @@ def run(arguments: argparse.Namespace) -> None:
     preparation = None if startup is None else startup.preparation
     try:
         lab = App(
-            workspace,
-            library,
-            first,
-            host=arguments.host,
-            port=arguments.port,
-            config=config,
-            preparation=preparation,
+            workspace, library, first, host=arguments.host, port=arguments.port, config=config, preparation=preparation
         )
     except CommandError:
         if startup is not None:
@@ -92,17 +86,10 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"Rallyscope shows {first!r} at {url}   (Ctrl-C ends it)", flush=True)
     if arguments.open:
         webbrowser.open(url)
-    ended = threading.Event()
-    signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    signal.signal(signal.SIGINT, lambda *_: ended.set())
-    ended.wait()
+    end_event().wait()
     if startup is not None:
         startup.stop()
     lab.stop()
-
-
-def _say(line: str) -> None:
-    print(line, flush=True)
 
 
 def _check_source(source: str | None, recording: Path | None) -> str | None:
@@ -120,7 +107,7 @@ def _check_source(source: str | None, recording: Path | None) -> str | None:
     return source
 
 
-def own_simulation(arguments: argparse.Namespace, source: str | None) -> list[str]:
+def own_simulation(arguments: ServeArguments, source: str | None) -> list[str]:
     """What the simulation that is started for the app is told; files are read here, where a mistake can be answered.
 
     Raises:

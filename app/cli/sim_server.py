@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
-import signal
 import sys
-import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
-from app.cli.cameras import named_cameras, sensor_size
-from app.cli.scenes import add_scene_arguments, scene_of
+from app.cli.arguments import flag, setting_flag
+from app.cli.cameras import Sensor, named_cameras
+from app.cli.ending import end_event
+from app.cli.scenes import SceneArguments
+from core.cameras.presets import SENSOR_720
 from core.errors import CommandError
 from core.files import end_with_parent
 from core.physics.ball_states import join_serves, read_ball_states
+from core.physics.config import Profile
 from core.physics.task import task_profile
 from core.rally.link.responder import KernelProgress
 from core.rally.link.server import ServerConfig, SimulationServer
@@ -26,34 +28,27 @@ SAY_EVERY = 5
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument(
-        "--bind",
-        default="tcp://127.0.0.1:5555",
-        metavar="tcp://HOST:PORT",
-        help="publish here and take commands on the next port (default: %(default)s; port 0 takes free ones)",
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimServerArguments:
+    """Run the live simulation as its own process."""
+
+    bind: str = flag(
+        "publish here and take commands on the next port; port 0 takes free ones",
+        "tcp://HOST:PORT",
+        "tcp://127.0.0.1:5555",
     )
-    parser.add_argument("--cameras", default="side", metavar="PRESET|FILE", help="placement, or a calibration file")
-    parser.add_argument(
-        "--sensor", type=sensor_size, metavar="WxH", help="of a placement's cameras (default: 1280x720)"
-    )
-    add_scene_arguments(parser)
-    parser.add_argument("--noise-hz", type=float, default=0.1, metavar="HZ", help="background events (default: 0.1)")
-    parser.add_argument(
-        "--physics", choices=("paper", "real"), help="flight of the ball (default: paper; real with --ball-states)"
-    )
-    parser.add_argument(
-        "--ball-states", nargs="+", type=Path, metavar="FILE", help="serve recorded balls (JSON), not drawn ones"
-    )
-    parser.add_argument("--auto-serve", type=float, default=0.0, metavar="MPS", help="serve by itself at 3 to 9 m/s")
-    parser.add_argument(
-        "--until-eof", action="store_true", help="end when standard input ends, as a child process should"
-    )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of serves and events (default: 0)")
+    cameras: str = flag("placement, or a calibration file", "PRESET|FILE", "side")
+    sensor: Sensor | None = flag("of a placement's cameras", "WxH", SENSOR_720)
+    scene: SceneArguments
+    noise_hz: float = setting_flag(SensorConfig, "noise_hz", "HZ")
+    physics: Profile | None = flag("flight of the ball", default="paper; real with --ball-states")
+    ball_states: tuple[Path, ...] | None = flag("serve recorded balls (JSON), not drawn ones", "FILE")
+    auto_serve: float = setting_flag(ServerConfig, "auto_serve_mps", "MPS")
+    until_eof: bool = flag("end when standard input ends, as a child process should")
+    seed: int = flag("of serves and events", "N", 0)
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: SimServerArguments) -> None:
     """Serve until interrupted."""
     if arguments.seed < 0:
         raise CommandError("no such seed", expected="a whole number from 0", got=arguments.seed, where="--seed")
@@ -65,7 +60,7 @@ def run(arguments: argparse.Namespace) -> None:
         recorded = RecordedServes(join_serves([read_ball_states(path) for path in arguments.ball_states]), task)
     world = WorldConfig(
         task=task,
-        stereo=StereoConfig(scene=scene_of(arguments), sensor=SensorConfig(noise_hz=arguments.noise_hz)),
+        stereo=StereoConfig(scene=arguments.scene.config(), sensor=SensorConfig(noise_hz=arguments.noise_hz)),
     )
     config = ServerConfig(world=world, auto_serve_mps=arguments.auto_serve)
     cameras = named_cameras(arguments.cameras, arguments.sensor)
@@ -78,9 +73,7 @@ def run(arguments: argparse.Namespace) -> None:
     host = server.address.removeprefix("tcp://").rpartition(":")[0]
     if host not in LOOPBACK:
         print(f"Anyone who can reach {host} can command this simulation: it has no passwords.", flush=True)
-    ended = threading.Event()
-    signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    signal.signal(signal.SIGINT, lambda *_: ended.set())
+    ended = end_event()
     print(f"The simulation is at {server.address}   (Ctrl-C ends it)", flush=True)
     server.run(ended.is_set)
 

@@ -2,43 +2,46 @@
 
 from __future__ import annotations
 
-import argparse
-import csv
 import json
+from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.cli.detector_arguments import add_detector_arguments, detector_of
+from app.cli.arguments import flag, positional
+from app.cli.detector_arguments import DetectorArguments
+from app.cli.files import check_folder, write_csv
 from app.cli.progress import progress_bar
-from core.errors import CommandError
 from core.rally import ChainConfig
 from core.rally.chain.follow import Track, follow_recording, true_positions
 from core.recordings import BallTruth, open_recording
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument("recording", type=Path, metavar="REC", help="a recording with two or more calibrated cameras")
-    add_detector_arguments(parser, "t_us,x_m,y_m,z_m (world)")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackArguments:
+    """Triangulate the ball in every window of a stereo recording."""
+
+    recording: Path = positional("a recording with two or more calibrated cameras", "REC")
+    detector: DetectorArguments
+    out: Path = flag("columns t_us,x_m,y_m,z_m (world)", "CSV")
+    json: bool = flag("print a summary as JSON")
 
 
-def run(arguments: argparse.Namespace) -> None:
+def run(arguments: TrackArguments) -> None:
     """Track, write, and say what came out."""
-    detector, window_us = detector_of(arguments)
-    config = ChainConfig(method=arguments.method, detector=detector)
-    recording = open_recording(arguments.recording)
-    try:
+    method, (detector, window_us) = arguments.detector.method, arguments.detector.settings()
+    check_folder(arguments.out)
+    config = ChainConfig(method=method, detector=detector)
+    with closing(open_recording(arguments.recording)) as recording:
         with progress_bar("Tracking") as progress:
             track = follow_recording(recording, config, window_us, progress=progress)
         truth = recording.ball
-    finally:
-        recording.close()
     write_track(arguments.out, track)
     summary = {
         "recording": str(arguments.recording),
-        "method": arguments.method,
+        "method": method,
         "window_us": window_us,
         "windows": track.windows,
         "seen_by_all_cameras": track.seen_by_all,
@@ -59,14 +62,9 @@ def run(arguments: argparse.Namespace) -> None:
 
 def write_track(path: Path, track: Track) -> None:
     """A row per point; no row where the rays of a window do not meet."""
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(["t_us", "x_m", "y_m", "z_m"])
-            for t_us, p in zip(track.t_us, track.ps_world_m, strict=True):
-                writer.writerow([t_us, *(f"{value:.6f}" for value in p)])
-    except OSError as error:
-        raise CommandError(f"cannot write: {error.strerror}", where=path) from error
+    points = zip(track.t_us, track.ps_world_m, strict=True)
+    rows = ([t_us, *(f"{value:.6f}" for value in p)] for t_us, p in points)
+    write_csv(path, ("t_us", "x_m", "y_m", "z_m"), rows)
 
 
 def _errors_mm(track: Track, truth: BallTruth | None) -> dict[str, float] | None:

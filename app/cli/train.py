@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import json
-import signal
-import threading
+from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Literal
 
-from app.cli.arguments import positive_int
+from app.cli.arguments import Counts, Numbers, PositiveInt, flag, given, setting_flag
+from app.cli.ending import end_event
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
 from core.config import load_config
@@ -18,7 +17,9 @@ from core.errors import CommandError
 from core.learning.config import (
     AgentName,
     CurriculumConfig,
+    EnvironmentConfig,
     ReplayRule,
+    RewardConfig,
     RewardKind,
     RunConfig,
     StateSource,
@@ -26,99 +27,92 @@ from core.learning.config import (
     environment_profile,
 )
 from core.learning.runs.run_files import create_run, read_run, seed_files
+from core.physics.config import Profile
 
-OPTIONS = ("config", "agent", "speeds", "episodes", "advance", "reward", "replay", "seeds", "first_seed")
-OPTIONS += ("state_source", "physics", "serves")
-"""What describes a new run, and so cannot stand beside --resume."""
 BALLS_BEFORE_CAMERAS = 100
 """Fixed balls of an evaluation with states from events: each takes a second to be seen, once per training."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The verb's arguments."""
-    parser.add_argument("--out", type=Path, required=True, metavar="RUN", help="folder of the run")
-    parser.add_argument("--resume", action="store_true", help="go on with the run in that folder")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="a config.toml; other options change it")
-    parser.add_argument("--agent", choices=get_args(AgentName), help="default: ddpg, the paper's")
-    parser.add_argument("--speeds", type=_numbers, metavar="3,5", help="curriculum: serve speeds in m/s, 3 to 9")
-    parser.add_argument("--episodes", type=_counts, metavar="800,900", help="of each stage, or one number for all")
-    parser.add_argument("--advance", choices=("episodes", "converged"), help="when a stage ends (default: episodes)")
-    parser.add_argument("--reward", choices=get_args(RewardKind), help="default: cdta")
-    parser.add_argument("--replay", choices=get_args(ReplayRule), help="what a new stage keeps (default: threshold)")
-    parser.add_argument("--seeds", type=positive_int, metavar="N", help="independent repetitions (default: 1)")
-    parser.add_argument("--first-seed", type=int, metavar="N", help="number of the first one (default: 0)")
-    parser.add_argument("--state-source", choices=get_args(StateSource), help="how arriving balls are perceived")
-    parser.add_argument("--physics", choices=("paper", "real"), help="default: paper")
-    parser.add_argument("--serves", choices=("standard", "hard"), help="default: standard")
-    parser.add_argument(
-        "--source", metavar="tcp://HOST:PORT", help="play every ball in a simulation server (its outcomes are the same)"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NewRunArguments:
+    """What describes a new run, and so cannot stand beside --resume."""
+
+    config: Path | None = flag("a config.toml; other options change it", "FILE")
+    agent: AgentName | None = setting_flag(
+        RunConfig, "agent", what="who learns; the defaults below are those of ddpg, the paper's"
     )
-    parser.add_argument("--json", action="store_true", help="print a summary as JSON")
+    speeds: Numbers | None = flag("curriculum: serve speeds in m/s, 3 to 9", "3,5")
+    episodes: Counts | None = flag("of each stage, or one number for all", "800,900")
+    advance: Literal["episodes", "converged"] | None = setting_flag(CurriculumConfig, "advance")
+    reward: RewardKind | None = setting_flag(RewardConfig, "kind", what="what a ball earns")
+    replay: ReplayRule | None = setting_flag(CurriculumConfig, "replay")
+    seeds: PositiveInt | None = setting_flag(RunConfig, "seeds", "N")
+    first_seed: int | None = setting_flag(RunConfig, "first_seed", "N")
+    state_source: StateSource | None = setting_flag(EnvironmentConfig, "state_source")
+    physics: Profile | None = flag("how balls fly and bounce", default="paper")
+    serves: Literal["standard", "hard"] | None = flag("which balls come", default="standard")
 
 
-def run(arguments: argparse.Namespace) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainArguments:
+    """Train a policy, or go on with a run that was stopped or killed."""
+
+    out: Path = flag("folder of the run", "RUN")
+    resume: bool = flag("go on with the run in that folder")
+    new: NewRunArguments
+    source: str | None = flag("play every ball in a simulation server (its outcomes are the same)", "tcp://HOST:PORT")
+    json: bool = flag("print a summary as JSON")
+
+
+def run(arguments: TrainArguments) -> None:
     """Train until the end, or until interrupted: then the run can be resumed."""
-    folder: Path = arguments.out
+    folder = arguments.out
     if arguments.resume:
-        given = [name for name in OPTIONS if getattr(arguments, name) is not None]
-        if given:
-            names = ", ".join("--" + name.replace("_", "-") for name in given)
+        if options := given(dataclasses.asdict(arguments.new)):
+            names = ", ".join("--" + name.replace("_", "-") for name in options)
             raise CommandError("a resumed run keeps its settings", got=names, remedy="leave them out")
         config = read_run(folder)
     else:
-        config = requested_run(arguments)
+        config = requested_run(arguments.new)
     with open_backend(config, arguments.source) as backend:
         if not arguments.resume:
             create_run(folder, config)
         from core.learning.runs.running import run_training  # late: torch takes a second, a mistake should not
 
-        ended = threading.Event()
-        for name in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(name, lambda *_: ended.set())
+        ended = end_event()
         with progress_bar(f"Training {config.agent}") as progress:
             state = run_training(folder, progress=progress, stopped=ended.is_set, backend=backend)
     _report(folder, config, state, as_json=arguments.json)
 
 
-def requested_run(arguments: argparse.Namespace) -> RunConfig:
+def requested_run(arguments: NewRunArguments) -> RunConfig:
     """The run that the options describe."""
     config = load_config(RunConfig, arguments.config) if arguments.config else default_run(arguments.agent or "ddpg")
-    if arguments.config and arguments.agent:
-        config = dataclasses.replace(config, agent=arguments.agent)
+    environment, state_source = config.environment, arguments.state_source or config.environment.state_source
     if arguments.physics or arguments.serves:
-        source = config.environment.state_source
-        environment = environment_profile(
-            arguments.physics or "paper", serves=arguments.serves or "standard", state_source=source
-        )
-        config = dataclasses.replace(config, environment=environment)
-    if arguments.state_source:
-        environment = dataclasses.replace(config.environment, state_source=arguments.state_source)
-        config = dataclasses.replace(config, environment=environment)
-    if config.environment.state_source == "events" and not arguments.config:
-        config = dataclasses.replace(config, evaluation_balls=BALLS_BEFORE_CAMERAS)
-    if arguments.reward:
-        config = dataclasses.replace(config, reward=dataclasses.replace(config.reward, kind=arguments.reward))
-    counts = {"seeds": arguments.seeds, "first_seed": arguments.first_seed}
-    config = dataclasses.replace(config, **{name: value for name, value in counts.items() if value is not None})
-    return dataclasses.replace(config, curriculum=_curriculum(config, arguments))
+        physics, serves = arguments.physics or "paper", arguments.serves or "standard"
+        environment = environment_profile(physics, serves=serves, state_source=state_source)
+    few = state_source == "events" and not arguments.config
+    return dataclasses.replace(
+        config,
+        environment=dataclasses.replace(environment, state_source=state_source),
+        evaluation_balls=BALLS_BEFORE_CAMERAS if few else config.evaluation_balls,
+        reward=dataclasses.replace(config.reward, **given({"kind": arguments.reward})),
+        curriculum=_curriculum(config.curriculum, arguments),
+        **given({"agent": arguments.agent, "seeds": arguments.seeds, "first_seed": arguments.first_seed}),
+    )
 
 
-def _curriculum(config: RunConfig, arguments: argparse.Namespace) -> CurriculumConfig:
-    curriculum = config.curriculum
-    speeds: tuple[float, ...] = arguments.speeds or curriculum.speeds_mps
-    episodes: tuple[int, ...] = arguments.episodes or curriculum.episodes
+def _curriculum(curriculum: CurriculumConfig, arguments: NewRunArguments) -> CurriculumConfig:
+    speeds = arguments.speeds or curriculum.speeds_mps
+    episodes = arguments.episodes or curriculum.episodes
     if len(episodes) == 1:
         episodes *= len(speeds)
     elif arguments.episodes is None and len(speeds) != len(episodes):
         # Another number of stages: the first stage as long as usual, all others as the usual last one.
         episodes = (episodes[0],) + (episodes[-1],) * (len(speeds) - 1)
-    return dataclasses.replace(
-        curriculum,
-        speeds_mps=speeds,
-        episodes=episodes,
-        advance=arguments.advance or curriculum.advance,
-        replay=arguments.replay or curriculum.replay,
-    )
+    rules = given({"advance": arguments.advance, "replay": arguments.replay})
+    return dataclasses.replace(curriculum, speeds_mps=speeds, episodes=episodes, **rules)
 
 
 def _report(folder: Path, config: RunConfig, state: str, *, as_json: bool) -> None:
@@ -136,16 +130,3 @@ def _report(folder: Path, config: RunConfig, state: str, *, as_json: bool) -> No
         error = line["error_mm"]
         shown = "-" if error is None else f"{error:.0f} mm from the target"
         print(f"seed {line['seed']}: {100 * line['returned']:.1f} % returned at {line['speed_mps']:g} m/s, {shown}")
-
-
-def _numbers(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"expected numbers with commas between, got {text!r}") from None
-
-
-def _counts(text: str) -> tuple[int, ...]:
-    if not all(part.strip().isdecimal() and int(part) > 0 for part in text.split(",")):
-        raise argparse.ArgumentTypeError(f"expected whole numbers above 0 with commas between, got {text!r}")
-    return tuple(int(part) for part in text.split(","))

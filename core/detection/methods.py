@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Literal, get_args
 
 from core.detection.config import DetectorConfig, auto_config, paper_config
 from core.detection.detector import Detector
@@ -10,12 +10,29 @@ from core.detection.fast.detector import FastDetector
 from core.errors import CommandError, NotBuiltError
 from core.events import SensorSize
 
-METHODS: Final = {
+Method = Literal["auto", "paper"]
+METHODS: Final[dict[Method, str]] = {
     "auto": "the paper's stages, the leading polarity decided from the data",
     "paper": "the paper's stages, ON always leads",
 }
 """Those that work, with what they are."""
 PLANNED: Final = ("refined", "ebpp", "fe-fusion", "yolo")
+
+
+def method_named(name: str) -> Method:
+    """The method of that name.
+
+    Raises:
+        NotBuiltError: for a method that is planned.
+        CommandError: for any other name.
+    """
+    for method in get_args(Method):
+        if method == name:
+            return method
+    known = " | ".join(METHODS)
+    if name in PLANNED:
+        raise NotBuiltError(f"the method {name!r} is not built yet", remedy=f"use {known}")
+    raise CommandError(f"no method {name!r}", expected=known)
 
 
 def method_config(method: str, config: DetectorConfig | None = None) -> DetectorConfig:
@@ -25,14 +42,7 @@ def method_config(method: str, config: DetectorConfig | None = None) -> Detector
         NotBuiltError: for a method that is planned.
         CommandError: for any other name.
     """
-    if method == "auto":
-        return config or auto_config()
-    if method == "paper":
-        return paper_config(config)
-    known = " | ".join(METHODS)
-    if method in PLANNED:
-        raise NotBuiltError(f"the method {method!r} is not built yet", remedy=f"use {known}")
-    raise CommandError(f"no method {method!r}", expected=known)
+    return paper_config(config) if method_named(method) == "paper" else config or auto_config()
 
 
 def make_detector(method: str, sensor: SensorSize, config: DetectorConfig | None = None) -> Detector:

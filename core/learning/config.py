@@ -253,6 +253,7 @@ class RunConfig:
     seeds: int = setting(1, 1, 1000)
     """Independent repetitions."""
     first_seed: int = setting(0, 0, 2**31 - 1)
+    """Number of the first repetition."""
     checkpoint_every: int = setting(50, 1, 100_000)
     """Episodes between checkpoints; each also evaluates the policy (paper: every 50)."""
     evaluation_balls: int = setting(500, 1, 100_000)

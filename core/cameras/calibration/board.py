@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 import cv2
 import numpy as np
@@ -16,7 +16,8 @@ from core.geometry import invert_transform, transform_points
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
-KINDS: Final = ("chessboard", "dots")
+BoardKind = Literal["chessboard", "dots"]
+KINDS: Final = get_args(BoardKind)
 DOT_SHARE: Final = 0.25
 """Radius of a drawn dot, in spacings."""
 MARGIN: Final = 1.2
@@ -29,7 +30,7 @@ SUBPIXELS: Final = 3
 class Board:
     """`rows` by `columns` points, `spacing_m` apart: the inner corners of a chessboard, or the centres of dots."""
 
-    kind: Literal["chessboard", "dots"]
+    kind: BoardKind
     rows: int
     columns: int
     spacing_m: float

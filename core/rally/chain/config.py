@@ -9,6 +9,7 @@ from typing import Final, Literal
 from core.cameras import TriangulationConfig
 from core.config import check_settings, setting
 from core.detection import DetectorConfig
+from core.detection.methods import Method
 from core.trajectory import (
     FilterConfig,
     FilterPredictor,
@@ -94,7 +95,7 @@ class SizeCheckConfig:
 class ChainConfig:
     """Detector, triangulation, flight, prediction."""
 
-    method: Literal["auto", "paper"] = "auto"
+    method: Method = "auto"
     """The detector."""
     detector: DetectorConfig = field(default_factory=DetectorConfig)
     triangulation: TriangulationConfig = field(default_factory=TriangulationConfig)

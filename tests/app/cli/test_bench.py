@@ -6,24 +6,13 @@ import pytest
 from app.cli import bench, main
 
 
-def test_rows_become_a_table_with_numbers_under_their_titles() -> None:
-    rows: list[dict[str, object]] = [{"mode": "full", "p50_ms": 0.1234, "windows": 1000}]
-    rows.append({"mode": "roi", "p50_ms": None, "windows": 7})
-    assert bench.format_table(rows).splitlines() == [
-        "mode  p50_ms  windows",
-        "full   0.123     1000",
-        " roi       -        7",
-    ]
-    assert bench.format_table([]) == "nothing was measured"
-
-
 def test_json_is_what_the_bench_returns(monkeypatch, capsys) -> None:
     report = {"rows": [{"a": 1.5}], "machine": {"cpu": "x"}}
     module = types.SimpleNamespace(run=lambda progress: progress(1.0) or report)
     monkeypatch.setattr(bench.importlib, "import_module", lambda name: module)
-    bench.run(types.SimpleNamespace(name="detection", count=None, json=True))  # pyright: ignore[reportArgumentType]
+    bench.run(bench.BenchArguments(name="detection", count=None, json=True))
     assert json.loads(capsys.readouterr().out) == report
-    bench.run(types.SimpleNamespace(name="detection", count=None, json=False))  # pyright: ignore[reportArgumentType]
+    bench.run(bench.BenchArguments(name="detection", count=None, json=False))
     assert capsys.readouterr().out.splitlines() == ["    a", "1.500", 'machine: {"cpu": "x"}']
 
 

@@ -1,6 +1,5 @@
 """`rallyscope serve` as a process, without a browser."""
 
-import argparse
 import json
 import re
 import shutil
@@ -15,8 +14,15 @@ from pathlib import Path
 import pytest
 
 from app.cli import main, serve
+from app.cli.arguments import Parser, add_arguments, read_arguments
 
 SERVE = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main(sys.argv[1:]))", "serve"]
+
+
+def asked(*words: str) -> serve.ServeArguments:
+    parser = Parser()
+    add_arguments(parser, serve.ServeArguments)
+    return read_arguments(serve.ServeArguments, parser.parse_args(words))
 
 
 def start(arguments: list[str], log: Path) -> tuple[subprocess.Popen, str]:
@@ -72,11 +78,9 @@ def test_its_own_simulation_is_told_the_physics_and_the_balls(tmp_path) -> None:
     states = tmp_path / "states.json"
     keys = ("pos_x", "pos_y", "pos_z", "vel_x", "vel_y", "vel_z", "w_vel_x", "w_vel_y", "w_vel_z")
     states.write_text(json.dumps([dict(zip(keys, (0, 1.2, 0.35, 0, -5.0, 1.0, 0, 0, 0), strict=True))]))
-    parser = argparse.ArgumentParser()
-    serve.add_arguments(parser)
     told = ["--physics", "paper", "--ball-states", str(states)]
-    assert serve.own_simulation(parser.parse_args(told), "live") == told
-    assert serve.own_simulation(parser.parse_args([]), None) == []
+    assert serve.own_simulation(asked(*told), "live") == told
+    assert serve.own_simulation(asked(), None) == []
 
 
 def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> None:

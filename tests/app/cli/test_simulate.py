@@ -159,7 +159,7 @@ MISTAKES = [
     (("--cameras", "moon"), "side, ceiling, behind or a calibration file"),
     (("--cameras", __file__), "--sensor goes with a placement"),
     (("--scene", "moon"), "ball, dark"),
-    (("--physics", "moon"), "paper or real"),
+    (("--physics", "moon"), "invalid choice"),
     (("--wall", "2"), "SceneConfig.wall"),
     (("--flicker", "0.6"), "SceneConfig.flicker"),
     (("--flicker-hz", "0"), "SceneConfig.flicker_hz"),

@@ -42,7 +42,7 @@ def test_a_run_is_trained_refused_twice_and_evaluated(tmp_path: Path, capsys: py
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--speeds", "3,x"], "numbers with commas"),
+        (["--speeds", "3,x"], "numbers between commas"),
         (["--speeds", "2"], "3 to 9 m/s"),
         (["--speeds", "3,5,7", "--episodes", "10,20"], "one number of episodes per speed"),
         (["--episodes", "0"], "whole numbers above 0"),

@@ -1,0 +1,18 @@
+"""Rows of figures as text for a terminal."""
+
+from __future__ import annotations
+
+
+def format_table(rows: list[dict[str, object]]) -> str:
+    """Rows with the same keys as text, numbers to the right and to three decimals."""
+    if not rows:
+        return "nothing was measured"
+    cells = [list(rows[0]), *([_cell(row.get(title)) for title in rows[0]] for row in rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    return "\n".join("  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in cells)
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
