@@ -158,7 +158,7 @@ def update_tiles(pixels, scene, steps, step, posed, updates, timing, events):
     posed_parts(scene, posed)
     ball_m = steps.rows[step, 2] if steps.rows[step, 2] > 0.0 else math.inf
     while updates.listed[0] > 0:
-        count = events.count[0]
+        count = events.filled[0]
         if count + TILE_PX * TILE_PX * EVENTS_PER_PIXEL > len(event_rows):
             return False
         updates.listed[0] -= 1
@@ -189,5 +189,5 @@ def update_tiles(pixels, scene, steps, step, posed, updates, timing, events):
                 start_us = rows[pixel, TIME_US]
                 fall = decay if start_us == before_us else receptor_decay(start_us, now_us, timing)
                 count = follow_pixel(rows, pixel, goal, now_us, fall, timing, event_rows, count)
-        events.count[0] = count
+        events.filled[0] = count
     return True

@@ -52,7 +52,9 @@ class EventCamera:
         self._scene = scene
         self._config = config
         self._rng = rng
-        self._view = make_scene_view(camera, scene, make_background(camera, scene), bodies and bodies.parts)
+        self._view = make_scene_view(
+            camera, scene, make_background(camera, scene), None if bodies is None else bodies.parts
+        )
         self._bodies = BodyView(camera, bodies)
         self._pixels = make_pixels(self._view.maps[:, LOG_LIGHT], config, rng)
         self._timing = PixelTiming(float(config.photoreceptor_us), float(config.refractory_us))
@@ -110,7 +112,7 @@ class EventCamera:
         steps = moving_steps(self.camera, self._scene, path, seen, start_us, end_us, least)
         if racket is not None and steps is not None and steps.strides[RACKET]:
             self._racket_seen = steps.outlines[-1]
-        self._events.count[0] = 0
+        self._events.filled[0] = 0
         if steps is not None:
             if self._fresh:
                 update_spans(self._pixels, self._view, steps, bodies, self._bodies.updates, self._timing, self._events)
@@ -136,7 +138,7 @@ class EventCamera:
 
     def _sorted(self, start_us: int, end_us: int) -> RawEvents:
         """The buffer in order of time, whole microseconds; of equal times, the pixel that was swept first is first."""
-        rows = self._events.rows[: self._events.count[0]]
+        rows = self._events.rows[: self._events.filled[0]]
         t_us = np.clip(np.floor(rows[:, EVENT_TIME_US]).astype(np.int64), start_us, end_us - 1)
         order = np.argsort(t_us, kind="stable")
         found = rows[order]

@@ -53,7 +53,7 @@ def has_room(steps, step, events):
             stride = steps.strides[part]
             x0, y0, x1, y1 = union_box(boxes[(step - 1) // stride * stride, part], boxes[step, part])
             most += (x1 - x0) * (y1 - y0)
-    return events.count[0] + most * EVENTS_PER_PIXEL <= len(events.rows)
+    return events.filled[0] + most * EVENTS_PER_PIXEL <= len(events.rows)
 
 
 @njit(error_model="numpy")
@@ -62,7 +62,7 @@ def event_kernel_step(pixels, scene, steps, step, spans_before, spans_now, timin
     # Out of the tuples once: numba counts references to an array each time that it is taken from one.
     rows, active, event_rows, maps, layers = pixels.rows, pixels.active, events.rows, scene.maps, scene.layers
     t_us, boxes, last = steps.t_us, steps.boxes, len(steps.t_us) - 1
-    now_us, count = t_us[step], events.count[0]
+    now_us, count = t_us[step], events.filled[0]
     swing = steps.swing.log_light[step] if len(steps.swing.log_light) else 0.0
     for part in range(boxes.shape[1]):
         if not is_looked_at(steps, step, part):
@@ -112,7 +112,7 @@ def event_kernel_step(pixels, scene, steps, step, spans_before, spans_now, timin
                     start_us = before_us
                 fall = decay if start_us == before_us else receptor_decay(start_us, now_us, timing)
                 count = follow_pixel(rows, pixel, goal, now_us, fall, timing, event_rows, count)
-    events.count[0] = count
+    events.filled[0] = count
 
 
 @njit(error_model="numpy")

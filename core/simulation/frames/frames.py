@@ -79,12 +79,13 @@ class FrameCamera:
         self.camera = camera
         self._config, self._rng = config, rng
         self._scenes = coloured_scenes(scene, config.ball_colour)
+        tinted = [None if bodies is None else tinted_parts(bodies.parts, channel) for channel in range(3)]
         self._views = [
-            make_scene_view(camera, own, make_background(camera, own), bodies and tinted_parts(bodies.parts, channel))
-            for channel, own in enumerate(self._scenes)
+            make_scene_view(camera, own, make_background(camera, own), parts)
+            for own, parts in zip(self._scenes, tinted, strict=True)
         ]
         self._still = np.stack([np.exp(view.maps[:, LOG_LIGHT]) for view in self._views], axis=1)
-        self._bodies = bodies and FrameBodies(camera, bodies, self._views)
+        self._bodies = None if bodies is None else FrameBodies(camera, bodies, self._views)
         self._tones = np.rint(255.0 * np.linspace(0.0, 1.0, TONES) ** (1.0 / config.gamma)).astype(np.uint8)
 
     def take(self, path: BallPath, racket: RacketPath | None, t_us: int) -> NDArray[np.uint8]:

@@ -60,7 +60,7 @@ def flicker_all_pixels(pixels, width, steps, step, timing, events):
     t_us, swings = steps.t_us, steps.swing.log_light
     now_us, each_us = t_us[step], t_us[1] - t_us[0]
     for first in range(0, len(rows), width):
-        count = events.count[0]
+        count = events.filled[0]
         if count + width * EVENTS_PER_PIXEL > len(event_rows):
             return False
         for pixel in range(first, first + width):
@@ -76,5 +76,5 @@ def flicker_all_pixels(pixels, width, steps, step, timing, events):
                 start_us = t_us[0]
             decay = receptor_decay(start_us, now_us, timing)
             count = ramp_pixel(rows, pixel, goal, now_us, decay, timing, event_rows, count)
-        events.count[0] = count
+        events.filled[0] = count
     return True

@@ -42,7 +42,8 @@ class Steps(NamedTuple):
 @njit(error_model="numpy")
 def moving_at(steps, step, see_ball, see_shadow, see_racket):
     """Ball and racket at a substep."""
-    ball, racket = to_fixed_tuple(steps.rows[step], BALL_COLUMNS), to_fixed_tuple(steps.rackets[step], RACKET_COLUMNS)
+    ball = to_fixed_tuple(steps.rows[step], BALL_COLUMNS)  # pyright: ignore[reportCallIssue] - a numba intrinsic
+    racket = to_fixed_tuple(steps.rackets[step], RACKET_COLUMNS)  # pyright: ignore[reportCallIssue]
     return Moving(ball, racket, see_ball, see_shadow, see_racket)
 
 

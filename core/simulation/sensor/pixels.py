@@ -49,8 +49,8 @@ class EventBuffer(NamedTuple):
 
     rows: NDArray[np.float64]
     """(capacity, 3): time in microseconds, pixel index, 1 for ON; all exact."""
-    count: NDArray[np.int64]
-    """(1,) how many rows are filled."""
+    filled: NDArray[np.int64]
+    """(1,) how many rows hold an event."""
 
     @staticmethod
     def empty(capacity: int) -> EventBuffer:
@@ -59,7 +59,7 @@ class EventBuffer(NamedTuple):
 
     def doubled(self) -> EventBuffer:
         """The same events in a buffer with twice the room."""
-        return EventBuffer(np.concatenate([self.rows, np.empty_like(self.rows)]), self.count)
+        return EventBuffer(np.concatenate([self.rows, np.empty_like(self.rows)]), self.filled)
 
 
 @njit(error_model="numpy")
@@ -204,7 +204,7 @@ def settle_active(pixels, end_us, timing, events):
     Returns false, and does nothing, if the buffer might overflow: call again with a larger one.
     """
     rows, active, active_list = pixels.rows, pixels.active, pixels.active_list
-    count, kept = events.count[0], 0
+    count, kept = events.filled[0], 0
     if count + pixels.active_count[0] * EVENTS_PER_PIXEL > len(events.rows):
         return False
     for place in range(pixels.active_count[0]):
@@ -216,5 +216,5 @@ def settle_active(pixels, end_us, timing, events):
         else:
             active_list[kept] = pixel
             kept += 1
-    events.count[0], pixels.active_count[0] = count, kept
+    events.filled[0], pixels.active_count[0] = count, kept
     return True
