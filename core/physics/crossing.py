@@ -60,7 +60,7 @@ def piece_at(a: Array, b: Array, h: float, t: float, out: Array) -> None:
 
 @njit
 def _plane_value(
-    which: int, a: Array, b: Array, h: float, racket_a: Array, racket_b: Array, heading: float, hit_x: float, t: float
+    which: int, a: Array, b: Array, h: float, racket_a: Array, racket_b: Array, hit_x: float, t: float
 ) -> float:
     """The signed distance that falls through zero at a crossing of plane `which`."""
     if which == DOWN:
@@ -82,6 +82,7 @@ def _plane_value(
             value += (ball - face) * n / math.sqrt(length)
         return value
     x = _cubic(a[0], a[3], b[0], b[3], h, t)
+    heading = 1.0 if a[3] > 0 else -1.0
     if which == NET_PLANE:
         return -heading * x
     if which == END_PLANE:
@@ -95,21 +96,20 @@ def find_crossings(a: Array, b: Array, h: float, racket_a: Array, racket_b: Arra
 
     `a`, `b` are ball states (9,); `racket_a`, `racket_b` hold position, velocity and normal of the face (9,).
     """
-    heading = 1.0 if a[3] > 0 else -1.0
     for which in range(COUNT):
         times[which] = math.nan
         low, high = 0.0, h
-        at_low = _plane_value(which, a, b, h, racket_a, racket_b, heading, hit_x, low)
-        at_high = _plane_value(which, a, b, h, racket_a, racket_b, heading, hit_x, high)
+        at_low = _plane_value(which, a, b, h, racket_a, racket_b, hit_x, low)
+        at_high = _plane_value(which, a, b, h, racket_a, racket_b, hit_x, high)
         if which == DOWN and abs(at_low) < 1e-12 and a[5] > 0:
             # Just bounced: look for the next fall from the top of the hop on, not for the bounce itself.
             low = min(h, a[5] / GRAVITY_MPS2)
-            at_low = _plane_value(which, a, b, h, racket_a, racket_b, heading, hit_x, low)
+            at_low = _plane_value(which, a, b, h, racket_a, racket_b, hit_x, low)
         if not (at_low > 0 and at_high <= 0):
             continue
         for _ in range(60):
             middle = (low + high) / 2
-            if _plane_value(which, a, b, h, racket_a, racket_b, heading, hit_x, middle) > 0:
+            if _plane_value(which, a, b, h, racket_a, racket_b, hit_x, middle) > 0:
                 low = middle
             else:
                 high = middle

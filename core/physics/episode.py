@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +24,20 @@ class Case(IntEnum):
     OUT = 3
     RETURNED = 4
     MISSED = 5
+
+
+class TimedStates(NamedTuple):
+    """Balls at one moment each; NaN for a ball that has none."""
+
+    t_s: Array
+    """(N,)."""
+    states: Array
+    """(N, 9) position, velocity and spin."""
+
+    @staticmethod
+    def unknown(count: int) -> TimedStates:
+        """To be filled in."""
+        return TimedStates(np.full(count, np.nan), np.full((count, 9), np.nan))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,7 +8,7 @@ flooding pixels in the order of their first events, counting each with its numbe
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numba.cpython.unsafe.numbers import trailing_zeros
@@ -19,6 +19,25 @@ from core.events import Events, SensorSize
 from core.jit import njit
 
 ONE: Final = np.uint64(1)
+
+
+class PixelGrid(NamedTuple):
+    """The pixels of some events on a grid with an empty margin, and their clusters."""
+
+    numbers: NDArray[np.int32]
+    """Number of its pixel + 1 in each cell, row by row; 0 where there is none."""
+    stride: int
+    """Cells from a row to the next."""
+    disc: NDArray[np.int64]
+    """(2, K) see `neighbour_rows`."""
+    cells: NDArray[np.int32]
+    """Cell of each pixel."""
+    sizes: NDArray[np.int32]
+    """Events of pixel k at k + 1; 0 at 0."""
+    labels: NDArray[np.int32]
+    """Cluster of each pixel, or of each event if time counts."""
+    stack: NDArray[np.int32]
+    """Room for what is still to be looked at."""
 
 
 def neighbour_rows(eps_px: float) -> NDArray[np.int64]:
@@ -37,13 +56,12 @@ def grid_labels(events: Events, config: ClusterConfig) -> NDArray[np.int32]:
     grid = np.zeros(grid_size(events.sensor, rows), np.int32)
     pixel_of, cells, sizes, labels, stack, following = np.empty((6, count + 1), np.int32)
     pixels = _collect(events.x_px, events.y_px, grid, frame, pixel_of, cells, sizes)
+    known = PixelGrid(grid, frame[0], rows, cells, sizes, labels, stack)
     if config.time_scale_px_per_ms > 0 and count:
         times = scaled_time(events.t_us, config.time_scale_px_per_ms)
-        chains = pixel_of, cells, pixels, sizes, following
-        label_in_time(times, grid, frame[0], *chains, rows, config.eps_px, config.min_samples, labels, stack)
+        label_in_time(known, pixels, pixel_of, following, times, config.eps_px, config.min_samples)
         return labels[:count]
-    free = np.zeros(len(grid) // 64 + 2, np.uint64)
-    label_pixels(grid, frame[0], free, cells, sizes, pixels, rows, config.min_samples, labels, stack)
+    label_pixels(known, pixels, np.zeros(len(grid) // 64 + 2, np.uint64), config.min_samples)
     return labels[pixel_of[:count]]
 
 
@@ -91,12 +109,13 @@ def _collect(x_px, y_px, grid, frame, pixel_of, cells, sizes):
 
 
 @njit
-def label_pixels(grid, stride, free, cells, sizes, pixels, rows, min_samples, labels, queue):
-    """DBSCAN over pixels in the order of their first events; fills labels[:pixels], returns the number of clusters.
+def label_pixels(known, pixels, free, min_samples):
+    """DBSCAN over the pixels of a `PixelGrid` in the order of their first events; returns the number of clusters.
 
     `free`, empty before and after, has a bit for each cell whose pixel has no label yet. The flood works on up to 64
     cells of a row at once: an entry of the queue is a first cell and a mask of the core pixels from there on.
     """
+    grid, stride, rows, cells, sizes, labels, queue = known
     masks = np.empty(pixels, np.uint64)
     limit = 65 - rows.shape[1]  # a mask of more bits would lose some when it is widened
     for pixel in range(pixels):
@@ -104,7 +123,7 @@ def label_pixels(grid, stride, free, cells, sizes, pixels, rows, min_samples, la
     labels[:pixels] = -1
     clusters = 0
     for seed in range(pixels):
-        if labels[seed] != -1 or not _is_core(grid, stride, cells[seed], sizes, rows, min_samples):
+        if labels[seed] != -1 or not _is_core(grid, stride, np.int64(cells[seed]), sizes, rows, min_samples):
             continue
         labels[seed] = clusters
         free[cells[seed] >> 6] &= ~(ONE << np.uint64(cells[seed] & 63))
@@ -171,14 +190,12 @@ def _is_core(grid, stride, middle, sizes, rows, min_samples):
 
 
 @njit
-def label_in_time(
-    times, grid, stride, pixel_of, cells, pixels, heads, following, rows, eps, min_samples, labels, stack
-):
-    """DBSCAN over events with time as a third axis; fills labels[:N], returns the number of clusters.
+def label_in_time(known, pixels, pixel_of, following, times, eps, min_samples):
+    """DBSCAN over the events of a `PixelGrid` with time as a third axis; returns the number of clusters.
 
-    `heads` and `following` are overwritten with the chain of events of each pixel.
+    `sizes` and `following` are overwritten with the chain of events of each pixel.
     """
-    count = len(times)
+    count, heads, labels, stack = len(times), known.sizes, known.labels, known.stack
     heads[:pixels] = -1
     for i in range(count):
         following[i] = heads[pixel_of[i]]
@@ -189,7 +206,7 @@ def label_in_time(
     for seed in range(count):
         if labels[seed] != -1:
             continue
-        found = _near_in_time(times, seed, grid, stride, pixel_of, cells, heads, following, rows, eps, near)
+        found = _near_in_time(known, pixel_of, following, times, seed, eps, near)
         if found < min_samples:
             continue
         labels[seed] = clusters
@@ -197,7 +214,7 @@ def label_in_time(
         depth = 1
         while depth:
             depth -= 1
-            found = _near_in_time(times, stack[depth], grid, stride, pixel_of, cells, heads, following, rows, eps, near)
+            found = _near_in_time(known, pixel_of, following, times, np.int64(stack[depth]), eps, near)
             if found < min_samples:
                 continue
             for k in range(found):
@@ -210,7 +227,8 @@ def label_in_time(
 
 
 @njit
-def _near_in_time(times, event, grid, stride, pixel_of, cells, heads, following, rows, eps, near):
+def _near_in_time(known, pixel_of, following, times, event, eps, near):
+    grid, stride, rows, cells, heads = known.numbers, known.stride, known.disc, known.cells, known.sizes
     found = 0
     middle = cells[pixel_of[event]]
     for k in range(rows.shape[1]):

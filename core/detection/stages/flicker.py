@@ -7,6 +7,7 @@ once a period; several rises in a row at such a spacing are flicker, a passing b
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +42,7 @@ class FlickerConfig:
             )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FlickerMemory:
+class FlickerMemory(NamedTuple):
     """What is remembered of each pixel, (height, width) each."""
 
     risen_us: NDArray[np.int64]
@@ -68,11 +68,12 @@ def keep_steady_pixels(events: Events, memory: FlickerMemory, config: FlickerCon
     shortest_us = int(1e6 / config.frequency_max_hz)
     longest_us = int(1e6 / config.frequency_min_hz)
     columns = events.t_us, events.x_px, events.y_px, events.on
-    return _keep(*columns, memory.risen_us, memory.was_on, memory.cycles, shortest_us, longest_us, config.cycles_min)
+    return _keep(*columns, memory, shortest_us, longest_us, config.cycles_min)
 
 
 @njit
-def _keep(t_us, x_px, y_px, on, risen_us, was_on, cycles, shortest_us, longest_us, cycles_min):
+def _keep(t_us, x_px, y_px, on, memory, shortest_us, longest_us, cycles_min):
+    risen_us, was_on, cycles = memory
     keep = np.empty(len(t_us), np.bool_)
     for i in range(len(t_us)):
         x, y = x_px[i], y_px[i]

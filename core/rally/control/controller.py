@@ -19,6 +19,7 @@ from core.rally.control.stroke_solver import (
     SPEED,
     TILT,
     TURN,
+    StrokeProblem,
     StrokeSolution,
     is_as_wanted,
     search_stroke,
@@ -193,9 +194,10 @@ class BuiltInController:
         wanted = np.array([goal[0], goal[1], NET_HEIGHT_M + BALL_RADIUS_M + self.config.net_clearance_m])
         start = np.clip(np.array([START_TILT_RAD - base, 0.0, _first_speed(ball)]), low, high)
         x, reached = np.empty(3), np.empty(3)
-        spent = solve_stroke(ball, wanted, start, low, high, self._rubber, self._air, x, reached)
+        problem = StrokeProblem(ball, wanted, low, high, self._rubber, self._air)
+        spent = solve_stroke(problem, start, x, reached)
         if not spent or not is_as_wanted(reached, wanted):
-            spent += search_stroke(ball, wanted, low, high, self._rubber, self._air, x, reached)
+            spent += search_stroke(problem, x, reached)
             if math.isnan(x[0]):
                 return None
         return StrokeSolution(x[TILT] + base, x[TURN], x[SPEED], reached[0], reached[1], reached[2], spent)

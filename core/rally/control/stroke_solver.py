@@ -44,6 +44,21 @@ LONGEST: Final = (0.2, 0.2, 2.0)
 """Steps beyond which the linear model means nothing."""
 
 
+class StrokeProblem(NamedTuple):
+    """A ball, and what a stroke is to make of it."""
+
+    ball: Array
+    """(9,) position, velocity and spin at the racket."""
+    wanted: Array
+    """(3,) landing x, y and height of the ball's centre at the net, metres."""
+    low: Array
+    """(3,) least tilt, turn and speed."""
+    high: Array
+    """(3,) largest ones."""
+    rubber: Surface
+    air: Air
+
+
 class StrokeSolution(NamedTuple):
     """What the solver found, and what it expects to come of it."""
 
@@ -85,9 +100,9 @@ def _miss(reached: Array, wanted: Array) -> float:
 
 
 @njit
-def _step(ball: Array, x: Array, reached: Array, wanted: Array, low: Array, high: Array, rubber: Surface, air: Air,
-          damping: float, step: Array) -> bool:  # fmt: skip
+def _step(problem: StrokeProblem, x: Array, reached: Array, damping: float, step: Array) -> bool:
     """Write the bounded, damped Gauss-Newton step from `x`; false where the model has no derivative."""
+    ball, wanted, low, high, rubber, air = problem
     J, near, probe = np.empty((3, 3)), np.empty(3), np.empty(3)
     weights = (1.0, 1.0, HEIGHT_WEIGHT)
     for k in range(3):
@@ -123,13 +138,9 @@ def _step(ball: Array, x: Array, reached: Array, wanted: Array, low: Array, high
 
 
 @njit
-def solve_stroke(
-    ball: Array, wanted: Array, start: Array, low: Array, high: Array, rubber: Surface, air: Air, x: Array, best: Array
-) -> int:
-    """Write the stroke (3,) to `x` and what it reaches (3,) to `best`; the evaluations it took, 0 if none plays.
-
-    `wanted` is landing x, y and the height of the ball's centre at the net; `low` and `high` bound the stroke.
-    """
+def solve_stroke(problem: StrokeProblem, start: Array, x: Array, best: Array) -> int:
+    """Write the stroke (3,) to `x` and what it reaches (3,) to `best`; the evaluations it took, 0 if none plays."""
+    ball, wanted, low, high, rubber, air = problem
     trial, reached, step = np.empty(3), np.empty(3), np.empty(3)
     x[:] = start
     if not play_stroke(ball, x[0], x[1], x[2], rubber, air, best):
@@ -138,7 +149,7 @@ def solve_stroke(
     new_cost = cost
     for _ in range(ROUNDS):
         evaluations += 3
-        if not _step(ball, x, best, wanted, low, high, rubber, air, damping, step):
+        if not _step(problem, x, best, damping, step):
             break
         better = False
         for _ in range(6):
@@ -176,13 +187,12 @@ def _is_safe(reached: Array) -> bool:
 
 
 @njit
-def search_stroke(
-    ball: Array, wanted: Array, low: Array, high: Array, rubber: Surface, air: Air, x: Array, best: Array
-) -> int:
+def search_stroke(problem: StrokeProblem, x: Array, best: Array) -> int:
     """Like `solve_stroke` from a grid: the safe stroke that lands nearest, or the one that passes the net highest.
 
     For balls that the wanted stroke cannot be played on, low ones above all. `x` and `best` are NaN if none plays.
     """
+    ball, wanted, low, high, rubber, air = problem
     trial, reached = np.empty(3), np.empty(3)
     x[:], best[:] = math.nan, math.nan
     lowest, found_safe = math.inf, False
@@ -203,7 +213,7 @@ def search_stroke(
         return GRID[TILT] * GRID[TURN] * GRID[SPEED]
     # From the best of the grid on, as near to the landing point as that height over the net allows.
     lower = np.array([wanted[0], wanted[1], min(wanted[2], best[2])])
-    used = solve_stroke(ball, lower, x.copy(), low, high, rubber, air, trial, reached)
+    used = solve_stroke(StrokeProblem(ball, lower, low, high, rubber, air), x.copy(), trial, reached)
     if used and _is_safe(reached) and math.hypot(reached[0] - wanted[0], reached[1] - wanted[1]) < lowest:
         x[:], best[:] = trial, reached
     return used + GRID[TILT] * GRID[TURN] * GRID[SPEED]

@@ -10,7 +10,17 @@ from typing import Final
 import numpy as np
 
 from core.jit import njit
-from core.recordings.sources.evt_time import IGNORE, STOP, TIME_HIGH, judge_time_high, next_time_high
+from core.recordings.sources.evt_time import (
+    BAD_COLUMN,
+    BAD_ROW,
+    BAD_TIME,
+    IGNORE,
+    NO_DAMAGE,
+    STOP,
+    TIME_HIGH,
+    judge_time_high,
+    next_time_high,
+)
 
 EVENT_OFF: Final = 0x0
 EVENT_ON: Final = 0x1
@@ -20,6 +30,8 @@ _SECOND: Final = 1_000_000 // 64
 _MASK: Final = 0xFFFFFFF
 _SUSPECT_WORDS: Final = 4096
 _HIGH, _EPOCH, _LAST_T, _IGNORED = 0, 2, 6, 7
+PLAIN, JUMP, LOST = range(3)
+"""Steps of the coarse time."""
 
 
 def start_state_evt2(words: np.ndarray) -> np.ndarray:
@@ -41,28 +53,29 @@ def _start_state(first: int) -> np.ndarray:
 
 @njit
 def _step_time(words, i, value, state, type_shift, value_shift):
-    """Take in a coarse time; returns 0 for a plain step, 1 for a jump, 2 for the end of what can be trusted."""
+    """Take in a coarse time; returns PLAIN, JUMP, or LOST at the end of what can be trusted."""
     high = state[_HIGH]
     if value == high:
-        return 0
+        return PLAIN
     verdict = judge_time_high(words, i, value, high, type_shift, value_shift, _MASK, _SECOND)
     if verdict == STOP:
-        return 2
+        return LOST
     if verdict == IGNORE:
         state[_IGNORED] += 1
-        return 0
+        return PLAIN
     if value < high:
         state[_EPOCH] += 1 << 34
     state[_HIGH] = value
-    return 1 if ((value - high) & _MASK) > _SECOND else 0
+    return JUMP if ((value - high) & _MASK) > _SECOND else PLAIN
 
 
 @njit
-def decode_evt2(words, state, width, height, t, x, y, on, trigger_t, trigger_on, trigger_id):
+def decode_evt2(words, state, width, height, out):
     """Decode EVT2 words as `decode_evt3` does its own: returns (words used, events, triggers, damage)."""
+    t, x, y, on, trigger_t, trigger_on, trigger_id = out
     last_t = state[_LAST_T]
     base_t = state[_EPOCH] + (state[_HIGH] << 6)
-    events, triggers, damage = 0, 0, 0
+    events, triggers, damage = 0, 0, NO_DAMAGE
     jump_word, jump_events, jump_triggers = -_SUSPECT_WORDS, 0, 0
     room, trigger_room = len(t), len(trigger_t)
     i = 0
@@ -72,20 +85,20 @@ def decode_evt2(words, state, width, height, t, x, y, on, trigger_t, trigger_on,
         if kind in (EVENT_OFF, EVENT_ON):
             column, row = (word >> 11) & 0x7FF, word & 0x7FF
             if column >= width:
-                damage = 2
+                damage = BAD_COLUMN
                 break
             if row >= height:
-                damage = 3
+                damage = BAD_ROW
                 break
             last_t = max(last_t, base_t + ((word >> 22) & 0x3F))
             t[events], x[events], y[events], on[events] = last_t, column, row, kind
             events += 1
         elif kind == TIME_HIGH:
             step = _step_time(words, i, word & _MASK, state, 28, 0)
-            if step == 2:
-                damage = 4
+            if step == LOST:
+                damage = BAD_TIME
                 break
-            if step == 1:
+            if step == JUMP:
                 jump_word, jump_events, jump_triggers = i, events, triggers
             base_t = state[_EPOCH] + (state[_HIGH] << 6)
         elif kind == EXT_TRIGGER:
@@ -100,11 +113,12 @@ def decode_evt2(words, state, width, height, t, x, y, on, trigger_t, trigger_on,
 
 
 @njit
-def decode_evt21(words, state, width, height, t, x, y, on, trigger_t, trigger_on, trigger_id):
+def decode_evt21(words, state, width, height, out):
     """Decode EVT2.1 words as `decode_evt3` does its own: returns (words used, events, triggers, damage)."""
+    t, x, y, on, trigger_t, trigger_on, trigger_id = out
     last_t = state[_LAST_T]
     base_t = state[_EPOCH] + (state[_HIGH] << 6)
-    events, triggers, damage = 0, 0, 0
+    events, triggers, damage = 0, 0, NO_DAMAGE
     jump_word, jump_events, jump_triggers = -_SUSPECT_WORDS, 0, 0
     room, trigger_room = len(t) - 32, len(trigger_t)
     i = 0
@@ -116,13 +130,13 @@ def decode_evt21(words, state, width, height, t, x, y, on, trigger_t, trigger_on
             column, row = (upper >> 11) & 0x7FF, upper & 0x7FF
             pixels = np.int64(word & np.uint64(0xFFFFFFFF))
             if row >= height:
-                damage = 3
+                damage = BAD_ROW
                 break
             last_t = max(last_t, base_t + (upper >> 22))
             while pixels:
                 if pixels & 1:
                     if column >= width:
-                        damage = 2
+                        damage = BAD_COLUMN
                         break
                     t[events], x[events], y[events], on[events] = last_t, column, row, kind
                     events += 1
@@ -132,10 +146,10 @@ def decode_evt21(words, state, width, height, t, x, y, on, trigger_t, trigger_on
                 break
         elif kind == TIME_HIGH:
             step = _step_time(words, i, upper, state, 60, 32)
-            if step == 2:
-                damage = 4
+            if step == LOST:
+                damage = BAD_TIME
                 break
-            if step == 1:
+            if step == JUMP:
                 jump_word, jump_events, jump_triggers = i, events, triggers
             base_t = state[_EPOCH] + (state[_HIGH] << 6)
         elif kind == EXT_TRIGGER:

@@ -10,7 +10,18 @@ from typing import Final
 import numpy as np
 
 from core.jit import njit
-from core.recordings.sources.evt_time import IGNORE, STOP, TIME_HIGH, judge_time_high, next_time_high
+from core.recordings.sources.evt_time import (
+    BAD_COLUMN,
+    BAD_ROW,
+    BAD_TIME,
+    BAD_WORD,
+    IGNORE,
+    NO_DAMAGE,
+    STOP,
+    TIME_HIGH,
+    judge_time_high,
+    next_time_high,
+)
 
 ADDR_Y: Final = 0x0
 ADDR_X: Final = 0x2
@@ -43,17 +54,16 @@ def start_state(words: np.ndarray) -> np.ndarray:
 
 
 @njit
-def decode_evt3(  # noqa: C901 (one branch for each kind of word, in the order of how often they come)
-    words, state, width, height, t, x, y, on, trigger_t, trigger_on, trigger_id
-):
+def decode_evt3(words, state, width, height, out):  # noqa: C901 (one branch for each kind of word, commonest first)
     """Decode until the words or the room for events or triggers run out, or the first damage.
 
-    Returns (words used, events, triggers, damage): damage 0 none, 1 word, 2 column, 3 row, 4 time.
+    Writes to `out`, a `Decoded`; returns (words used, events, triggers, damage).
     """
+    t, x, y, on, trigger_t, trigger_on, trigger_id = out
     high, low, epoch = state[HIGH], state[LOW], state[EPOCH]
     row, base_x, base_on, last_t = state[Y], state[BASE_X], state[BASE_ON], state[LAST_T]
     now = max(last_t, epoch + (high << 12) + low)
-    events, triggers, damage = 0, 0, 0
+    events, triggers, damage = 0, 0, NO_DAMAGE
     jump_word, jump_events, jump_triggers = -_SUSPECT_WORDS, 0, 0
     room, trigger_room = len(t) - 12, len(trigger_t)
     i = 0
@@ -63,7 +73,7 @@ def decode_evt3(  # noqa: C901 (one branch for each kind of word, in the order o
         if kind == ADDR_X:
             column = word & 0x7FF
             if column >= width:
-                damage = 2
+                damage = BAD_COLUMN
                 break
             t[events], x[events], y[events], on[events] = now, column, row, (word >> 11) & 1
             events += 1
@@ -73,14 +83,14 @@ def decode_evt3(  # noqa: C901 (one branch for each kind of word, in the order o
         elif kind == ADDR_Y:
             row = word & 0x7FF
             if row >= height:
-                damage = 3
+                damage = BAD_ROW
                 break
         elif kind == TIME_HIGH:
             value = word & 0xFFF
             if value != high:
                 verdict = judge_time_high(words, i, value, high, 12, 0, _MASK, _SECOND)
                 if verdict == STOP:
-                    damage = 4
+                    damage = BAD_TIME
                     break
                 if verdict == IGNORE:
                     state[IGNORED] += 1
@@ -96,7 +106,7 @@ def decode_evt3(  # noqa: C901 (one branch for each kind of word, in the order o
             for bit in range(bits):
                 if (word >> bit) & 1:
                     if base_x + bit >= width:
-                        damage = 2
+                        damage = BAD_COLUMN
                         break
                     t[events], x[events], y[events], on[events] = now, base_x + bit, row, base_on
                     events += 1
@@ -109,7 +119,7 @@ def decode_evt3(  # noqa: C901 (one branch for each kind of word, in the order o
             trigger_t[triggers], trigger_on[triggers], trigger_id[triggers] = now, word & 1, (word >> 8) & 0xF
             triggers += 1
         elif kind not in (CONTINUED_4, OTHERS, CONTINUED_12):
-            damage = 1
+            damage = BAD_WORD
             break
         i += 1
     if damage and i - jump_word < _SUSPECT_WORDS:

@@ -6,9 +6,10 @@ repeated many times a second, so a damaged one betrays itself by the next.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.jit import njit
 
@@ -17,6 +18,28 @@ TIME_HIGH: Final = 8
 BELIEVE: Final = 0
 IGNORE: Final = 1
 STOP: Final = 2
+
+NO_DAMAGE, BAD_WORD, BAD_COLUMN, BAD_ROW, BAD_TIME = range(5)
+"""Why a decoder stopped."""
+
+
+class Decoded(NamedTuple):
+    """What the decoders write to: columns of events and of triggers, times in microseconds."""
+
+    t_us: NDArray[np.int64]
+    x_px: NDArray[np.uint16]
+    y_px: NDArray[np.uint16]
+    on: NDArray[np.bool_]
+    trigger_t_us: NDArray[np.int64]
+    trigger_on: NDArray[np.bool_]
+    trigger_id: NDArray[np.int16]
+
+    @staticmethod
+    def empty(events: int, triggers: int) -> Decoded:
+        """Room for so many events and triggers."""
+        x, y, on = np.empty(events, np.uint16), np.empty(events, np.uint16), np.empty(events, np.bool_)
+        trigger_on, trigger_id = np.empty(triggers, np.bool_), np.empty(triggers, np.int16)
+        return Decoded(np.empty(events, np.int64), x, y, on, np.empty(triggers, np.int64), trigger_on, trigger_id)
 
 
 @njit

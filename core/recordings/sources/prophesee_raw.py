@@ -20,6 +20,7 @@ from core.events import Events, SensorSize
 from core.recordings.hdf5 import read_only
 from core.recordings.sources.evt2 import decode_evt2, decode_evt21, start_state_evt2, start_state_evt21
 from core.recordings.sources.evt3 import IGNORED, decode_evt3, start_state
+from core.recordings.sources.evt_time import BAD_COLUMN, BAD_ROW, BAD_TIME, BAD_WORD, Decoded
 from core.recordings.sources.prophesee_header import PropheseeHeader, read_prophesee_header
 from core.recordings.sources.source import DecodeReport, EventSource
 
@@ -27,10 +28,10 @@ _BLOCK_BYTES: Final = 1 << 20
 _ROOM_EVENTS: Final = 1 << 18
 _ROOM_TRIGGERS: Final = 1 << 14
 _DAMAGE: Final = {
-    1: "a word of unknown type",
-    2: "a column outside the sensor",
-    3: "a row outside the sensor",
-    4: "the time jumps back or too far ahead",
+    BAD_WORD: "a word of unknown type",
+    BAD_COLUMN: "a column outside the sensor",
+    BAD_ROW: "a row outside the sensor",
+    BAD_TIME: "the time jumps back or too far ahead",
 }
 
 
@@ -123,15 +124,9 @@ def _decode_part(
     words: NDArray, state: NDArray, kind: _Format, sensor: SensorSize, report: DecodeReport
 ) -> tuple[Events, int, int]:
     """As many events as there is room for: memory stays bounded, whatever the words expand to."""
-    t = np.empty(_ROOM_EVENTS, np.int64)
-    x, y = np.empty(_ROOM_EVENTS, np.uint16), np.empty(_ROOM_EVENTS, np.uint16)
-    on = np.empty(_ROOM_EVENTS, np.bool_)
-    trigger_t = np.empty(_ROOM_TRIGGERS, np.int64)
-    trigger_on, trigger_id = np.empty(_ROOM_TRIGGERS, np.bool_), np.empty(_ROOM_TRIGGERS, np.int16)
-    used, count, triggers, damage = kind.decode(
-        words, state, sensor.width_px, sensor.height_px, t, x, y, on, trigger_t, trigger_on, trigger_id
-    )
-    report.add_triggers(trigger_t[:triggers], trigger_on[:triggers], trigger_id[:triggers])
+    out = Decoded.empty(_ROOM_EVENTS, _ROOM_TRIGGERS)
+    used, count, triggers, damage = kind.decode(words, state, sensor.width_px, sensor.height_px, out)
+    report.add_triggers(out.trigger_t_us[:triggers], out.trigger_on[:triggers], out.trigger_id[:triggers])
     # the decoder has checked order and addresses
-    t, x, y, on = (read_only(column[:count]) for column in (t, x, y, on))
+    t, x, y, on = (read_only(column[:count]) for column in (out.t_us, out.x_px, out.y_px, out.on))
     return Events(t, x, y, on, sensor), used, damage

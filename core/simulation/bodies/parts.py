@@ -7,8 +7,7 @@ head is a rod with one end. A blade is a racket's: a cylinder from the middle of
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +38,7 @@ class MovingBodies(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BodyProbes:
+class BodyProbes(NamedTuple):
     """The bodies at N instants to one camera; between them everything moves evenly."""
 
     ends: Array

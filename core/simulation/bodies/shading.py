@@ -7,12 +7,16 @@ than the ball, and what is farther. So a ball passes behind an arm and before a 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from core.jit import njit
 from core.simulation.bodies.parts import BANDS, BLADE, KIND, RADIUS_A, RADIUS_B, REFLECTANCE, STRIPES_PER_M, TEXTURE
 from core.simulation.scenes.background import DEPTH_M, LIGHT, LOG_LIGHT, NET_COVER, NET_LIGHT, RAY_X, RAY_Y
 from core.simulation.scenes.racket_shape import racket_gap
-from core.simulation.scenes.shading import UNTOUCHED, ball_cover, pixel_light, racket_cover, smooth_step
+from core.simulation.scenes.shading import UNTOUCHED, Moving, ball_cover, pixel_light, racket_cover, smooth_step
 
 NEAR_COVER, NEAR_LIGHT, NEAR_M, FAR_COVER, FAR_LIGHT, FAR_M, BEFORE_NET, LOG_TOTAL = range(8)
 """Columns of a pixel's layers: cover, light weighted by the cover, and camera z of the bodies before the ball; the same
@@ -23,12 +27,51 @@ PARTS_IN_PIXEL = 6
 """Parts that can be seen through one another's edges in one pixel; farther ones are left out."""
 
 
-@njit(error_model="numpy")
-def posed_parts(ends, parts, edge, rows):
-    """Write `POSED_COLUMNS` numbers of every part at one instant: what its pixels have in common.
+class SceneView(NamedTuple):
+    """A scene to one camera: all of the picture but ball and robot's racket."""
 
-    An edge is `edge` wide per metre of camera z.
-    """
+    width_px: int
+    height_px: int
+    maps: NDArray[np.float32]
+    """(pixels, 8) the empty room, see `core.simulation.scenes.background`."""
+    layers: NDArray[np.float32]
+    """(pixels, 8) the bodies before and behind the ball; (0, 8) without bodies."""
+    numbers: tuple[float, ...]
+    """VIEW_NUMBERS that describe the camera."""
+    parts: NDArray[np.float64]
+    """(P, PART_COLUMNS) of the bodies."""
+    edge_per_m: float
+    """Width of an edge in metres per metre of camera z."""
+    ambient: float
+    """Ambient share of the light."""
+
+
+class PosedBodies(NamedTuple):
+    """The bodies at one instant to one camera, and room to draw them."""
+
+    ends: NDArray[np.float64]
+    """(P, 2, 3) in the camera's frame."""
+    circles: NDArray[np.float64]
+    """(P, 2, 3) pixel and radius in pixels of a circle round each end; radius -1 for a part that is left out."""
+    rows: NDArray[np.float64]
+    """(P, POSED_COLUMNS), see `posed_parts`."""
+    here: NDArray[np.int64]
+    """(P,) the parts that may be seen in a tile."""
+    found: NDArray[np.float64]
+    """(PARTS_IN_PIXEL, 3) cover, light and camera z of the parts in a pixel, from near to far."""
+
+
+@njit(error_model="numpy")
+def posed_bodies(ends, circles):
+    """Bodies with ends and circles (P, 2, 3) and room for the rest."""
+    rows, here = np.empty((len(ends), POSED_COLUMNS)), np.empty(len(ends), np.int64)
+    return PosedBodies(ends, circles, rows, here, np.empty((PARTS_IN_PIXEL, 3)))
+
+
+@njit(error_model="numpy")
+def posed_parts(scene, posed):
+    """Write `POSED_COLUMNS` numbers of every part at one instant: what its pixels have in common."""
+    ends, parts, edge, rows = posed.ends, scene.parts, scene.edge_per_m, posed.rows
     for index in range(len(parts)):
         ax, ay, az = ends[index, 0, 0], ends[index, 0, 1], ends[index, 0, 2]
         dx, dy, dz = ends[index, 1, 0] - ax, ends[index, 1, 1] - ay, ends[index, 1, 2] - az
@@ -89,58 +132,65 @@ def _wave(phase):
 
 
 @njit(error_model="numpy")
-def draw_layers(maps, layers, pixel, posed, here, count, found, scene, ball_m, view):
-    """Write the layers of a pixel; `here[:count]` are the parts that may be seen there, `found` is room to sort them.
+def draw_layers(scene, box, posed, count, ball_m):
+    """Write the layers of the pixels in a box where the parts `posed.here[:count]` may be seen.
 
-    `posed` are the rows of `posed_parts`, `scene` is (width of an edge per metre of camera z, ambient share); bodies
-    beyond camera z `ball_m` are far.
+    The box is (first column, first row, end column, end row); bodies beyond camera z `ball_m` are far.
     """
-    x, y, depth_m = float(maps[pixel, RAY_X]), float(maps[pixel, RAY_Y]), float(maps[pixel, DEPTH_M])
-    seen, length2 = 0, x * x + y * y + 1.0
-    for place in range(count):
-        cover, light, z = part_light(posed, here[place], x, y, length2, scene[0], scene[1], view)
-        if cover <= 0.0 or z >= depth_m:
-            continue
-        at = seen  # near to far
-        while at > 0 and found[at - 1, 2] > z:
-            at -= 1
-        if at == PARTS_IN_PIXEL:
-            continue
-        seen = min(seen + 1, PARTS_IN_PIXEL)
-        for later in range(seen - 1, at, -1):
-            found[later] = found[later - 1]
-        found[at, 0], found[at, 1], found[at, 2] = cover, light, z
-    near_cover = near_light = far_cover = far_light = 0.0
-    near_m = far_m = before_net = 0.0
-    net, net_light = float(maps[pixel, NET_COVER]), float(maps[pixel, NET_LIGHT])
-    slope, behind_m = view[0] * x + view[1] * y + view[2], math.inf
-    for place in range(seen - 1, -1, -1):
-        cover, light, z = found[place, 0], found[place, 1], found[place, 2]
-        # Where two parts run into each other their seam is an edge too, as wide as all edges where they meet at 45 deg.
-        cover *= smooth_step(0.5 + 0.5 * (behind_m - z) / (scene[0] * z))
-        behind_m = z
-        before = (z * slope + view[9]) * view[9] > 0.0
-        if z > ball_m and not (before and net > 0.0):
-            far_light += cover * (light - far_light)
-            far_cover += cover * (1.0 - far_cover)
-            far_m = z
+    # Out of the tuples once: numba counts references to an array each time that it is taken from one.
+    maps, layers, view, edge, ambient = scene.maps, scene.layers, scene.numbers, scene.edge_per_m, scene.ambient
+    rows, here, found = posed.rows, posed.here, posed.found
+    wide = box[2] - box[0]
+    for index in range(wide * (box[3] - box[1])):
+        pixel = (box[1] + index // wide) * scene.width_px + box[0] + index % wide
+        x, y, depth_m = maps[pixel, RAY_X], maps[pixel, RAY_Y], maps[pixel, DEPTH_M]
+        seen, length2 = 0, x * x + y * y + 1.0
+        for place in range(count):
+            cover, light, z = part_light(rows, here[place], x, y, length2, edge, ambient, view)
+            if cover <= 0.0 or z >= depth_m:
+                continue
+            at = seen  # near to far
+            while at > 0 and found[at - 1, 2] > z:
+                at -= 1
+            if at == PARTS_IN_PIXEL:
+                continue
+            seen = min(seen + 1, PARTS_IN_PIXEL)
+            for later in range(seen - 1, at, -1):
+                for column in range(3):
+                    found[later, column] = found[later - 1, column]
+            found[at, 0], found[at, 1], found[at, 2] = cover, light, z
+        near_cover = near_light = far_cover = far_light = 0.0
+        near_m = far_m = before_net = 0.0
+        net, net_light = maps[pixel, NET_COVER], maps[pixel, NET_LIGHT]
+        slope, behind_m = view[0] * x + view[1] * y + view[2], math.inf
+        for place in range(seen - 1, -1, -1):
+            cover, light, z = found[place, 0], found[place, 1], found[place, 2]
+            # Where two parts run into each other their seam is an edge too, as wide as all edges where they meet at 45
+            # degrees.
+            cover *= smooth_step(0.5 + 0.5 * (behind_m - z) / (edge * z))
+            behind_m = z
+            before = (z * slope + view[9]) * view[9] > 0.0
+            if z > ball_m and not (before and net > 0.0):
+                far_light += cover * (light - far_light)
+                far_cover += cover * (1.0 - far_cover)
+                far_m = z
+            else:
+                near_light += cover * (light - near_light)
+                near_cover += cover * (1.0 - near_cover)
+                near_m, before_net = z, 1.0 if before else 0.0
+        layers[pixel, NEAR_COVER], layers[pixel, NEAR_LIGHT], layers[pixel, NEAR_M] = near_cover, near_light, near_m
+        layers[pixel, FAR_COVER], layers[pixel, FAR_LIGHT], layers[pixel, FAR_M] = far_cover, far_light, far_m
+        layers[pixel, BEFORE_NET] = before_net
+        light = far_light + (1.0 - far_cover) * maps[pixel, LIGHT]
+        if before_net == 1.0:
+            light = near_light + (1.0 - near_cover) * (net_light + (1.0 - net) * light)
         else:
-            near_light += cover * (light - near_light)
-            near_cover += cover * (1.0 - near_cover)
-            near_m, before_net = z, 1.0 if before else 0.0
-    layers[pixel, NEAR_COVER], layers[pixel, NEAR_LIGHT], layers[pixel, NEAR_M] = near_cover, near_light, near_m
-    layers[pixel, FAR_COVER], layers[pixel, FAR_LIGHT], layers[pixel, FAR_M] = far_cover, far_light, far_m
-    layers[pixel, BEFORE_NET] = before_net
-    light = far_light + (1.0 - far_cover) * float(maps[pixel, LIGHT])
-    if before_net == 1.0:
-        light = near_light + (1.0 - near_cover) * (net_light + (1.0 - net) * light)
-    else:
-        light = net_light + (1.0 - net) * (near_light + (1.0 - near_cover) * light)
-    layers[pixel, LOG_TOTAL] = math.log(light) if seen else maps[pixel, LOG_LIGHT]
+            light = net_light + (1.0 - net) * (near_light + (1.0 - near_cover) * light)
+        layers[pixel, LOG_TOTAL] = math.log(light) if seen else maps[pixel, LOG_LIGHT]
 
 
 @njit(error_model="numpy")
-def light_among(seen, layers, pixel, view, ball, racket, see_ball, see_shadow, see_racket):
+def light_among(seen, layers, pixel, view, moving):
     """Like `pixel_light`, for a pixel with bodies: ball and robot's racket among its two layers."""
     x, y, depth_m, log_light = seen[RAY_X], seen[RAY_Y], seen[DEPTH_M], seen[LOG_LIGHT]
     cover, near, near_m = layers[pixel, NEAR_COVER], layers[pixel, NEAR_LIGHT], layers[pixel, NEAR_M]
@@ -150,14 +200,14 @@ def light_among(seen, layers, pixel, view, ball, racket, see_ball, see_shadow, s
     net_light, net = seen[NET_LIGHT], seen[NET_COVER]
     room = (x, y, behind, depth_m, net_light, net, log_light)
     if cover == 0.0:
-        return pixel_light(room, view, ball, racket, see_ball, see_shadow, see_racket)
+        return pixel_light(room, view, moving)
     moving_m = math.inf
-    if see_ball:
-        share, _, at_m = ball_cover(view, ball, x, y, depth_m)
-        moving_m = at_m if share > 0.0 else moving_m
-    if see_racket:
-        share, at_m = racket_cover(racket, x, y, depth_m)
-        moving_m = min(at_m, moving_m) if share > 0.0 else moving_m
+    if moving.see_ball:
+        ball = ball_cover(view, moving.ball, x, y, depth_m)
+        moving_m = ball.depth_m if ball.cover > 0.0 else moving_m
+    if moving.see_racket:
+        racket = racket_cover(moving.racket, x, y, depth_m)
+        moving_m = min(racket.depth_m, moving_m) if racket.cover > 0.0 else moving_m
     before_net = layers[pixel, BEFORE_NET] == 1.0
     if moving_m < near_m:
         depth_m = near_m if cover >= 0.5 else depth_m
@@ -165,12 +215,20 @@ def light_among(seen, layers, pixel, view, ball, racket, see_ball, see_shadow, s
             behind, net_light, net = net_light + (1.0 - net) * behind, 0.0, 0.0
         behind = near + (1.0 - cover) * behind
         room = (x, y, behind, depth_m, net_light, net, log_light)
-        return pixel_light(room, view, ball, racket, see_ball, False, see_racket)
+        return pixel_light(room, view, Moving(moving.ball, moving.racket, moving.see_ball, False, moving.see_racket))
     if cover >= 1.0:
         return UNTOUCHED
     if before_net:
-        light = pixel_light(room, view, ball, racket, see_ball, see_shadow, see_racket)
+        light = pixel_light(room, view, moving)
         return UNTOUCHED if light == UNTOUCHED else near + (1.0 - cover) * light
     room = (x, y, behind, depth_m, 0.0, 0.0, log_light)
-    light = pixel_light(room, view, ball, racket, see_ball, see_shadow, see_racket)
+    light = pixel_light(room, view, moving)
     return UNTOUCHED if light == UNTOUCHED else net_light + (1.0 - net) * (near + (1.0 - cover) * light)
+
+
+@njit(inline="always", error_model="numpy")
+def light_and_rest(seen, layers, pixel, view, moving):
+    """Intensity at any pixel, or UNTOUCHED, and the logarithm of the picture there without ball and robot's racket."""
+    if len(layers) > 0 and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0):
+        return light_among(seen, layers, pixel, view, moving), float(layers[pixel, LOG_TOTAL])
+    return pixel_light(seen, view, moving), seen[LOG_LIGHT]

@@ -7,20 +7,21 @@ milliseconds; at the end of a block all that moved at all.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.jit import njit
 from core.simulation.bodies.shading import (
     LOG_TOTAL,
-    PARTS_IN_PIXEL,
-    POSED_COLUMNS,
     draw_layers,
     light_among,
     posed_parts,
 )
 from core.simulation.scenes.shading import UNTOUCHED, pixel_seen
-from core.simulation.sensor.pixels import follow_pixel, rest_pixel
+from core.simulation.scenes.steps import BALL, RACKET, SHADOW, boxes_meet, moving_at
+from core.simulation.sensor.pixels import EVENTS_PER_PIXEL, follow_pixel, receptor_decay, rest_pixel, wake_pixel
 from core.simulation.sensor.sensor import RECEPTOR, REFERENCE, TARGET, TIME_US
 
 TILE_PX = 8
@@ -30,8 +31,35 @@ REST_PX = 0.02
 """A part that has moved less in a block is at rest."""
 MARGIN_PX = 2.0
 """Half an edge and the lens's distortion within a part."""
-EVENTS_PER_PIXEL = 128
-"""Room kept free in the buffer per pixel of a tile, as for the ball."""
+NOWHERE = -1e6
+"""A circle that no part was ever at."""
+
+
+class TileUpdates(NamedTuple):
+    """Which tiles of a picture have to be drawn again; changed in place."""
+
+    columns: int
+    """Tiles beside each other."""
+    rows: int
+    looked: NDArray[np.float64]
+    """(P, 2, 3) circles of every part at its last look."""
+    marks: NDArray[np.bool_]
+    """(tiles,) whether one is listed."""
+    tiles: NDArray[np.int64]
+    """(tiles,) room for the numbers of those that are listed."""
+    listed: NDArray[np.int64]
+    """(1,) how many are."""
+    looked_us: NDArray[np.float64]
+    """(tiles,) when each was last drawn for an event camera."""
+
+    @staticmethod
+    def none_yet(width_px: int, height_px: int, parts: int) -> TileUpdates:
+        """Nothing was ever looked at in a picture of that size."""
+        columns, rows = -(-width_px // TILE_PX), -(-height_px // TILE_PX)
+        looked, marks = np.full((parts, 2, 3), NOWHERE), np.zeros(columns * rows, np.bool_)
+        looked[:, :, 2] = -1.0
+        tiles, looked_us = np.zeros(len(marks), np.int64), np.full(len(marks), -1.0)
+        return TileUpdates(columns, rows, looked, marks, tiles, np.zeros(1, np.int64), looked_us)
 
 
 @njit(error_model="numpy")
@@ -48,12 +76,9 @@ def pose_at(probes, share, out):
 
 
 @njit(error_model="numpy")
-def mark_moved(circles, looked, least_px, shape, marks, tiles, listed):
-    """List the tiles near parts that moved by `least_px`, where they were and where they are now.
-
-    `looked` has the circles of each part's last look, `marks` says which tiles are in `tiles[:listed[0]]`.
-    """
-    wide, high = (shape[0] + TILE_PX - 1) // TILE_PX, (shape[1] + TILE_PX - 1) // TILE_PX
+def mark_moved(circles, least_px, updates):
+    """List the tiles near parts that moved by `least_px`, where they were and where they are now."""
+    looked = updates.looked
     for index in range(len(circles)):
         moved = 0.0
         for end in range(2):
@@ -61,26 +86,29 @@ def mark_moved(circles, looked, least_px, shape, marks, tiles, listed):
                 moved = max(moved, abs(circles[index, end, axis] - looked[index, end, axis]))
         if moved < least_px:
             continue
-        _mark(looked[index], wide, high, marks, tiles, listed)
-        _mark(circles[index], wide, high, marks, tiles, listed)
-        looked[index] = circles[index]
+        _mark(looked[index], updates)
+        _mark(circles[index], updates)
+        for end in range(2):
+            for axis in range(3):
+                looked[index, end, axis] = circles[index, end, axis]
 
 
 @njit(error_model="numpy")
-def _mark(part, wide, high, marks, tiles, listed):
+def _mark(part, updates):
     if part[0, 2] < 0.0 or part[1, 2] < 0.0:
         return
     reach = max(part[0, 2], part[1, 2]) + MARGIN_PX
     x0 = int(max((min(part[0, 0], part[1, 0]) - reach) // TILE_PX, 0))
-    x1 = int(min((max(part[0, 0], part[1, 0]) + reach) // TILE_PX, wide - 1))
+    x1 = int(min((max(part[0, 0], part[1, 0]) + reach) // TILE_PX, updates.columns - 1))
     y0 = int(max((min(part[0, 1], part[1, 1]) - reach) // TILE_PX, 0))
-    y1 = int(min((max(part[0, 1], part[1, 1]) + reach) // TILE_PX, high - 1))
+    y1 = int(min((max(part[0, 1], part[1, 1]) + reach) // TILE_PX, updates.rows - 1))
     for y in range(y0, y1 + 1):
         for x in range(x0, x1 + 1):
-            if not marks[y * wide + x] and near_tile(part, x, y):
-                marks[y * wide + x] = True
-                tiles[listed[0]] = y * wide + x
-                listed[0] += 1
+            tile = y * updates.columns + x
+            if not updates.marks[tile] and near_tile(part, x, y):
+                updates.marks[tile] = True
+                updates.tiles[updates.listed[0]] = tile
+                updates.listed[0] += 1
 
 
 @njit(error_model="numpy")
@@ -98,83 +126,68 @@ def near_tile(part, column, row):
 
 
 @njit(error_model="numpy")
-def draw_tile(tile, shape, maps, layers, posed, circles, here, found, scene, ball_m, view):
+def draw_tile(tile, scene, posed, ball_m):
     """Write the layers of a tile's pixels; returns its pixels as (first column, first row, end column, end row)."""
-    width, height = shape
+    width, height = scene.width_px, scene.height_px
     wide = (width + TILE_PX - 1) // TILE_PX
     row, column = tile // wide, tile % wide
-    count = 0
-    for index in range(len(posed)):
-        if near_tile(circles[index], column, row):
-            here[count] = index
+    count = np.int64(0)  # as a literal it would have `draw_layers` compiled twice
+    for index in range(len(posed.circles)):
+        if near_tile(posed.circles[index], column, row):
+            posed.here[count] = index
             count += 1
     x0, y0 = column * TILE_PX, row * TILE_PX
-    x1, y1 = min(x0 + TILE_PX, width), min(y0 + TILE_PX, height)
-    for y in range(y0, y1):
-        for x in range(x0, x1):
-            draw_layers(maps, layers, y * width + x, posed, here, count, found, scene, ball_m, view)
-    return x0, y0, x1, y1
+    box = x0, y0, min(x0 + TILE_PX, width), min(y0 + TILE_PX, height)
+    draw_layers(scene, box, posed, count, ball_m)
+    return box
 
 
 @njit(error_model="numpy")
-def update_tiles(
-    pixels, active, active_list, active_count, shape, maps, layers, view, ends, circles, parts, scene, looks,
-    now_us, first_us, ball, racket, box_ball, box_shadow, box_racket, swing, sensor, events, count,
-):  # fmt: skip
-    """Draw the listed tiles again and tell their pixels; returns (event count, awake count, finished).
+def update_tiles(pixels, scene, steps, step, posed, updates, timing, events):
+    """Draw the listed tiles again and tell their pixels.
 
-    `looks` is (marks, tiles, listed, time of each tile's last look); a tile at rest since before `first_us` began to
-    move then. `swing` is added to the logarithm of all light. Not finished if the buffer might overflow: call again
-    with a larger one.
+    A tile at rest since before the block began to move then. Step 0 is how a recording begins: what is there has been
+    there for long. Returns false if the buffer might overflow: call again with a larger one.
     """
-    marks, tiles, listed, tile_us = looks
-    tau_us, refractory_us, width = sensor[0], sensor[1], shape[0]
-    if listed[0] == 0:
-        return count, active_count, True
-    here, found = np.empty(len(parts), np.int64), np.empty((PARTS_IN_PIXEL, 3))
-    posed = np.empty((len(parts), POSED_COLUMNS))
-    posed_parts(ends, parts, scene[0], posed)
-    ball_m = ball[2] if ball[2] > 0.0 else math.inf
-    while listed[0] > 0:
-        if count + TILE_PX * TILE_PX * EVENTS_PER_PIXEL > len(events):
-            return count, active_count, False
-        listed[0] -= 1
-        tile = tiles[listed[0]]
-        marks[tile] = False
-        x0, y0, x1, y1 = draw_tile(
-            tile, shape, maps, layers, posed, circles, here, found, scene, ball_m, view
-        )  # fmt: skip
-        see_ball, see_shadow = _meets(box_ball, x0, y0, x1, y1), _meets(box_shadow, x0, y0, x1, y1)
-        see_racket = _meets(box_racket, x0, y0, x1, y1)
-        before_us, tile_us[tile] = max(tile_us[tile], first_us), now_us
-        decay = math.exp((before_us - now_us) / tau_us) if tau_us > 0.0 else 0.0
-        for y in range(y0, y1):
-            for x in range(x0, x1):
-                pixel = y * width + x
+    if updates.listed[0] == 0:
+        return True
+    # Out of the tuples once: numba counts references to an array each time that it is taken from one.
+    rows, active, event_rows, maps, layers = pixels.rows, pixels.active, events.rows, scene.maps, scene.layers
+    now_us = steps.t_us[step]
+    swing = steps.swing.log_light[step] if step > 0 and len(steps.swing.log_light) else 0.0
+    posed_parts(scene, posed)
+    ball_m = steps.rows[step, 2] if steps.rows[step, 2] > 0.0 else math.inf
+    while updates.listed[0] > 0:
+        count = events.filled[0]
+        if count + TILE_PX * TILE_PX * EVENTS_PER_PIXEL > len(event_rows):
+            return False
+        updates.listed[0] -= 1
+        tile = updates.tiles[updates.listed[0]]
+        updates.marks[tile] = False
+        box = draw_tile(tile, scene, posed, ball_m)
+        see_ball, see_shadow = boxes_meet(steps.boxes[step, BALL], box), boxes_meet(steps.boxes[step, SHADOW], box)
+        see_racket = boxes_meet(steps.boxes[step, RACKET], box)
+        moving = moving_at(steps, step, see_ball, see_shadow, see_racket)
+        before_us, updates.looked_us[tile] = max(updates.looked_us[tile], steps.t_us[0]), now_us
+        decay = receptor_decay(before_us, now_us, timing)
+        for y in range(box[1], box[3]):
+            for x in range(box[0], box[2]):
+                pixel = y * scene.width_px + x
                 goal = swing + layers[pixel, LOG_TOTAL]
                 if see_ball or see_shadow or see_racket:
-                    seen = pixel_seen(maps, pixel)
-                    light = light_among(seen, layers, pixel, view, ball, racket, see_ball, see_shadow, see_racket)
+                    light = light_among(pixel_seen(maps, pixel), layers, pixel, scene.numbers, moving)
                     goal = goal if light == UNTOUCHED else swing + math.log(light)
-                if goal == pixels[pixel, TARGET]:
+                if goal == rows[pixel, TARGET]:
                     continue
-                if now_us <= 0.0:  # how a recording begins: it has been there for long
-                    pixels[pixel, TARGET] = pixels[pixel, RECEPTOR] = pixels[pixel, REFERENCE] = goal
+                if step == 0:
+                    rows[pixel, TARGET] = rows[pixel, RECEPTOR] = rows[pixel, REFERENCE] = goal
                     continue
                 if not active[pixel]:
-                    active[pixel] = True
-                    active_list[active_count] = pixel
-                    active_count += 1
-                if pixels[pixel, TIME_US] < before_us:
-                    count = rest_pixel(pixels, pixel, before_us, tau_us, refractory_us, events, count)
-                start_us = pixels[pixel, TIME_US]
-                fall = (
-                    decay if start_us == before_us else math.exp((start_us - now_us) / tau_us) if tau_us > 0.0 else 0.0
-                )
-                count = follow_pixel(pixels, pixel, goal, start_us, now_us, fall, tau_us, refractory_us, events, count)
-    return count, active_count, True
-
-
-@njit(error_model="numpy")
-def _meets(box, x0, y0, x1, y1):
-    return box[0] < x1 and box[2] > x0 and box[1] < y1 and box[3] > y0
+                    wake_pixel(pixels, pixel)
+                if rows[pixel, TIME_US] < before_us:
+                    count = rest_pixel(rows, pixel, before_us, timing, event_rows, count)
+                start_us = rows[pixel, TIME_US]
+                fall = decay if start_us == before_us else receptor_decay(start_us, now_us, timing)
+                count = follow_pixel(rows, pixel, goal, now_us, fall, timing, event_rows, count)
+        events.filled[0] = count
+    return True

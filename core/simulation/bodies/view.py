@@ -1,9 +1,8 @@
-"""What one camera remembers of the moving bodies, and what its kernels need to know of them in a block."""
+"""What one camera sees of a scene with moving bodies, and remembers of them."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,59 +10,33 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.simulation.bodies.parts import PART_COLUMNS, BodyProbes, MovingBodies, probe_bodies, steps_of_fastest
-from core.simulation.bodies.tile_updates import REST_PX, TILE_PX, UPDATE_PX
+from core.simulation.bodies.shading import SceneView
+from core.simulation.bodies.tile_updates import REST_PX, UPDATE_PX, TileUpdates
+from core.simulation.scenes.block_view import view_numbers
 from core.simulation.scenes.scene import SceneConfig
 
 PROBES: Final = 11
 """Instants in a block between which bodies move evenly: in a millisecond a swing bends by 10 um."""
-NOWHERE: Final = -1e6
-"""A circle that no part was ever at."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TileUpdates:
-    """Which tiles of a picture have to be drawn again; `core.simulation.bodies.tile_updates` changes it in place."""
-
-    looked: NDArray[np.float64]
-    """(P, 2, 3) circles of every part at its last look."""
-    marks: NDArray[np.bool_]
-    """(tiles,) whether one is listed."""
-    tiles: NDArray[np.int64]
-    """(tiles,) room for the numbers of those that are listed."""
-    listed: NDArray[np.int64]
-    """(1,) how many are."""
-
-    @staticmethod
-    def none_yet(shape: tuple[int, int], parts: int) -> TileUpdates:
-        """Nothing was ever looked at in a picture of so many columns and rows."""
-        looked = np.full((parts, 2, 3), NOWHERE)
-        looked[:, :, 2] = -1.0
-        count = -(-shape[0] // TILE_PX) * -(-shape[1] // TILE_PX)
-        return TileUpdates(looked, np.zeros(count, np.bool_), np.zeros(count, np.int64), np.zeros(1, np.int64))
-
-
-def edge_and_ambient(camera: Camera, scene: SceneConfig) -> tuple[float, float]:
-    """What the kernels need of a scene: width of an edge per metre of camera z, ambient share of the light."""
-    return scene.edge_px / math.sqrt(camera.K[0, 0] * camera.K[1, 1]), scene.ambient
+def make_scene_view(
+    camera: Camera, scene: SceneConfig, maps: NDArray[np.float32], parts: NDArray[np.float64] | None
+) -> SceneView:
+    """A scene with the static picture `maps` and the parts (P, PART_COLUMNS) of its bodies, not yet drawn."""
+    layers = np.zeros((0 if parts is None else len(maps), 8), np.float32)
+    parts = np.empty((0, PART_COLUMNS)) if parts is None else parts
+    edge_per_m = scene.edge_px / math.sqrt(camera.K[0, 0] * camera.K[1, 1])
+    width_px, height_px = camera.sensor.width_px, camera.sensor.height_px
+    return SceneView(width_px, height_px, maps, layers, view_numbers(camera), parts, edge_per_m, scene.ambient)
 
 
 class BodyView:
     """The bodies to one camera. Without bodies all arrays are empty."""
 
-    def __init__(self, camera: Camera, scene: SceneConfig, bodies: MovingBodies | None) -> None:
-        shape = (camera.sensor.width_px, camera.sensor.height_px) if bodies is not None else (0, 0)
+    def __init__(self, camera: Camera, bodies: MovingBodies | None) -> None:
         self._camera, self._bodies = camera, bodies
-        self.parts = np.empty((0, PART_COLUMNS)) if bodies is None else bodies.parts
-        self.scene = edge_and_ambient(camera, scene)
-        self.layers: NDArray[np.float32] = np.zeros((shape[0] * shape[1], 8), np.float32)
-        self._looks = TileUpdates.none_yet(shape, len(self.parts))
-        self._tile_us = np.full(len(self._looks.marks), -1.0)
-
-    @property
-    def looks(self) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-        """Circles at each part's last look, then the tiles to look at, see `core.simulation.bodies.tile_updates`."""
-        looks = self._looks
-        return looks.looked, looks.marks, looks.tiles, looks.listed, self._tile_us
+        size, parts = camera.sensor, 0 if bodies is None else len(bodies.parts)
+        self.updates = TileUpdates.none_yet(size.width_px, size.height_px, parts)
 
     def probe(self, start_us: int, end_us: int) -> BodyProbes:
         """The bodies at `PROBES` instants of a block."""
@@ -75,6 +48,6 @@ class BodyView:
         """How many looks the fastest part needs in a block; 0 if nothing has moved since the last look."""
         if self._bodies is None:
             return 0
-        if np.abs(probes.circles - self._looks.looked).max() < REST_PX:
+        if np.abs(probes.circles - self.updates.looked).max() < REST_PX:
             return 0
         return steps_of_fastest(probes, UPDATE_PX)

@@ -11,7 +11,7 @@ from core.errors import ConfigError
 from core.jit import njit
 from core.physics import contact
 from core.physics.contact import come_down, cross_net_plane, highest_point, next_contact
-from core.physics.episode import Arrivals, Case, Outcomes, Serves, Strokes
+from core.physics.episode import Arrivals, Case, Outcomes, Serves, Strokes, TimedStates
 from core.physics.flight import Air, air_from_config, fall_through, fly
 from core.physics.impact import Surface, strike, surfaces_from_config
 from core.physics.rotation import normals_from_orientations
@@ -32,23 +32,12 @@ _CASE_OF_CONTACT = np.array(
 def fly_serves(serves: Serves, config: TaskConfig) -> Arrivals:
     """Every serve up to the hitting plane."""
     n = len(serves)
-    arrivals = Arrivals(
-        np.zeros(n, np.bool_), np.full(n, np.nan), np.full((n, 9), np.nan), np.full(n, np.nan), np.full((n, 9), np.nan)
-    )
+    legal, bounces, arrivals = np.zeros(n, np.bool_), TimedStates.unknown(n), TimedStates.unknown(n)
     table, _ = surfaces_from_config(config.physics)
     air = air_from_config(config.physics)
-    _fly_serves(
-        np.ascontiguousarray(serves.states()),
-        config.stroke.hit_plane_x_m,
-        air,
-        table,
-        arrivals.legal,
-        arrivals.bounce_t_s,
-        arrivals.bounce_states,
-        arrivals.t_s,
-        arrivals.states,
-    )
-    return arrivals
+    states = np.ascontiguousarray(serves.states())
+    _fly_serves(states, config.stroke.hit_plane_x_m, air, table, legal, bounces, arrivals)
+    return Arrivals(legal, *bounces, *arrivals)
 
 
 def return_balls(arrivals: Arrivals, strokes: Strokes, config: TaskConfig) -> Outcomes:
@@ -62,30 +51,27 @@ def return_balls(arrivals: Arrivals, strokes: Strokes, config: TaskConfig) -> Ou
         raise ConfigError(
             "not one stroke per ball", expected=f"({n}, 4) and ({n}, 3)", got=strokes.qs_wxyz.shape, where="Strokes"
         )
-    hit_t, hit_states = np.full(n, np.nan), np.full((n, 9), np.nan)
+    hits = TimedStates.unknown(n)
     _, rubber = surfaces_from_config(config.physics)
     normals = np.ascontiguousarray(normals_from_orientations(strokes.qs_wxyz))
     rackets = np.ascontiguousarray(strokes.vs_mps, np.float64)
     if strokes.aim_ps_m is None or strokes.aim_t_s is None:
-        _meet_in_plane(arrivals.t_s, arrivals.states, normals, rackets, rubber, hit_t, hit_states)
+        _meet_in_plane(TimedStates(arrivals.t_s, arrivals.states), normals, rackets, rubber, hits)
     else:
         aims = np.ascontiguousarray(np.column_stack([strokes.aim_ps_m, strokes.aim_t_s]))
-        radius = config.physics.racket_radius_m
-        start_t, starts = arrivals.bounce_t_s, arrivals.bounce_states
-        _meet_at_aim(
-            start_t, starts, normals, rackets, aims, radius, air_from_config(config.physics), rubber, hit_t, hit_states
-        )
-    return follow_hits(hit_t, hit_states, config)
+        radius, air = config.physics.racket_radius_m, air_from_config(config.physics)
+        starts = TimedStates(arrivals.bounce_t_s, arrivals.bounce_states)
+        _meet_at_aim(starts, normals, rackets, aims, radius, air, rubber, hits)
+    return follow_hits(hits.t_s, hits.states, config)
 
 
 def follow_hits(hit_t_s: Array, hit_states: Array, config: TaskConfig) -> Outcomes:
     """What comes of balls that left the racket at `hit_t_s` (N,) with `hit_states` (N, 9); NaN is a miss."""
     n = len(hit_t_s)
-    case = np.full(n, MISSED, np.int8)
-    landing_t, net_z, contact_t = np.full((3, n), np.nan)
-    landings, contacts = np.full((2, n, 9), np.nan)
-    _follow(hit_t_s, hit_states, air_from_config(config.physics), case, landing_t, landings, net_z, contact_t, contacts)
-    return Outcomes(case, hit_t_s, hit_states, landing_t, landings, net_z, contact_t, contacts)
+    case, net_z = np.full(n, MISSED, np.int8), np.full(n, np.nan)
+    hits, landings, contacts = TimedStates(hit_t_s, hit_states), TimedStates.unknown(n), TimedStates.unknown(n)
+    _follow(hits, air_from_config(config.physics), case, landings, net_z, contacts)
+    return Outcomes(case, hit_t_s, hit_states, *landings, net_z, *contacts)
 
 
 def simulate_episodes(serves: Serves, strokes: Strokes, config: TaskConfig) -> Outcomes:
@@ -117,10 +103,8 @@ def _fly_serves(
     air: Air,
     table: Surface,
     legal: NDArray[np.bool_],
-    bounce_t: Array,
-    bounce_states: Array,
-    arrival_t: Array,
-    arrival_states: Array,
+    bounces: TimedStates,
+    arrivals: TimedStates,
 ) -> None:
     touched_state = np.empty(9)
     at_plane = np.empty(9)
@@ -128,35 +112,33 @@ def _fly_serves(
     for i in range(len(serves)):
         s[:] = serves[i]
         t = 0.0
-        bounces = 0
+        count = 0
         on_own_half = True
-        while bounces < 8:
+        while count < 8:
             what, dt = next_contact(s, air, touched_state)
             dt_plane = fall_through(s, (1.0, 0.0, 0.0, 0.0, -hit_x), air, at_plane)
             if not math.isnan(dt_plane) and dt_plane <= dt:
-                arrival_t[i] = t + dt_plane
-                arrival_states[i] = at_plane
-                legal[i] = serves[i, 0] > 0 and bounces == 1 and on_own_half
+                arrivals.t_s[i] = t + dt_plane
+                arrivals.states[i] = at_plane
+                legal[i] = serves[i, 0] > 0 and count == 1 and on_own_half
                 break
             if what not in (contact.OWN_TOP, contact.FAR_TOP):
                 break
             t += dt
-            bounces += 1
+            count += 1
             on_own_half = on_own_half and what == contact.OWN_TOP
             s[:] = touched_state
             strike(s, _UP, _STILL, table)
             s[2] = BALL_RADIUS_M
-            bounce_t[i] = t
-            bounce_states[i] = s
+            bounces.t_s[i] = t
+            bounces.states[i] = s
 
 
 @njit
-def _meet_in_plane(
-    arrival_t: Array, arrivals: Array, normals: Array, rackets: Array, rubber: Surface, hit_t: Array, hits: Array
-) -> None:
-    for i in range(len(arrival_t)):
-        s = hits[i]
-        s[:] = arrivals[i]
+def _meet_in_plane(arrivals: TimedStates, normals: Array, rackets: Array, rubber: Surface, hits: TimedStates) -> None:
+    for i in range(len(arrivals.t_s)):
+        s = hits.states[i]
+        s[:] = arrivals.states[i]
         n, v = normals[i], rackets[i]
         towards = (s[3] - v[0]) * n[0] + (s[4] - v[1]) * n[1] + (s[5] - v[2]) * n[2]
         # `not <` so that a NaN (a serve that did not arrive) and a ball that cannot catch the racket are misses.
@@ -164,23 +146,21 @@ def _meet_in_plane(
             s[:] = math.nan
             continue
         strike(s, (n[0], n[1], n[2]), (v[0], v[1], v[2]), rubber)
-        hit_t[i] = arrival_t[i]
+        hits.t_s[i] = arrivals.t_s[i]
 
 
 @njit
 def _meet_at_aim(
-    start_t: Array,
-    starts: Array,
+    starts: TimedStates,
     normals: Array,
     rackets: Array,
     aims: Array,
     radius: float,
     air: Air,
     rubber: Surface,
-    hit_t: Array,
-    hits: Array,
+    hits: TimedStates,
 ) -> None:
-    s = np.empty(9)
+    s, start_t = np.empty(9), starts.t_s
     for i in range(len(start_t)):
         if math.isnan(start_t[i]):
             continue
@@ -195,43 +175,40 @@ def _meet_at_aim(
             -(n[0] * v[0] + n[1] * v[1] + n[2] * v[2]),
             -(n[0] * cx + n[1] * cy + n[2] * cz),
         )
-        t = fall_through(starts[i], plane, air, s)
+        t = fall_through(starts.states[i], plane, air, s)
         if math.isnan(t):
             continue
         dx, dy, dz = s[0] - cx - v[0] * t, s[1] - cy - v[1] * t, s[2] - cz - v[2] * t
         if dx * dx + dy * dy + dz * dz > radius * radius or s[2] < contact.FLOOR_Z_M + BALL_RADIUS_M:
             continue
         strike(s, (n[0], n[1], n[2]), (v[0], v[1], v[2]), rubber)
-        hits[i] = s
-        hit_t[i] = start_t[i] + t
+        hits.states[i] = s
+        hits.t_s[i] = start_t[i] + t
 
 
 @njit
 def _follow(
-    hit_t: Array,
-    hits: Array,
+    hits: TimedStates,
     air: Air,
     case: NDArray[np.int8],
-    landing_t: Array,
-    landings: Array,
+    landings: TimedStates,
     net_z: Array,
-    contact_t: Array,
-    contacts: Array,
+    contacts: TimedStates,
 ) -> None:
-    at_net = np.empty(9)
+    at_net, hit_t = np.empty(9), hits.t_s
     for i in range(len(hit_t)):
         if math.isnan(hit_t[i]):
             continue
-        s = hits[i]
-        t = come_down(s, air, landings[i])
+        s = hits.states[i]
+        t = come_down(s, air, landings.states[i])
         if math.isnan(t):
-            t = highest_point(s, air, landings[i])
-        landing_t[i] = hit_t[i] + t
+            t = highest_point(s, air, landings.states[i])
+        landings.t_s[i] = hit_t[i] + t
         if s[0] < 0 and s[3] > 0 and not math.isnan(cross_net_plane(s, air, at_net)):
             net_z[i] = at_net[2]
-        what, t = next_contact(s, air, contacts[i])
+        what, t = next_contact(s, air, contacts.states[i])
         case[i] = _CASE_OF_CONTACT[what]
-        contact_t[i] = hit_t[i] + t
+        contacts.t_s[i] = hit_t[i] + t
 
 
 @njit

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.jit import njit
 from core.physics import contact
 from core.physics.contact import next_contact
-from core.physics.episode import Arrivals, Serves
+from core.physics.episode import Arrivals, Serves, TimedStates
 from core.physics.flight import Air, air_from_config, fall_through
 from core.physics.impact import Surface, strike, surfaces_from_config
 from core.physics.task import TaskConfig
@@ -62,8 +62,7 @@ def fly_incoming(balls: Serves, config: TaskConfig) -> IncomingBalls:
     """Every ball up to the hitting plane."""
     n = len(balls)
     incoming, is_service = np.full(n, _NO_BOUNCE, np.int8), np.zeros(n, np.bool_)
-    bounce_t, arrival_t = np.full((2, n), np.nan)
-    bounce_states, arrival_states = np.full((2, n, 9), np.nan)
+    bounces, arrivals = TimedStates.unknown(n), TimedStates.unknown(n)
     _fly(
         np.ascontiguousarray(balls.states()),
         config.stroke.hit_plane_x_m,
@@ -71,15 +70,13 @@ def fly_incoming(balls: Serves, config: TaskConfig) -> IncomingBalls:
         surfaces_from_config(config.physics)[0],
         incoming,
         is_service,
-        bounce_t,
-        bounce_states,
-        arrival_t,
-        arrival_states,
+        bounces,
+        arrivals,
     )
     legal = incoming == Incoming.PLAYABLE
-    for column in (bounce_t, bounce_states, arrival_t, arrival_states):
+    for column in (*bounces, *arrivals):
         column[~legal] = np.nan
-    return IncomingBalls(incoming, is_service, Arrivals(legal, bounce_t, bounce_states, arrival_t, arrival_states))
+    return IncomingBalls(incoming, is_service, Arrivals(legal, *bounces, *arrivals))
 
 
 @njit
@@ -90,10 +87,8 @@ def _fly(
     table: Surface,
     incoming: NDArray[np.int8],
     is_service: NDArray[np.bool_],
-    bounce_t: Array,
-    bounce_states: Array,
-    arrival_t: Array,
-    arrival_states: Array,
+    bounces: TimedStates,
+    arrivals: TimedStates,
 ) -> None:
     touched, at_plane, s = np.empty(9), np.empty(9), np.empty(9)
     for i in range(len(balls)):
@@ -105,8 +100,8 @@ def _fly(
             dt_plane = fall_through(s, (1.0, 0.0, 0.0, 0.0, -hit_x), air, at_plane)
             if not math.isnan(dt_plane) and dt_plane <= dt:
                 incoming[i] = _PLAYABLE if near == 1 else _NO_BOUNCE
-                arrival_t[i] = t + dt_plane
-                arrival_states[i] = at_plane
+                arrivals.t_s[i] = t + dt_plane
+                arrivals.states[i] = at_plane
                 break
             if what == contact.NET:
                 incoming[i] = _NET
@@ -130,5 +125,5 @@ def _fly(
             strike(s, _UP, _STILL, table)
             s[2] = BALL_RADIUS_M
             if near:
-                bounce_t[i] = t
-                bounce_states[i] = s
+                bounces.t_s[i] = t
+                bounces.states[i] = s

@@ -11,15 +11,23 @@ from core.cameras import Camera
 from core.errors import ConfigError
 from core.events import Events
 from core.simulation.bodies.parts import BodyProbes, MovingBodies
-from core.simulation.bodies.view import BodyView
-from core.simulation.event_cameras.event_kernel import RACKET, event_kernel_block, settle_block, update_spans
+from core.simulation.bodies.view import BodyView, make_scene_view
+from core.simulation.event_cameras.event_kernel import event_kernel_block, update_spans
 from core.simulation.flights.ball_path import BallPath
 from core.simulation.scenes.background import LOG_LIGHT, make_background
-from core.simulation.scenes.block_view import RacketView, Steps, moving_steps, view_numbers
+from core.simulation.scenes.block_view import RacketView, moving_steps
 from core.simulation.scenes.racket_shape import RacketPath
 from core.simulation.scenes.scene import SceneConfig
+from core.simulation.scenes.steps import RACKET, Steps
 from core.simulation.sensor.noise import MergedEvents, RawEvents, draw_hot_pixels, draw_noise, merge_events
-from core.simulation.sensor.pixels import EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, event_buffer
+from core.simulation.sensor.pixels import (
+    EVENT_ON,
+    EVENT_PIXEL,
+    EVENT_TIME_US,
+    EventBuffer,
+    PixelTiming,
+    settle_active,
+)
 from core.simulation.sensor.readout import Readout, ReadoutCounts
 from core.simulation.sensor.sensor import SensorConfig, make_pixels
 
@@ -44,12 +52,14 @@ class EventCamera:
         self._scene = scene
         self._config = config
         self._rng = rng
-        self._maps = make_background(camera, scene)
-        self._view = view_numbers(camera)
-        self._bodies = BodyView(camera, scene, bodies)
-        self._pixels = make_pixels(self._maps[:, LOG_LIGHT], config, rng)
+        self._view = make_scene_view(
+            camera, scene, make_background(camera, scene), None if bodies is None else bodies.parts
+        )
+        self._bodies = BodyView(camera, bodies)
+        self._pixels = make_pixels(self._view.maps[:, LOG_LIGHT], config, rng)
+        self._timing = PixelTiming(float(config.photoreceptor_us), float(config.refractory_us))
         self._hot = draw_hot_pixels(camera.sensor, config, rng)
-        self._events = event_buffer(FIRST_CAPACITY)
+        self._events = EventBuffer.empty(FIRST_CAPACITY)
         self._racket_seen: np.ndarray | None = None
         self._readout = Readout()
         self._now_us = start_us
@@ -102,90 +112,34 @@ class EventCamera:
         steps = moving_steps(self.camera, self._scene, path, seen, start_us, end_us, least)
         if racket is not None and steps is not None and steps.strides[RACKET]:
             self._racket_seen = steps.outlines[-1]
-        if self._fresh and steps is not None:
-            self._look_at_once(steps, bodies)
+        self._events.filled[0] = 0
+        if steps is not None:
+            if self._fresh:
+                update_spans(self._pixels, self._view, steps, bodies, self._bodies.updates, self._timing, self._events)
+            self._sweep(steps, bodies)
         self._fresh = False
-        count = self._sweep(steps, bodies) if steps is not None else 0
-        count = self._settle(end_us, count)
-        signal = self._sorted(count, start_us, end_us)
+        while not settle_active(self._pixels, float(end_us), self._timing, self._events):
+            self._events = self._events.doubled()
+        signal = self._sorted(start_us, end_us)
         noise = draw_noise(self.camera.sensor, self._config, self._hot, start_us, end_us, self._rng)
         self._now_us = end_us
         width = self.camera.sensor.width_px
         merged = merge_events(signal, noise, self._pixels.rows, self._config.refractory_us, width)
         return self._readout.pass_on(merged, end_us, self._config)
 
-    def _look_at_once(self, steps: Steps, bodies: BodyProbes) -> None:
-        pixels, mine = self._pixels.rows, self._bodies
-        update_spans(
-            pixels, self._shape, self._maps, mine.layers, self._view, steps.rows, steps.rackets, steps.boxes,
-            self._described(bodies), mine.looks,
-        )  # fmt: skip
-
-    @property
-    def _shape(self) -> tuple[int, int]:
-        return self.camera.sensor.width_px, self.camera.sensor.height_px
-
-    def _described(self, bodies: BodyProbes) -> tuple:
-        return bodies.ends, bodies.circles, self._bodies.parts, self._bodies.scene
-
-    def _sweep(self, steps: Steps, bodies: BodyProbes) -> int:
-        pixels, mine = self._pixels, self._bodies
-        count, done = 0, 0
-        while True:
-            count, pixels.active_count, done = event_kernel_block(
-                pixels.rows,
-                pixels.active,
-                pixels.active_list,
-                pixels.active_count,
-                self._shape,
-                self._maps,
-                mine.layers,
-                self._view,
-                steps.t_us,
-                steps.rows,
-                steps.rackets,
-                steps.outlines,
-                steps.boxes,
-                steps.strides,
-                steps.swing.log_light,
-                steps.swing.stride,
-                self._sensor(count),
-                self._described(bodies),
-                mine.looks,
-                self._events,
-                done,
+    def _sweep(self, steps: Steps, bodies: BodyProbes) -> None:
+        done = 0
+        while done < len(steps.t_us) - 1:
+            done = event_kernel_block(
+                self._pixels, self._view, steps, bodies, self._bodies.updates, self._timing, self._events, done
             )
-            if done == len(steps.t_us) - 1:
-                return count
-            self._grow(count)
+            if done < len(steps.t_us) - 1:
+                self._events = self._events.doubled()
 
-    def _settle(self, end_us: int, count: int) -> int:
-        pixels = self._pixels
-        while True:
-            count, pixels.active_count, finished = settle_block(
-                pixels.rows,
-                pixels.active,
-                pixels.active_list,
-                pixels.active_count,
-                float(end_us),
-                self._sensor(count),
-                self._events,
-            )
-            if finished:
-                return count
-            self._grow(count)
-
-    def _sensor(self, count: int) -> tuple[float, float, float]:
-        return self._config.photoreceptor_us, float(self._config.refractory_us), float(count)
-
-    def _grow(self, count: int) -> None:
-        larger = event_buffer(2 * len(self._events))
-        larger[:count] = self._events[:count]
-        self._events = larger
-
-    def _sorted(self, count: int, start_us: int, end_us: int) -> RawEvents:
-        """The buffers in order of time, whole microseconds; of equal times, the pixel that was swept first is first."""
-        t_us = np.clip(np.floor(self._events[:count, EVENT_TIME_US]).astype(np.int64), start_us, end_us - 1)
+    def _sorted(self, start_us: int, end_us: int) -> RawEvents:
+        """The buffer in order of time, whole microseconds; of equal times, the pixel that was swept first is first."""
+        rows = self._events.rows[: self._events.filled[0]]
+        t_us = np.clip(np.floor(rows[:, EVENT_TIME_US]).astype(np.int64), start_us, end_us - 1)
         order = np.argsort(t_us, kind="stable")
-        found = self._events[order]
+        found = rows[order]
         return RawEvents(t_us[order], found[:, EVENT_PIXEL].astype(np.int64), found[:, EVENT_ON] > 0)

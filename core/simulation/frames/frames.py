@@ -19,16 +19,17 @@ from core.config import check_settings, setting
 from core.errors import ConfigError
 from core.jit import njit
 from core.simulation.bodies import MovingBodies
-from core.simulation.bodies.shading import FAR_COVER, LOG_TOTAL, NEAR_COVER, light_among
+from core.simulation.bodies.shading import FAR_COVER, LOG_TOTAL, NEAR_COVER, light_and_rest
+from core.simulation.bodies.view import make_scene_view
 from core.simulation.flights.ball_path import BallPath
 from core.simulation.frames.colours import BallColour, coloured_scenes
-from core.simulation.frames.frame_bodies import FrameBodies
+from core.simulation.frames.frame_bodies import FrameBodies, tinted_parts
 from core.simulation.scenes.background import LOG_LIGHT, make_background
-from core.simulation.scenes.block_view import STEP_PX, RacketView, Steps, moving_steps, view_numbers
+from core.simulation.scenes.block_view import STEP_PX, RacketView, Steps, moving_steps
 from core.simulation.scenes.flicker import flicker_log_light
 from core.simulation.scenes.racket_shape import RacketPath
 from core.simulation.scenes.scene import SceneConfig
-from core.simulation.scenes.shading import UNTOUCHED, pixel_light, pixel_seen
+from core.simulation.scenes.shading import UNTOUCHED, Moving, pixel_seen
 
 LEAST_INSTANTS: Final = 8
 """Of an exposure, however little moves."""
@@ -38,7 +39,6 @@ BALL_DEPTH, BALL_LIGHT, RACKET_LIGHT = 2, 13, 6
 """Columns of a ball's row: camera z, and light; and the light in a racket's."""
 TONES: Final = 1 << 16
 """Steps of the tone curve's table: right to half a level from 0.1 % of white on."""
-NO_LAYERS: Final = np.zeros((0, 8), np.float32)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,10 +79,13 @@ class FrameCamera:
         self.camera = camera
         self._config, self._rng = config, rng
         self._scenes = coloured_scenes(scene, config.ball_colour)
-        self._maps = [make_background(camera, channel) for channel in self._scenes]
-        self._view = view_numbers(camera)
-        self._still = np.stack([np.exp(maps[:, LOG_LIGHT]) for maps in self._maps], axis=1)
-        self._bodies = None if bodies is None else FrameBodies(camera, scene, bodies, self._maps)
+        tinted = [None if bodies is None else tinted_parts(bodies.parts, channel) for channel in range(3)]
+        self._views = [
+            make_scene_view(camera, own, make_background(camera, own), parts)
+            for own, parts in zip(self._scenes, tinted, strict=True)
+        ]
+        self._still = np.stack([np.exp(view.maps[:, LOG_LIGHT]) for view in self._views], axis=1)
+        self._bodies = None if bodies is None else FrameBodies(camera, bodies, self._views)
         self._tones = np.rint(255.0 * np.linspace(0.0, 1.0, TONES) ** (1.0 / config.gamma)).astype(np.uint8)
 
     def take(self, path: BallPath, racket: RacketPath | None, t_us: int) -> NDArray[np.uint8]:
@@ -118,13 +121,10 @@ class FrameCamera:
             if bodies is not None and probes is not None:
                 ball_m = float(ball[BALL_DEPTH]) if ball[BALL_DEPTH] > 0 else np.inf
                 bodies.look(probes, number, ball_m, steps.boxes[instant])
-            for channel, (scene, maps) in enumerate(zip(self._scenes, self._maps, strict=True)):
+            for channel, (scene, view) in enumerate(zip(self._scenes, self._views, strict=True)):
                 ball[BALL_LIGHT], racket[RACKET_LIGHT] = scene.ball, scene.racket
-                layers = NO_LAYERS if bodies is None else bodies.layers[channel]
-                _add_light(
-                    maps, layers, self._view, tuple(ball.tolist()), tuple(racket.tolist()), see_racket,
-                    shares[number], pixels, in_boxes, mean[:, channel],
-                )  # fmt: skip
+                moving = Moving(tuple(ball.tolist()), tuple(racket.tolist()), True, True, see_racket)
+                _add_light(view, moving, shares[number], pixels, in_boxes, mean[:, channel])
         return pixels, mean
 
     def _develop(self, light: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -185,24 +185,19 @@ def _swept(boxes: NDArray[np.int64], camera: Camera) -> NDArray[np.bool_]:
 
 
 @njit(error_model="numpy")
-def _add_light(maps, layers, view, ball, racket, see_racket, share, pixels, in_boxes, mean):
+def _add_light(scene, moving, share, pixels, in_boxes, mean):
     """Add this share of the light of the pixels at one instant to their mean.
 
     Ball, shadow and robot's racket are looked for only where `in_boxes`.
     """
+    maps, layers = scene.maps, scene.layers
     for number in range(len(pixels)):
         pixel = pixels[number]
-        among = len(layers) > 0 and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0)
         if not in_boxes[number]:
+            among = len(layers) > 0 and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0)
             mean[number] += share * math.exp(layers[pixel, LOG_TOTAL] if among else maps[pixel, LOG_LIGHT])
             continue
-        seen = pixel_seen(maps, pixel)
-        if among:
-            light = light_among(seen, layers, pixel, view, ball, racket, True, True, see_racket)
-            rest = float(layers[pixel, LOG_TOTAL])
-        else:
-            light = pixel_light(seen, view, ball, racket, True, True, see_racket)
-            rest = seen[LOG_LIGHT]
+        light, rest = light_and_rest(pixel_seen(maps, pixel), layers, pixel, scene.numbers, moving)
         mean[number] += share * (math.exp(rest) if light == UNTOUCHED else light)
 
 

@@ -1,4 +1,4 @@
-"""What the kernels need to know of a block: substeps, rows that describe ball and racket, boxes to redraw."""
+"""The substeps of a block: how many, rows that describe ball and racket, boxes to redraw."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from core.cameras import Camera, ball_outline
 from core.geometry import invert_transform
 from core.simulation.flights.ball_path import BallPath, BallStates, VisibleRange
-from core.simulation.scenes.flicker import FlickerSwing, make_flicker, updates_of_all
+from core.simulation.scenes.flicker import make_flicker, updates_of_all
 from core.simulation.scenes.racket_outline import racket_outline
 from core.simulation.scenes.racket_shape import RACKET_COLUMNS, RacketPath, RacketPoses, racket_shading_rows
 from core.simulation.scenes.scene import LIGHT_SIZE, TO_LIGHT_WORLD, SceneConfig
 from core.simulation.scenes.shading import BALL_COLUMNS, INNER_STRIDE, VIEW_NUMBERS
+from core.simulation.scenes.steps import Steps
 from core.table import BALL_RADIUS_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
 Array = NDArray[np.float64]
@@ -32,26 +33,6 @@ PROBES = 11
 """Instants in a block at which the speed in the picture is looked at."""
 BOX_MARGIN_PX = 1.5
 """Beyond half an edge, for the curvature of the outline between its points and for rounding."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Steps:
-    """Ball and racket at S + 1 instants, equally spaced, to one camera."""
-
-    t_us: Array
-    rows: Array
-    """(S + 1, BALL_COLUMNS), see `core.simulation.scenes.shading`."""
-    rackets: Array
-    """(S + 1, RACKET_COLUMNS), see `core.simulation.scenes.racket_shape`."""
-    outlines: Array
-    """(S + 1, K, 2) pixels of points on the racket's rims, see `core.simulation.scenes.racket_outline`."""
-    boxes: NDArray[np.int64]
-    """(S + 1, 3, 4): first column, first row, one past the last column and row of ball, shadow and racket; empty where
-    0."""
-    swing: FlickerSwing
-    strides: NDArray[np.int64]
-    """(3,): substeps from one look at ball, shadow and racket to the next, 0 for no look: a soft shadow changes slowly,
-    a racket at rest not at all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.jit import njit
 from core.simulation.scenes.scene import SceneConfig
-from core.simulation.sensor.pixels import ramp_pixel, rest_pixel
+from core.simulation.sensor.pixels import ramp_pixel, receptor_decay, rest_pixel, wake_pixel
 from core.simulation.sensor.sensor import TARGET, TIME_US
 
 Array = NDArray[np.float64]
@@ -22,8 +21,7 @@ EVENTS_PER_PIXEL = 64
 """Room kept free in the buffer per pixel of a row: the steepest swing at the lowest threshold is 16 a look."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FlickerSwing:
+class FlickerSwing(NamedTuple):
     """The swing at the substeps of a block."""
 
     log_light: Array
@@ -52,30 +50,31 @@ def make_flicker(scene: SceneConfig, t_us: Array) -> FlickerSwing:
 
 
 @njit(error_model="numpy")
-def flicker_all_pixels(pixels, active, active_list, active_count, width, t_us, swings, step, sensor, events, count):
-    """Swing the light of all pixels that were not looked at in this substep; (event count, awake count, finished).
+def flicker_all_pixels(pixels, width, steps, step, timing, events):
+    """Swing the light of all pixels that were not looked at in this substep, row by row of `width` pixels.
 
-    What a pixel saw last holds the swing of that time. Not finished if the buffer might overflow: call again with a
+    What a pixel saw last holds the swing of that time. Returns false if the buffer might overflow: call again with a
     larger one.
     """
-    tau_us, refractory_us, now_us = sensor[0], sensor[1], t_us[step]
-    each_us = t_us[1] - t_us[0]
-    for first in range(0, len(pixels), width):
-        if count + width * EVENTS_PER_PIXEL > len(events):
-            return count, active_count, False
+    rows, active, event_rows = pixels.rows, pixels.active, events.rows
+    t_us, swings = steps.t_us, steps.swing.log_light
+    now_us, each_us = t_us[step], t_us[1] - t_us[0]
+    for first in range(0, len(rows), width):
+        count = events.filled[0]
+        if count + width * EVENTS_PER_PIXEL > len(event_rows):
+            return False
         for pixel in range(first, first + width):
-            start_us = pixels[pixel, TIME_US]
+            start_us = rows[pixel, TIME_US]
             if start_us >= now_us:
                 continue
             since = max(int((start_us - t_us[0]) / each_us + 0.5), 0)
-            goal = pixels[pixel, TARGET] + swings[step] - swings[since]
+            goal = rows[pixel, TARGET] + swings[step] - swings[since]
             if not active[pixel]:
-                active[pixel] = True
-                active_list[active_count] = pixel
-                active_count += 1
+                wake_pixel(pixels, pixel)
             if start_us < t_us[0]:
-                count = rest_pixel(pixels, pixel, t_us[0], tau_us, refractory_us, events, count)
+                count = rest_pixel(rows, pixel, t_us[0], timing, event_rows, count)
                 start_us = t_us[0]
-            decay = math.exp((start_us - now_us) / tau_us) if tau_us > 0.0 else 0.0
-            count = ramp_pixel(pixels, pixel, goal, now_us, decay, tau_us, refractory_us, events, count)
-    return count, active_count, True
+            decay = receptor_decay(start_us, now_us, timing)
+            count = ramp_pixel(rows, pixel, goal, now_us, decay, timing, event_rows, count)
+        events.filled[0] = count
+    return True

@@ -10,6 +10,9 @@ every call, which cost several times the arithmetic (37 instead of 8 ns for a pi
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
+
+import numpy as np
 
 from core.jit import njit
 from core.simulation.scenes.background import DEPTH_M, LIGHT, LOG_LIGHT, NET_COVER, NET_LIGHT, RAY_X, RAY_Y
@@ -34,6 +37,32 @@ VIEW_NUMBERS = 18
 the same in the world."""
 
 
+class Moving(NamedTuple):
+    """Ball and robot's racket at one instant to one camera, and which of them can be at the pixels in question."""
+
+    ball: tuple[float, ...]
+    """BALL_COLUMNS numbers."""
+    racket: tuple[float, ...]
+    """RACKET_COLUMNS numbers."""
+    see_ball: bool
+    see_shadow: bool
+    see_racket: bool
+
+
+class Fragment(NamedTuple):
+    """What a body adds to a pixel."""
+
+    cover: float
+    """Share of the pixel that it covers."""
+    light: float
+    """Its intensity there."""
+    depth_m: float
+    """Camera z of the point that is seen."""
+
+
+NOTHING = Fragment(0.0, 0.0, 0.0)
+
+
 @njit(error_model="numpy")
 def smooth_step(share):
     """0 below 0, 1 above 1, smooth between; symmetric round 1/2."""
@@ -45,18 +74,20 @@ def smooth_step(share):
 
 
 @njit(error_model="numpy")
-def pixel_light(seen, view, ball, racket, see_ball, see_shadow, see_racket):
-    """Intensity at a pixel whose static picture is `seen`, or UNTOUCHED; the flags leave out what cannot be here."""
+def pixel_light(seen, view, moving):
+    """Intensity at a pixel whose static picture is `seen`, or UNTOUCHED."""
     x, y, behind, depth_m = seen[RAY_X], seen[RAY_Y], seen[LIGHT], seen[DEPTH_M]
-    cover, shade, hit = ball_cover(view, ball, x, y, depth_m) if see_ball else (0.0, 0.0, 0.0)
-    if see_racket:
-        hidden, where = racket_cover(racket, x, y, depth_m)
-        if hidden == 1.0 and seen[NET_COVER] == 0.0 and (cover == 0.0 or hit > where):
-            return racket[6]
-        if hidden > 0.0:
-            darkness = shadow_darkness(view, ball, x, y, depth_m) if see_shadow and hidden < 1.0 else 0.0
-            return _with_racket(seen, view, (1.0 - darkness) * behind, racket[6], hidden, where, shade, cover, hit)
-    darkness = shadow_darkness(view, ball, x, y, depth_m) if see_shadow and cover < 1.0 else 0.0
+    ball = ball_cover(view, moving.ball, x, y, depth_m) if moving.see_ball else NOTHING
+    if moving.see_racket:
+        racket = racket_cover(moving.racket, x, y, depth_m)
+        if racket.cover == 1.0 and seen[NET_COVER] == 0.0 and (ball.cover == 0.0 or ball.depth_m > racket.depth_m):
+            return racket.light
+        if racket.cover > 0.0:
+            shaded = moving.see_shadow and racket.cover < 1.0
+            darkness = shadow_darkness(view, moving.ball, x, y, depth_m) if shaded else 0.0
+            return _with_racket(seen, view, (1.0 - darkness) * behind, racket, ball)
+    cover, shade, hit = ball
+    darkness = shadow_darkness(view, moving.ball, x, y, depth_m) if moving.see_shadow and cover < 1.0 else 0.0
     if darkness == 0.0 and cover == 0.0:
         return UNTOUCHED
     behind *= 1.0 - darkness
@@ -73,52 +104,48 @@ def pixel_light(seen, view, ball, racket, see_ball, see_shadow, see_racket):
 
 @njit(error_model="numpy")
 def racket_cover(racket, x, y, depth_m):
-    """(share of the pixel that the racket covers, camera z of the point)."""
+    """The racket in a pixel whose static picture is `depth_m` away."""
     gap, where = racket_gap(racket, x, y)
     cover = smooth_step(0.5 - gap / racket[7])
-    return (0.0, where) if where >= depth_m else (cover, where)
+    return Fragment(0.0 if where >= depth_m else cover, racket[6], where)
 
 
 @njit(error_model="numpy")
-def _with_racket(seen, view, light, black, hidden, where, shade, cover, hit):
+def _with_racket(seen, view, light, racket, ball):
     """The light behind, the racket and the ball, laid over one another from far to near, with the net in its place."""
-    ball_far = hit > where
+    far, near = (ball, racket) if ball.depth_m > racket.depth_m else (racket, ball)
     net, x = seen[NET_COVER], view[0] * seen[RAY_X] + view[1] * seen[RAY_Y] + view[2]
-    far, far_cover, far_at = (shade, cover, hit) if ball_far else (black, hidden, where)
-    near, near_cover, near_at = (black, hidden, where) if ball_far else (shade, cover, hit)
-    far_before_net = (far_at * x + view[9]) * view[9] > 0.0
-    near_before_net = (near_at * x + view[9]) * view[9] > 0.0
+    far_before_net = (far.depth_m * x + view[9]) * view[9] > 0.0
+    near_before_net = (near.depth_m * x + view[9]) * view[9] > 0.0
     if net > 0.0 and far_before_net:
         light, net = seen[NET_LIGHT] + (1.0 - net) * light, 0.0
-    light += far_cover * (far - light)
+    light += far.cover * (far.light - light)
     if net > 0.0 and near_before_net:
         light, net = seen[NET_LIGHT] + (1.0 - net) * light, 0.0
-    light += near_cover * (near - light)
+    light += near.cover * (near.light - light)
     return seen[NET_LIGHT] + (1.0 - net) * light if net > 0.0 else light
 
 
 @njit(error_model="numpy")
 def ball_cover(view, ball, x, y, depth_m):
-    """(share of the pixel that the ball covers, light of the ball there, camera z of the point)."""
+    """The ball in a pixel whose static picture is `depth_m` away."""
     length2 = x * x + y * y + 1.0
     along = x * ball[0] + y * ball[1] + ball[2]
-    if along <= 0.0:
-        return 0.0, 0.0, 0.0
-    if along * along <= ball[15] * length2:
-        return 0.0, 0.0, 0.0
+    if along <= 0.0 or along * along <= ball[15] * length2:
+        return NOTHING
     inside = along * along / length2 - ball[3]  # squared radius minus squared distance of the centre from the ray
     gap = math.sqrt(max(BALL_RADIUS_M * BALL_RADIUS_M - inside, 0.0))
     cover = smooth_step((BALL_RADIUS_M - gap) / ball[4] + 0.5)
     near = (along - math.sqrt(max(inside * length2, 0.0))) / length2
     if near >= depth_m:
-        return 0.0, 0.0, 0.0
+        return NOTHING
     px, py, pz = near * x, near * y, near
     beyond_m = ball[5] * px + ball[6] * py + ball[7] * pz - ball[8]
     if beyond_m < ball[4]:
         cover *= smooth_step(beyond_m / ball[4])
     facing = ((px - ball[0]) * view[12] + (py - ball[1]) * view[13] + (pz - ball[2]) * view[14]) / BALL_RADIUS_M
     lit = ball[14] + (1.0 - ball[14]) * 0.5 * (1.0 + facing)
-    return cover, ball[13] * lit, near
+    return Fragment(cover, ball[13] * lit, near)
 
 
 @njit(error_model="numpy")
@@ -151,22 +178,16 @@ def shadow_darkness(view, ball, x, y, depth_m):
 
 @njit(error_model="numpy")
 def pixel_seen(maps, pixel):
-    """The row of the background's maps as a tuple of numbers."""
-    return (
-        float(maps[pixel, 0]),
-        float(maps[pixel, 1]),
-        float(maps[pixel, 2]),
-        float(maps[pixel, 3]),
-        float(maps[pixel, 4]),
-        float(maps[pixel, 5]),
-        float(maps[pixel, 6]),
-    )
+    """The row of the background's maps as a tuple of numbers, of the types that it also has among bodies."""
+    light, net_light, net_cover = maps[pixel, LIGHT], maps[pixel, NET_LIGHT], maps[pixel, NET_COVER]
+    lights = np.float64(light), maps[pixel, DEPTH_M], np.float64(net_light), np.float64(net_cover)
+    return maps[pixel, RAY_X], maps[pixel, RAY_Y], *lights, maps[pixel, LOG_LIGHT]
 
 
 @njit(error_model="numpy")
-def render_light(maps, view, ball, racket, see_racket, out):
+def render_light(maps, view, moving, out):
     """Log intensity of every pixel, written to `out`: the dense picture at one instant."""
     for pixel in range(len(out)):
         seen = pixel_seen(maps, pixel)
-        light = pixel_light(seen, view, ball, racket, True, True, see_racket)
+        light = pixel_light(seen, view, moving)
         out[pixel] = seen[LOG_LIGHT] if light == UNTOUCHED else math.log(light)

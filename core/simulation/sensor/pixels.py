@@ -5,15 +5,17 @@ constant). The first-order photoreceptor's answer to both is known in closed for
 tenths of a pixel of motion, its output is taken as straight between the two ends and events are placed where that line
 crosses a threshold; over a rest the crossing of the exponential itself is solved.
 
-Kernels take the rows of `PixelState` and the rows of `event_buffer`. They are given whole arrays, not tuples of
-columns: numba counts references to every array of a tuple at every call, which cost more than the arithmetic.
+Kernels of one pixel take the rows of `PixelState` and of `EventBuffer`, whole arrays and no tuples of arrays: numba
+counts references to every array of a tuple at every call, which cost more than the arithmetic.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.jit import njit
 from core.simulation.sensor.sensor import (
@@ -29,11 +31,47 @@ from core.simulation.sensor.sensor import (
 EVENT_TIME_US, EVENT_PIXEL, EVENT_ON = range(3)
 SETTLED = 1e-6
 """A receptor this close to its target has arrived; 2e5 times less than a threshold."""
+EVENTS_PER_PIXEL = 128
+"""Room kept free in the buffer for each pixel of a substep; contrast 5 at the lowest threshold is 250 in a step, but
+only of the few pixels of an edge."""
+
+
+class PixelTiming(NamedTuple):
+    """How fast all pixels of a sensor answer."""
+
+    photoreceptor_us: float
+    """Time constant of the first-order photoreceptor; 0 for none."""
+    refractory_us: float
+
+
+class EventBuffer(NamedTuple):
+    """What the kernels write events to."""
+
+    rows: NDArray[np.float64]
+    """(capacity, 3): time in microseconds, pixel index, 1 for ON; all exact."""
+    filled: NDArray[np.int64]
+    """(1,) how many rows hold an event."""
+
+    @staticmethod
+    def empty(capacity: int) -> EventBuffer:
+        """Room for so many events."""
+        return EventBuffer(np.empty((capacity, 3)), np.zeros(1, np.int64))
+
+    def doubled(self) -> EventBuffer:
+        """The same events in a buffer with twice the room."""
+        return EventBuffer(np.concatenate([self.rows, np.empty_like(self.rows)]), self.filled)
 
 
 @njit(error_model="numpy")
-def rest_pixel(rows, pixel, end_us, tau_us, refractory_us, events, count):
+def receptor_decay(start_us, end_us, timing):
+    """Share of the photoreceptor's lag that is left at `end_us`: exp(-duration / time constant)."""
+    return math.exp((start_us - end_us) / timing.photoreceptor_us) if timing.photoreceptor_us > 0.0 else 0.0
+
+
+@njit(error_model="numpy")
+def rest_pixel(rows, pixel, end_us, timing, events, count):
     """Bring a pixel under constant intensity to `end_us`; returns the new event count."""
+    tau_us, refractory_us = timing.photoreceptor_us, timing.refractory_us
     start_us = rows[pixel, TIME_US]
     if end_us <= start_us:
         return count
@@ -87,16 +125,17 @@ def receptor_after_ramp(before, goal, receptor, duration_us, tau_us, decay):
 
 
 @njit(error_model="numpy")
-def ramp_pixel(rows, pixel, goal, end_us, decay, tau_us, refractory_us, events, count):
+def ramp_pixel(rows, pixel, goal, end_us, decay, timing, events, count):
     """Take a pixel to `end_us` while its log intensity moves linearly to `goal`; returns the new event count.
 
-    `decay` is exp(-duration / tau), the same for most pixels of a step.
+    `decay` is `receptor_decay`, the same for most pixels of a step.
     """
+    refractory_us = timing.refractory_us
     start_us = rows[pixel, TIME_US]
     before = rows[pixel, TARGET]
     v0 = rows[pixel, RECEPTOR]
     duration = end_us - start_us
-    v1 = receptor_after_ramp(before, goal, v0, duration, tau_us, decay)
+    v1 = receptor_after_ramp(before, goal, v0, duration, timing.photoreceptor_us, decay)
     rows[pixel, TARGET] = goal
     rows[pixel, RECEPTOR] = v1
     rows[pixel, TIME_US] = end_us
@@ -133,11 +172,12 @@ def ramp_pixel(rows, pixel, goal, end_us, decay, tau_us, refractory_us, events, 
 
 
 @njit(inline="always", error_model="numpy")
-def follow_pixel(rows, pixel, goal, start_us, now_us, decay, tau_us, refractory_us, events, count):
-    """Like `ramp_pixel` for a pixel that is known up to `start_us`, without the call where nothing happens.
+def follow_pixel(rows, pixel, goal, now_us, decay, timing, events, count):
+    """Like `ramp_pixel`, without the call where nothing happens.
 
     That is so most of the time, and the call would cost more than the arithmetic. It is written out in its callers.
     """
+    start_us, tau_us = rows[pixel, TIME_US], timing.photoreceptor_us
     receptor = receptor_after_ramp(rows[pixel, TARGET], goal, rows[pixel, RECEPTOR], now_us - start_us, tau_us, decay)
     contrast = receptor - rows[pixel, REFERENCE]
     if rows[pixel, RELEASE_US] <= start_us and -rows[pixel, OFF_THRESHOLD] < contrast < rows[pixel, ON_THRESHOLD]:
@@ -145,26 +185,36 @@ def follow_pixel(rows, pixel, goal, start_us, now_us, decay, tau_us, refractory_
         rows[pixel, RECEPTOR] = receptor
         rows[pixel, TIME_US] = now_us
     else:
-        count = ramp_pixel(rows, pixel, goal, now_us, decay, tau_us, refractory_us, events, count)
+        count = ramp_pixel(rows, pixel, goal, now_us, decay, timing, events, count)
     return count
 
 
 @njit(error_model="numpy")
-def settle_active(rows, active, active_list, active_count, end_us, tau_us, refractory_us, events, count):
-    """Bring every awake pixel to `end_us` and let those that have settled sleep; returns (event count, awake count)."""
-    kept = 0
-    for place in range(active_count):
+def wake_pixel(pixels, pixel):
+    """List a pixel that was at rest."""
+    pixels.active[pixel] = True
+    pixels.active_list[pixels.active_count[0]] = pixel
+    pixels.active_count[0] += 1
+
+
+@njit(error_model="numpy")
+def settle_active(pixels, end_us, timing, events):
+    """Bring every awake pixel to `end_us` and let those that have settled sleep.
+
+    Returns false, and does nothing, if the buffer might overflow: call again with a larger one.
+    """
+    rows, active, active_list = pixels.rows, pixels.active, pixels.active_list
+    count, kept = events.filled[0], 0
+    if count + pixels.active_count[0] * EVENTS_PER_PIXEL > len(events.rows):
+        return False
+    for place in range(pixels.active_count[0]):
         pixel = active_list[place]
-        count = rest_pixel(rows, pixel, end_us, tau_us, refractory_us, events, count)
+        count = rest_pixel(rows, pixel, end_us, timing, events.rows, count)
         if abs(rows[pixel, RECEPTOR] - rows[pixel, TARGET]) <= SETTLED and rows[pixel, RELEASE_US] <= end_us:
             rows[pixel, RECEPTOR] = rows[pixel, TARGET]
             active[pixel] = False
         else:
             active_list[kept] = pixel
             kept += 1
-    return count, kept
-
-
-def event_buffer(capacity: int) -> np.ndarray:
-    """Rows (capacity, 3) that kernels write events to: time in microseconds, pixel index, 1 for ON; all exact."""
-    return np.empty((capacity, 3))
+    events.filled[0], pixels.active_count[0] = count, kept
+    return True

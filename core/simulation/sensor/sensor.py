@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,7 @@ the two thresholds; whole microsecond of its last event, noise included."""
 LONG_AGO_US = -1e12
 
 
-@dataclass(slots=True, eq=False)
-class PixelState:
+class PixelState(NamedTuple):
     """What every pixel of a sensor remembers; changed in place by the kernels of `core.simulation.sensor.pixels`."""
 
     rows: NDArray[np.float64]
@@ -61,7 +61,9 @@ class PixelState:
     active: NDArray[np.bool_]
     """Listed in `active_list`: touched in this block, or still following."""
     active_list: NDArray[np.int64]
-    active_count: int
+    """(pixels,) room for the indices of active pixels."""
+    active_count: NDArray[np.int64]
+    """(1,) how many are listed."""
 
 
 def make_pixels(log_intensity: NDArray[np.floating], config: SensorConfig, rng: np.random.Generator) -> PixelState:
@@ -73,4 +75,4 @@ def make_pixels(log_intensity: NDArray[np.floating], config: SensorConfig, rng: 
     for column, mean in ((ON_THRESHOLD, config.on_threshold), (OFF_THRESHOLD, config.off_threshold)):
         drawn = mean * (1.0 + config.threshold_mismatch * rng.standard_normal(count))
         rows[:, column] = np.maximum(drawn, LOWEST_THRESHOLD)
-    return PixelState(rows, np.zeros(count, np.bool_), np.zeros(count, np.int64), 0)
+    return PixelState(rows, np.zeros(count, np.bool_), np.zeros(count, np.int64), np.zeros(1, np.int64))

@@ -10,7 +10,7 @@ from core.errors import RecordingError
 from core.events import Events, SensorSize, concatenate_events
 from core.recordings.sources import open_sources
 from core.recordings.sources.evt2 import decode_evt2, start_state_evt2
-from core.recordings.sources.evt_time import BELIEVE, IGNORE, STOP, judge_time_high, next_time_high
+from core.recordings.sources.evt_time import BELIEVE, IGNORE, STOP, Decoded, judge_time_high, next_time_high
 from core.recordings.sources.source import DecodeReport
 
 HEADER3 = b"% evt 3.0\n% format EVT3;height=480;width=640\n% geometry 640x480\n% end\n"
@@ -368,12 +368,11 @@ def test_a_header_alone_is_an_empty_recording(tmp_path):
 def test_decoding_continues_where_room_ran_out():
     words = np.array([8 << 28 | 1] + [1 << 28 | i << 22 for i in range(60)], np.uint32)
     state = start_state_evt2(words)
-    t, x, y, on = np.empty(7, np.int64), np.empty(7, np.uint16), np.empty(7, np.uint16), np.empty(7, np.bool_)
-    spare = np.empty(4, np.int64), np.empty(4, np.bool_), np.empty(4, np.int16)
+    out = Decoded.empty(7, 4)
     times: list[int] = []
     while len(words):
-        used, count, _, damage = decode_evt2(words, state, 640, 480, t, x, y, on, *spare)
+        used, count, _, damage = decode_evt2(words, state, 640, 480, out)
         assert damage == 0 and count <= 7
-        times += t[:count].tolist()
+        times += out.t_us[:count].tolist()
         words = words[used:]
     assert times == list(range(64, 124))

@@ -18,7 +18,7 @@ from core.simulation.frames.frames import LEAST_INSTANTS, FrameCamera, FrameConf
 from core.simulation.scenes.background import make_background
 from core.simulation.scenes.block_view import ball_shading_rows, view_numbers
 from core.simulation.scenes.racket_shape import RACKET_COLUMNS, RacketPath, RacketPoses, racket_shading_rows
-from core.simulation.scenes.shading import render_light
+from core.simulation.scenes.shading import Moving, render_light
 
 SCENE = SceneConfig()
 CLEAN = FrameConfig(read_noise=0.0)
@@ -58,7 +58,9 @@ def dense(camera, config: FrameConfig, path: BallPath, racket: RacketPath | None
             rackets = racket_shading_rows(camera, scene.racket, scene.edge_px, racket, racket.at(t_s))
         out, light = np.empty(len(maps)), np.zeros(len(maps))
         for ball, row in zip(balls, rackets, strict=True):
-            render_light(maps, view, tuple(ball.tolist()), tuple(row.tolist()), racket is not None, out)
+            render_light(
+                maps, view, Moving(tuple(ball.tolist()), tuple(row.tolist()), True, True, racket is not None), out
+            )
             light += np.exp(out) / instants
         picture[:, :, channel] = light.reshape(picture.shape[:2])
     return 255 * np.clip(picture, 0, 1) ** (1 / config.gamma)

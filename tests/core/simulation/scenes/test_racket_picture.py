@@ -16,7 +16,7 @@ from core.simulation.scenes.background import DEPTH_M, LIGHT, LOG_LIGHT, make_ba
 from core.simulation.scenes.block_view import ball_shading_rows, view_numbers
 from core.simulation.scenes.racket_outline import racket_outline
 from core.simulation.scenes.racket_shape import RacketPath, RacketPoses, racket_gap, racket_shading_rows
-from core.simulation.scenes.shading import UNTOUCHED, pixel_light, pixel_seen, render_light
+from core.simulation.scenes.shading import UNTOUCHED, Moving, pixel_light, pixel_seen, render_light
 
 QUIET = SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0, threshold_mismatch=0.0)
 SCENE = SceneConfig()
@@ -113,7 +113,7 @@ def test_what_is_nearer_hides_what_is_behind(small_camera) -> None:
     def light(ball_m: np.ndarray, depth_m: float = 9.0) -> float:
         flight = ParabolicPath(np.array([-1.0]), ball_m[None], np.zeros((1, 3)), np.zeros((1, 3)), 1.0, 0.0)
         ball = tuple(ball_shading_rows(small_camera, SCENE, flight.at([0.0]), _no_portals())[0].tolist())
-        return pixel_light((*seen[:3], depth_m, *seen[4:]), view, ball, row, True, False, True)
+        return pixel_light((*seen[:3], depth_m, *seen[4:]), view, Moving(ball, row, True, False, True))
 
     assert light(middle + 0.2 * away) == SCENE.racket
     assert light(middle - 0.2 * away) > 0.5
@@ -167,11 +167,11 @@ def dense(camera: Camera, ball: BallPath, racket: RacketPath, end_us: int) -> tu
     balls = ball_shading_rows(camera, SCENE, ball.at(times_us * 1e-6), ball.portals(times_us * 1e-6))
     rackets = racket_shading_rows(camera, SCENE.racket, SCENE.edge_px, racket, racket.at(times_us * 1e-6))
     light = np.empty(len(maps))
-    render_light(maps, view, tuple(balls[0]), tuple(rackets[0]), True, light)
+    render_light(maps, view, Moving(tuple(balls[0]), tuple(rackets[0]), True, True, True), light)
     receptor, reference, free_us = light.copy(), light.copy(), np.zeros(len(maps))
     counts, times = np.zeros(len(maps), np.int64), []
     for now_us, row, other in zip(times_us[1:], balls[1:], rackets[1:], strict=True):
-        render_light(maps, view, tuple(row), tuple(other), True, light)
+        render_light(maps, view, Moving(tuple(row), tuple(other), True, True, True), light)
         receptor += (light - receptor) * (1 - np.exp(-step_us / QUIET.photoreceptor_us))
         just_free = (free_us > now_us - step_us) & (free_us <= now_us)
         reference[just_free] = receptor[just_free]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.simulation import SensorConfig
-from core.simulation.sensor.pixels import EVENT_ON, EVENT_TIME_US, event_buffer, ramp_pixel, rest_pixel
+from core.simulation.sensor.pixels import EVENT_ON, EVENT_TIME_US, EventBuffer, PixelTiming, ramp_pixel, rest_pixel
 from core.simulation.sensor.sensor import OFF_THRESHOLD, ON_THRESHOLD, TARGET, make_pixels
 
 PLAIN = SensorConfig(threshold_mismatch=0.0, refractory_us=0, photoreceptor_us=0.0)
@@ -13,12 +13,10 @@ PLAIN = SensorConfig(threshold_mismatch=0.0, refractory_us=0, photoreceptor_us=0
 def run_ramp(contrast: float, config: SensorConfig, *, duration_us: float = 1000.0, start: float = 0.0) -> np.ndarray:
     """(N, 3) events of one pixel whose log intensity moves by `contrast` at a constant rate."""
     pixels = make_pixels(np.array([start]), config, np.random.default_rng(0))
-    events = event_buffer(1000)
-    tau_us = config.photoreceptor_us
-    decay = np.exp(-duration_us / tau_us) if tau_us else 0.0
-    count = ramp_pixel(
-        pixels.rows, 0, start + contrast, duration_us, decay, tau_us, float(config.refractory_us), events, 0
-    )
+    events = EventBuffer.empty(1000).rows
+    timing = PixelTiming(config.photoreceptor_us, float(config.refractory_us))
+    decay = np.exp(-duration_us / config.photoreceptor_us) if config.photoreceptor_us else 0.0
+    count = ramp_pixel(pixels.rows, 0, start + contrast, duration_us, decay, timing, events, 0)
     return events[:count]
 
 
@@ -52,10 +50,10 @@ def test_the_refractory_time_keeps_events_apart() -> None:
 def test_a_slow_photoreceptor_delays_by_its_time_constant() -> None:
     slow = SensorConfig(threshold_mismatch=0.0, refractory_us=0, photoreceptor_us=50.0)
     pixels = make_pixels(np.array([0.0]), slow, np.random.default_rng(0))
-    events, count, step_us = event_buffer(100), 0, 5.0
+    events, count, step_us = EventBuffer.empty(100).rows, 0, 5.0
     for step in range(1, 401):  # a contrast of 2 over 2 ms, in steps as short as the sweep's
         decay = np.exp(-step_us / 50.0)
-        count = ramp_pixel(pixels.rows, 0, 0.005 * step, step_us * step, decay, 50.0, 0.0, events, count)
+        count = ramp_pixel(pixels.rows, 0, 0.005 * step, step_us * step, decay, PixelTiming(50.0, 0.0), events, count)
     late = events[4:count, EVENT_TIME_US]  # after several time constants
     assert late == pytest.approx(200.0 * np.arange(5, 5 + len(late)) + 50.0, abs=1.0)
 
@@ -64,8 +62,8 @@ def test_a_photoreceptor_that_still_follows_fires_after_the_light_has_settled() 
     config = SensorConfig(threshold_mismatch=0.0, refractory_us=0, photoreceptor_us=200.0)
     pixels = make_pixels(np.array([0.0]), config, np.random.default_rng(0))
     pixels.rows[0, TARGET] = 1.0  # a step of light at time 0
-    events = event_buffer(100)
-    count = rest_pixel(pixels.rows, 0, 5000.0, 200.0, 0.0, events, 0)
+    events = EventBuffer.empty(100).rows
+    count = rest_pixel(pixels.rows, 0, 5000.0, PixelTiming(200.0, 0.0), events, 0)
     expected_us = [-200.0 * np.log(1.0 - level) for level in (0.2, 0.4, 0.6, 0.8)]
     assert events[:count, EVENT_TIME_US] == pytest.approx(expected_us)
 
