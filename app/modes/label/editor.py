@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from app.modes.label.commands.cursor import GoTo, LeaveSecondLook
-from app.modes.label.commands.step import Edit, LabelCommand, Note
+from app.modes.label.commands.step import LabelCommand, LabelEdit, Note
 from app.modes.label.label_writer import LabelWriter, LayerName, Saved
 from app.modes.label.labelling import Labelling
 from app.modes.label.plan import PicturePlan
@@ -78,7 +78,7 @@ class LabelEditor:
             layer = LayerName(camera, view.annotator)
             self.writer.look(layer, lambda saved: self.callbacks.later(lambda: self._take(saved)), self.failed)
 
-    def _save(self, layer: LayerName, edit: Edit) -> None:
+    def _save(self, layer: LayerName, edit: LabelEdit) -> None:
         def done(saved: Saved) -> None:
             self.callbacks.later(lambda: self._take(saved, show=edit.show))
             if edit.said is not None:

@@ -1,6 +1,7 @@
 """A running app and a headless Chromium that looks at it."""
 
 import io
+import re
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -86,7 +87,8 @@ class Window:
 
     def field(self, label: str) -> Locator:
         """The input that stands beside a label."""
-        return self.page.get_by_text(label, exact=True).locator("xpath=ancestor::*[.//input][1]").locator("input").last
+        found = self.page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
+        return found.locator("xpath=ancestor::*[.//input][1]").locator("input").last
 
     def seek(self, t_us: int) -> None:
         """Go to a time by its field."""

@@ -10,9 +10,9 @@ def test_json_is_what_the_bench_returns(monkeypatch, capsys) -> None:
     report = {"rows": [{"a": 1.5}], "machine": {"cpu": "x"}}
     module = types.SimpleNamespace(run=lambda progress: progress(1.0) or report)
     monkeypatch.setattr(bench.importlib, "import_module", lambda name: module)
-    bench.run(bench.BenchArguments(name="detection", count=None, json=True))
+    bench.run(bench.BenchArguments(name="detection", count=None, folder=None, report=None, json=True))
     assert json.loads(capsys.readouterr().out) == report
-    bench.run(bench.BenchArguments(name="detection", count=None, json=False))
+    bench.run(bench.BenchArguments(name="detection", count=None, folder=None, report=None, json=False))
     assert capsys.readouterr().out.splitlines() == ["    a", "1.500", 'machine: {"cpu": "x"}']
 
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.modes.label.commands.step import Edit, Note, Step, change_label
+from app.modes.label.commands.step import LabelEdit, LabelStep, Note, change_label
 from app.modes.label.label_changes import ProposedLabel, accepted, proposed_at
 from app.modes.label.label_writer import Saved
 from app.modes.label.labelling import Labelling
@@ -27,21 +27,21 @@ class AddProposals:
 
     parts: Mapping[str, Proposals]
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         works = dict(labelling.works)
         for camera, part in self.parts.items():
             works[camera] = replace(works[camera], proposals=joined_proposals(works[camera].proposals, part))
-        return Step(replace(labelling, works=works))
+        return LabelStep(replace(labelling, works=works))
 
 
 @dataclass(frozen=True, slots=True)
 class Accept:
     """What is proposed here is right; go on. Where nothing is proposed, only go on."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         if not labelling.on_screen:
-            return Step(labelling)
-        draft, step = labelling.draft(labelling.t_us), Step(labelling)
+            return LabelStep(labelling)
+        draft, step = labelling.draft(labelling.t_us), LabelStep(labelling)
         if draft is not None:
             label = accepted(draft, labelling.judged_picture(wall_s))
             step = change_label(labelling, labelling.t_us, lambda before: before or label, wall_s)
@@ -52,29 +52,31 @@ class Accept:
 class Reject:
     """What is proposed here is wrong; it is not shown any more."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         here = labelling.here
         if not labelling.on_screen or here.draft(labelling.t_us) is None:
-            return Step(labelling)
+            return LabelStep(labelling)
         rejecting = replace(here, rejected=here.rejected | {labelling.t_us})
-        return Step(replace(labelling, works={**labelling.works, labelling.view.camera: rejecting}))
+        return LabelStep(replace(labelling, works={**labelling.works, labelling.view.camera: rejecting}))
 
 
 @dataclass(frozen=True, slots=True)
 class AcceptSegment:
     """Accept every proposal round here that its neighbours and the other camera bear out, as one step of undo."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         here = labelling.here
         if not labelling.on_screen or labelling.view.blind:
-            return Step(labelling)
+            return LabelStep(labelling)
         if here.proposals is None:
-            return Step(labelling, note=Note("No proposals here", "I runs the detector from the cursor on.", "yellow"))
+            return LabelStep(
+                labelling, note=Note("No proposals here", "I runs the detector from the cursor on.", "yellow")
+            )
         residual_px = _stereo_residual_px(labelling, here.proposals)
         rows = steady_segment(here.proposals, labelling.t_us, stereo_residual_px=residual_px)
         if not len(rows):
             text = "The proposals round here do not agree with each other."
-            return Step(labelling, note=Note("Not at once", text, "yellow"))
+            return LabelStep(labelling, note=Note("Not at once", text, "yellow"))
         first_us, last_us = here.proposals.t_us[rows[[0, -1]]].tolist()
         picture = replace(labelling.judged_picture(wall_s), time_spent_ms=0)
         labels = tuple(
@@ -88,14 +90,14 @@ class AcceptSegment:
             return tuple(label.t_us for label in new)
 
         note = Note("Segment accepted", f"{len(labels)} labels; Z takes them all back", "green")
-        return Step(labelling.at(labelling.grid.moved(last_us, +1), wall_s), Edit(act), note)
+        return LabelStep(labelling.at(labelling.grid.moved(last_us, +1), wall_s), LabelEdit(act), note)
 
 
 @dataclass(frozen=True, slots=True)
 class Interpolate:
     """Label the unchecked times between labels round here: by a flight in 3D if one fits, else by a curve."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         t_us, times = labelling.t_us, labelling.grid.times()
         times = times[(times >= t_us - SEGMENT_US) & (times <= t_us + SEGMENT_US)]
         there = None if labelling.there is None else labelling.there.arrays
@@ -106,7 +108,7 @@ class Interpolate:
             store.edit(put=labels)
             return tuple(label.t_us for label in labels)
 
-        return Step(labelling, Edit(act, said=_interpolated))
+        return LabelStep(labelling, LabelEdit(act, said=_interpolated))
 
 
 def _unjudged(labelling: Labelling, proposals: Proposals, first_us: int, last_us: int) -> tuple[ProposedLabel, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from app.modes.label.commands.step import Note, Step
+from app.modes.label.commands.step import LabelStep, Note
 from app.modes.label.labelling import Labelling
 from app.modes.label.view import WINDOWS_US, ZOOMS
 from app.shared.workspace import slug_from
@@ -20,16 +20,16 @@ class ChangeView:
 
     changes: Mapping[str, Any]
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         view = replace(labelling.view, **self.changes)
         if view.camera not in labelling.sources or view.window_us not in WINDOWS_US or view.zoom not in ZOOMS:
-            return Step(labelling)
+            return LabelStep(labelling)
         before, saved = labelling.view, labelling.saved
         if (view.annotator, view.camera) != (before.annotator, before.camera):
             view = replace(view, blind=False, centre_px=None)
         if view.annotator != before.annotator:
             saved = {}
-        return Step(replace(labelling, view=view, saved=saved))
+        return LabelStep(replace(labelling, view=view, saved=saved))
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +38,9 @@ class SetAnnotator:
 
     name: str
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         if not self.name.strip():
-            return Step(labelling)
+            return LabelStep(labelling)
         return ChangeView({"annotator": slug_from(self.name)}).apply(labelling, wall_s)
 
 
@@ -48,7 +48,7 @@ class SetAnnotator:
 class OtherCamera:
     """The next camera of the recording."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         names = tuple(labelling.sources)
         name = names[(names.index(labelling.view.camera) + 1) % len(names)]
         return ChangeView({"camera": name}).apply(labelling, wall_s)
@@ -60,8 +60,8 @@ class GoTo:
 
     t_us: int
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
-        return Step(labelling.at(self.t_us, wall_s))
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
+        return LabelStep(labelling.at(self.t_us, wall_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +70,8 @@ class StepBy:
 
     steps: int
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
-        return Step(labelling.moved(self.steps, wall_s))
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
+        return LabelStep(labelling.moved(self.steps, wall_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,23 +80,23 @@ class GoToEnd:
 
     last: bool
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         grid = labelling.grid
-        return Step(labelling.at(grid.last_us if self.last else int(grid.times()[:1].sum()), wall_s))
+        return LabelStep(labelling.at(grid.last_us if self.last else int(grid.times()[:1].sum()), wall_s))
 
 
 @dataclass(frozen=True, slots=True)
 class GoToUnchecked:
     """To the next time that nobody has looked at; round to the start once."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         times = labelling.grid.times()
         left = times[~np.isin(times, labelling.here.arrays.t_us)]
         if not len(left):
             note = Note("Everything is checked", "No unchecked time is left in this camera.", "green")
-            return Step(labelling, note=note)
+            return LabelStep(labelling, note=note)
         row = int(np.searchsorted(left, labelling.t_us, side="right")) % len(left)
-        return Step(labelling.at(int(left[row]), wall_s))
+        return LabelStep(labelling.at(int(left[row]), wall_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,17 +105,17 @@ class BeginSecondLook:
 
     t_us: int
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         view = replace(labelling.view, blind=True)
-        return Step(replace(labelling, view=view, back_us=labelling.t_us).at(self.t_us, wall_s))
+        return LabelStep(replace(labelling, view=view, back_us=labelling.t_us).at(self.t_us, wall_s))
 
 
 @dataclass(frozen=True, slots=True)
 class LeaveSecondLook:
     """Back to where it was begun, answered or not."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         if not labelling.view.blind:
-            return Step(labelling)
+            return LabelStep(labelling)
         view = replace(labelling.view, blind=False)
-        return Step(replace(labelling, view=view).at(labelling.back_us, wall_s))
+        return LabelStep(replace(labelling, view=view).at(labelling.back_us, wall_s))

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from app.modes.label.commands.step import Edit, Step, change_label
+from app.modes.label.commands.step import LabelEdit, LabelStep, change_label
 from app.modes.label.label_changes import copied, label_from_click, moved, placed, snapped, with_state
 from app.modes.label.labelling import Labelling
 from app.modes.label.sources import LabelSource
@@ -32,11 +32,11 @@ class PlaceBall:
     y_px: float
     r_px: float | None = None
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         shown = labelling.shown
         drawn = self.r_px is None or self.r_px > 0
         if shown is None or shown.main.camera != labelling.view.camera or not drawn:
-            return Step(labelling)
+            return LabelStep(labelling)
         t_us, source = shown.t_us, labelling.source
         picture = labelling.at(t_us, labelling.arrived_s).judged_picture(wall_s)
         draft = labelling.draft(t_us)
@@ -57,7 +57,7 @@ class SetNumbers:
     y_px: float
     r_px: float | None
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         picture = labelling.judged_picture(wall_s)
 
         def make(before: Label | None) -> Label:
@@ -75,7 +75,7 @@ class Nudge:
     dx_px: float
     dy_px: float
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         picture = labelling.judged_picture(wall_s)
         return change_label(
             labelling,
@@ -91,7 +91,7 @@ class Resize:
 
     by_px: float
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         picture = labelling.judged_picture(wall_s)
 
         def make(before: Label | None) -> Label | None:
@@ -109,7 +109,7 @@ class SetState:
 
     state: LabelState
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         t_us, picture = labelling.t_us, labelling.judged_picture(wall_s)
         draft = labelling.draft(t_us)
         away = self.state in (LabelState.NO_BALL, LabelState.OUT_OF_FRAME)
@@ -122,7 +122,7 @@ class SetState:
 class CopyPrevious:
     """The latest label before this time, here too."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         t_us, picture = labelling.t_us, labelling.judged_picture(wall_s)
 
         def act(store: LabelStore) -> tuple[int, ...]:
@@ -133,14 +133,14 @@ class CopyPrevious:
             store.put(copied(label, picture))
             return (t_us,)
 
-        return Step(labelling, Edit(act))
+        return LabelStep(labelling, LabelEdit(act))
 
 
 @dataclass(frozen=True, slots=True)
 class SnapLabel:
     """Move the label to the circle that fits the events."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         t_us, source = labelling.t_us, labelling.source
 
         def make(before: Label | None) -> Label | None:
@@ -153,9 +153,9 @@ class SnapLabel:
 class Clear:
     """Make a time unchecked again."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         t_us = labelling.t_us
-        return Step(labelling, Edit(lambda store: (t_us,) if store.delete(t_us) else ()))
+        return LabelStep(labelling, LabelEdit(lambda store: (t_us,) if store.delete(t_us) else ()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,17 +164,17 @@ class UndoLabel:
 
     redo: bool = False
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
-        return Step(labelling, Edit(lambda store: store.redo() if self.redo else store.undo(), show=True))
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
+        return LabelStep(labelling, LabelEdit(lambda store: store.redo() if self.redo else store.undo(), show=True))
 
 
 @dataclass(frozen=True, slots=True)
 class ToggleBreak:
     """A bounce or hit at this time, or no longer. Kept while the recording is open in this browser."""
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step:
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         breaks_us = tuple(sorted(set(labelling.breaks_us) ^ {labelling.t_us}))
-        return Step(replace(labelling, breaks_us=breaks_us))
+        return LabelStep(replace(labelling, breaks_us=breaks_us))
 
 
 def _near(source: LabelSource, t_us: int) -> Events:

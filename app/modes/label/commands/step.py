@@ -26,7 +26,7 @@ class Note:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Edit:
+class LabelEdit:
     """A change of the layer that is labelled, carried out off the loop."""
 
     act: Act
@@ -37,11 +37,11 @@ class Edit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
+class LabelStep:
     """What a command leads to."""
 
     labelling: Labelling
-    edit: Edit | None = None
+    edit: LabelEdit | None = None
     note: Note | None = None
 
 
@@ -52,10 +52,10 @@ class LabelCommand(Protocol):
         CommandError: from `apply`, for a value that cannot be used; nothing changes.
     """
 
-    def apply(self, labelling: Labelling, wall_s: float) -> Step: ...
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep: ...
 
 
-def change_label(labelling: Labelling, t_us: int, make: Make, wall_s: float, *, advance: bool = False) -> Step:
+def change_label(labelling: Labelling, t_us: int, make: Make, wall_s: float, *, advance: bool = False) -> LabelStep:
     """Replace the label at a time by what is made of it, after all earlier changes."""
 
     def act(store: LabelStore) -> tuple[int, ...]:
@@ -67,7 +67,7 @@ def change_label(labelling: Labelling, t_us: int, make: Make, wall_s: float, *, 
             store.put(label)
         return (t_us,)
 
-    step = Step(labelling, Edit(act))
+    step = LabelStep(labelling, LabelEdit(act))
     if advance and t_us == labelling.t_us and not labelling.view.blind:
         return replace(step, labelling=labelling.moved(+1, wall_s))
     return step
