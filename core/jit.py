@@ -31,6 +31,8 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.misc.appdirs import AppDirs
 
+from core.files import replace_file
+
 logger = logging.getLogger(__name__)
 
 OURS: Final = frozenset({"app", "core", "labels"})
@@ -100,7 +102,6 @@ class KernelCache:
         if path is None or data.library.has_dynamic_globals or any(not lifted.can_cache for lifted in data.lifted):
             return
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
             _write_checked(path, dumps(data._reduce()))
             _drop_old(path.parent)
         except OSError as error:
@@ -221,12 +222,7 @@ def _read_checked(path: Path) -> bytes | None:
 
 
 def _write_checked(path: Path, payload: bytes) -> None:
-    partial = path.with_suffix(f".{os.getpid()}.part")
-    try:
-        partial.write_bytes(hashlib.blake2b(payload, digest_size=16).digest() + payload)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    replace_file(path, hashlib.blake2b(payload, digest_size=16).digest() + payload, durable=False)
 
 
 def _drop_old(folder: Path) -> None:

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 TOLERANCES_PX: Final = (1.0, 2.0, 4.0, 8.0)
 LEAD_IN_WINDOWS: Final = 10
 """Windows that a detector sees before a label that stands alone, to find the ball and lock on."""
+LEAD_IN_US: Final = 20_000
+"""So much time at least, if windows are short, and before each part that is looked through for proposals."""
 MOTION_GAP_US: Final = 50_000
 """Labels farther apart do not tell the direction of motion."""
 GROUPS: Final[dict[str, tuple[PositionSource, ...]]] = {
@@ -73,16 +75,17 @@ def answers_at(
 ) -> WindowAnswers:
     """What a detector says of the balls at ascending times: each time, the window whose estimate is for that instant.
 
-    Between the times it sees every window, or the last `LEAD_IN_WINDOWS` before a time that stands alone. A detector
+    Between the times it sees every window, or a lead-in before a time that stands alone. A detector
     whose estimates are for another instant than the end of its window is asked that much later.
     """
     detector.reset()
+    lead_in = max(LEAD_IN_WINDOWS, LEAD_IN_US // window_us)
     late_us = 0
     rows: list[tuple[float, float, float, int]] = []
     seen_until = -1
     for number, time_us in enumerate(t_us.tolist()):
         start = time_us + late_us - window_us
-        before = min(LEAD_IN_WINDOWS, max(start - seen_until, 0) // window_us if seen_until >= 0 else LEAD_IN_WINDOWS)
+        before = min(lead_in, max(start - seen_until, 0) // window_us if seen_until >= 0 else lead_in)
         if start - before * window_us > seen_until + window_us:
             detector.reset()
         for lead in range(before, 0, -1):

@@ -24,15 +24,21 @@ SLOW = (
     "app/cli",
     "app/export",
     "app/modes/export",
+    "app/modes/label/test_editor.py",
+    "app/modes/label/test_held_keys.py",
     "app/modes/train",
     "app/preparation",
     "core/bench",
     "core/cameras/calibration",
+    "core/detection/fast/test_detector.py",
     "core/detection/test_contract.py",
     "core/detection/test_real_recordings.py",
     "core/learning",
+    "core/physics/test_fit_flights.py",
     "core/rally",
+    "core/recordings/test_contract.py",
     "core/recordings/test_damage.py",
+    "core/recordings/test_importing.py",
     "core/recordings/test_kill.py",
     "core/simulation",
     "core/test_jit.py",
@@ -43,14 +49,41 @@ SLOW = (
     "test_reference_outputs.py",
 )
 """What starts processes, trains, simulates for seconds or opens a browser: `make quick` leaves it out."""
+LONGEST = (
+    "app/browser/test_label_in_browser.py",
+    "app/cli/test_cold_start.py",
+    "app/browser/test_live_in_browser.py",
+    "app/browser/test_cold_start.py",
+    "app/browser/test_train_in_browser.py",
+    "core/rally/link/test_server_and_client.py",
+    "core/learning/agents/test_agents.py",
+    "core/rally/data_sets/test_run.py",
+    "app/browser",
+    "app/cli",
+    "app/modes/train",
+    "core/bench",
+    "core/rally",
+    "core/learning",
+    "core/cameras/calibration",
+    "core/simulation",
+)
+"""What begins first, the longest before others: a long file that begins last has a processor to itself at the end."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is slow."""
+    """Mark what is slow, and begin with what takes longest (`--no-loadscope-reorder` leaves that so)."""
+    ranks = {}
     for item in items:
         place = item.path.relative_to(HERE).as_posix() if item.path.is_relative_to(HERE) else ""
-        if any(place == name or place.startswith(f"{name}/") for name in SLOW):
+        if is_in(place, SLOW):
             item.add_marker(pytest.mark.slow)
+        ranks[item] = next((rank for rank, name in enumerate(LONGEST) if is_in(place, (name,))), len(LONGEST))
+    items.sort(key=ranks.__getitem__)
+
+
+def is_in(place: str, names: tuple[str, ...]) -> bool:
+    """Whether a file is one of these, or below one of these folders."""
+    return any(place == name or place.startswith(f"{name}/") for name in names)
 
 
 @pytest.fixture(scope="session")

@@ -19,6 +19,7 @@ from core.errors import CommandError, NotBuiltError
 BENCHES = {
     "import": "core.bench.recordings.bench_import",
     "detection": "core.bench.detection.bench_detection",
+    "drawn-scenes": "core.bench.detection.bench_drawn_scenes",
     "simulation": "core.bench.simulation.bench_simulation",
     "sensor": "core.bench.simulation.bench_sensor",
     "calibration": "core.bench.calibration.bench_calibration",
@@ -41,8 +42,8 @@ class BenchArguments:
     """Measure speed and quality on this machine."""
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
-    count: PositiveInt | None = flag("balls of each speed (perceived-prediction)", "N")
-    folder: Path | None = flag("what is measured is kept here (learning, perceived-prediction)")
+    count: PositiveInt | None = flag("balls of each speed (perceived-prediction), flights (drawn-scenes)", "N")
+    folder: Path | None = flag("what is measured is kept here (learning, perceived-prediction, drawn-scenes)")
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     json: bool = flag("print the figures as JSON")
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from app.export.selection import Span
-from core.detection import Detection, FastDetector, TrackState
-from core.detection.methods import method_config
+from core.detection import Detection, Detector, TrackState, make_detector
+from core.detection.methods import method_config, states_of
 from core.detection.window import windows_side_by_side
 from core.events import Window
 from core.rally import ChainConfig, ChainState, RallyChain
@@ -27,7 +27,7 @@ class ChainStep:
     chain: ChainState | None
     """None for a recording that cannot be triangulated."""
     before: dict[str, TrackState] | None
-    """What the detectors remembered before this window; only in every `picture_every`-th step."""
+    """What the detectors remembered before this window, those with stages; only in every `picture_every`-th step."""
 
 
 def window_length_us(config: ChainConfig) -> int:
@@ -43,15 +43,16 @@ def follow_span(recording: Recording, span: Span, config: ChainConfig, *, pictur
     if is_stereo(recording):
         calibrated = {name: one.calibration for name, one in recording.cameras.items() if one.calibration is not None}
         chain = RallyChain(calibrated, config)
-    detectors: dict[str, FastDetector] = {}
+    detectors: dict[str, Detector] = {}
     if chain is None:
-        detector = method_config(config.method, config.detector)
-        detectors = {name: FastDetector(detector, one.sensor) for name, one in recording.cameras.items()}
+        detectors = {
+            name: make_detector(config.method, one.sensor, config.detector) for name, one in recording.cameras.items()
+        }
     for number, windows in enumerate(side_by_side, start=1):
         end_us = next(iter(windows.values())).end_us
         before = None
         if number % picture_every == 0:
-            before = chain.track_states() if chain else {name: one.state for name, one in detectors.items()}
+            before = chain.track_states() if chain else states_of(detectors)
         if chain is not None:
             state = chain.step(windows)
             yield ChainStep(end_us, windows, state.detections, state.seconds.detect, state, before)

@@ -22,8 +22,7 @@ def field_label(spec: FieldSpec) -> str:
     name, _, suffix = spec.path[-1].rpartition("_")
     if name and suffix in UNITS:
         return f"{name.replace('_', ' ')} [{UNITS[suffix]}]"
-    name = spec.path[-1].replace("_", " ")
-    return name if name != "kind" else f"{spec.path[-2]}"
+    return (spec.path[-2] if spec.path[-1] == "kind" else spec.path[-1]).replace("_", " ")
 
 
 def add_field_control(gui: viser.GuiApi, spec: FieldSpec, *, slider: bool = False) -> viser.GuiInputHandle:

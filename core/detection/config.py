@@ -1,10 +1,12 @@
-"""All thresholds of the paper's detector: one section for each stage, defined in the stage's own file."""
+"""All thresholds: one section for each stage of the paper's detector, in its own file, and `refined`."""
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
+from typing import Final
 
+from core.detection.refined_config import RefinedConfig
 from core.detection.stages.cluster import ClusterConfig
 from core.detection.stages.denoise import DenoiseConfig
 from core.detection.stages.flicker import FlickerConfig
@@ -14,6 +16,8 @@ from core.detection.stages.localise import LocaliseConfig
 from core.detection.stages.polarity import PolarityConfig
 from core.detection.stages.roi import RoiConfig
 from core.detection.window import WindowConfig
+
+REFINED_WINDOW_US: Final = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,11 +33,18 @@ class DetectorConfig:
     polarity: PolarityConfig = field(default_factory=PolarityConfig)
     geometry: GeometryConfig = field(default_factory=GeometryConfig)
     localise: LocaliseConfig = field(default_factory=LocaliseConfig)
+    refined: RefinedConfig = field(default_factory=RefinedConfig)
+    """Of the method `refined`, which has nothing else of these but the window."""
 
 
 def auto_config() -> DetectorConfig:
     """The default: the paper's stages, with the leading polarity decided from the data."""
     return DetectorConfig()
+
+
+def refined_config() -> DetectorConfig:
+    """The settings of `refined`: it looks every millisecond, however far back it then looks."""
+    return DetectorConfig(window=WindowConfig(window_us=REFINED_WINDOW_US))
 
 
 def paper_config(config: DetectorConfig | None = None) -> DetectorConfig:

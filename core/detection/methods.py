@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final, Literal, get_args
 
-from core.detection.config import DetectorConfig, auto_config, paper_config
+from core.detection.config import DetectorConfig, auto_config, paper_config, refined_config
 from core.detection.detector import Detector
 from core.detection.fast.detector import FastDetector
+from core.detection.refined.detector import RefinedDetector
+from core.detection.stage_trace import TrackState
 from core.errors import CommandError, NotBuiltError
 from core.events import SensorSize
 
-Method = Literal["auto", "paper"]
+Method = Literal["auto", "paper", "refined"]
 METHODS: Final[dict[Method, str]] = {
     "auto": "the paper's stages, the leading polarity decided from the data",
     "paper": "the paper's stages, ON always leads",
+    "refined": "both edges as one moving circle, every millisecond",
 }
 """Those that work, with what they are."""
-PLANNED: Final = ("refined", "ebpp", "fe-fusion", "yolo")
+STAGED: Final = frozenset({"auto", "paper"})
+"""Those whose stages the readable pipeline shows."""
+PLANNED: Final = ("ebpp", "fe-fusion", "yolo")
 
 
 def method_named(name: str) -> Method:
@@ -36,13 +42,21 @@ def method_named(name: str) -> Method:
 
 
 def method_config(method: str, config: DetectorConfig | None = None) -> DetectorConfig:
-    """What `make_detector` runs: `auto` takes a config as it is, `paper` takes it without what the paper does not do.
+    """What `make_detector` runs: `paper` takes a config without what the paper does not do, the others as it is.
+
+    Without one, each has its own; the windows of `refined` are shorter.
 
     Raises:
         NotBuiltError: for a method that is planned.
         CommandError: for any other name.
     """
-    return paper_config(config) if method_named(method) == "paper" else config or auto_config()
+    match method_named(method):
+        case "paper":
+            return paper_config(config)
+        case "refined":
+            return config or refined_config()
+        case "auto":
+            return config or auto_config()
 
 
 def make_detector(method: str, sensor: SensorSize, config: DetectorConfig | None = None) -> Detector:
@@ -52,4 +66,10 @@ def make_detector(method: str, sensor: SensorSize, config: DetectorConfig | None
         NotBuiltError: for a method that is planned.
         CommandError: for any other name.
     """
-    return FastDetector(method_config(method, config), sensor)
+    chosen = method_config(method, config)
+    return RefinedDetector(chosen.refined, sensor) if method == "refined" else FastDetector(chosen, sensor)
+
+
+def states_of(detectors: Mapping[str, Detector]) -> dict[str, TrackState]:
+    """What the detectors with stages remember, by camera: with it the readable pipeline shows the next window's."""
+    return {name: one.state for name, one in detectors.items() if isinstance(one, FastDetector)}

@@ -126,6 +126,13 @@ def test_windows_end_at_the_labels_and_lead_in_before_one_that_stands_alone() ->
     assert all(window.start_us >= 0 for window in first.windows)
 
 
+def test_the_progress_is_the_share_of_the_labels() -> None:
+    shares: list[float] = []
+    times = np.array([10_000, 12_000, 90_000, 92_000])
+    answers_at(STREAM, KnownDetector(), times, 2000, progress=shares.append)  # type: ignore[arg-type]
+    assert shares == [0.25, 0.5, 0.75, 1.0]
+
+
 def test_motion_is_known_only_beside_near_neighbours() -> None:
     labels = label_arrays([ball(0), ball(10_000), ball(500_000)])
     np.testing.assert_allclose(motion_of(labels), [(1, 0), (1, 0), (np.nan, np.nan)])

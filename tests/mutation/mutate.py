@@ -70,6 +70,8 @@ class Area:
 
 def _files(root: Path, folder: str, pattern: str) -> list[str]:
     place = root / folder
+    if not place.exists():
+        raise SystemExit(f"an area names {folder}, which is not there")
     found = [place] if place.is_file() else sorted(place.rglob(pattern))
     return [path.relative_to(root).as_posix() for path in found]
 

@@ -5,6 +5,7 @@ import importlib.util
 import json
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -120,6 +121,20 @@ def test_what_the_tests_see_is_killed_and_what_they_do_not_lives(tree: Path) -> 
     }
     assert "survived: tiny/sums.py:12 (comparison)" in said and "not reached: tiny/sums.py:16" in said
     assert said.splitlines()[-1].startswith("tiny  7  4  1  1  1  67% (30% to 90%)")
+
+
+def test_an_area_that_names_a_folder_which_is_not_there_is_refused(tree: Path) -> None:
+    (tree / "tests/mutation/areas.toml").write_text("[tiny]\nsources = ['gone']\ntests = ['tests']\n")
+    command = [sys.executable, str(HERE / "mutate.py"), "tiny", "--root", str(tree)]
+    said = subprocess.run(command, capture_output=True, text=True)
+    assert said.returncode == 1 and "gone, which is not there" in said.stderr
+
+
+def test_every_area_of_the_house_has_code_and_tests() -> None:
+    areas = tomllib.loads((HERE / "areas.toml").read_text(encoding="utf-8"))
+    for area in areas.values():
+        for name in (*area["sources"], *area["tests"], *area.get("without", ())):
+            assert (HERE.parents[1] / name).exists(), name
 
 
 def test_a_run_goes_on_where_it_was_and_asks_again_what_has_changed(tree: Path) -> None:

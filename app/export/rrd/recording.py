@@ -21,7 +21,8 @@ from app.export.rrd.picture_pool import PicturePool
 from app.export.selection import DEFAULT_STRIDE_US, Span
 from app.export.steps import ChainStep, follow_span, window_length_us
 from app.export.unfinished import Cancelled, Progress, check_cancelled
-from core.detection.methods import method_config
+from core.detection import TrackState
+from core.detection.methods import STAGED, method_config
 from core.rally import ChainConfig
 from core.rally.history.following import is_stereo
 from core.recordings import Recording
@@ -92,6 +93,7 @@ class _Export:
             name: picture_path(name, calibrated=one.calibration is not None) for name, one in recording.cameras.items()
         }
         self._detector = method_config(contents.chain.method, contents.chain.detector)
+        self._stages = contents.stages and contents.chain.method in STAGED
         self._every = max(1, round(contents.stride_us / window_length_us(contents.chain)))
         self._steps: list[ChainStep] = []
         self._pictures: dict[str, list[CameraPicture]] = {name: [] for name in recording.cameras}
@@ -145,7 +147,8 @@ class _Export:
         self._steps.append(step)
         if step.before is not None and self._contents.pictures:
             for name, window in step.windows.items():
-                pool.submit(name, PictureJob(window, step.before[name], self._detector, self._contents.stages))
+                before = step.before.get(name, TrackState())
+                pool.submit(name, PictureJob(window, before, self._detector, self._stages))
 
     def _write_part(self, pool: PicturePool, *, everything: bool) -> None:
         steps, self._steps = self._steps, []
@@ -155,7 +158,7 @@ class _Export:
             self._pictures[name].append(picture)
         for name, pictures in self._pictures.items():
             if pictures:
-                rrd_camera.send_pictures(self._stream, self._paths[name], pictures, stages=self._contents.stages)
+                rrd_camera.send_pictures(self._stream, self._paths[name], pictures, stages=self._stages)
                 self._pictures[name] = []
 
     def _write_steps(self, steps: list[ChainStep]) -> None:

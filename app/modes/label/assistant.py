@@ -23,11 +23,10 @@ from core.recordings import CameraStream
 from labels.arrays import LabelArrays
 from labels.assist import Proposals, check_labels, next_blind, propose, review_queue
 from labels.assist.review import QueueItem
+from labels.score import LEAD_IN_US
 from labels.store import LabelStore
 
 CHUNK_US: Final = 100_000
-LEAD_IN_US: Final = 20_000
-"""The detector sees so much before each part, to lock on."""
 
 Ask = Callable[[], tuple[str, tuple[QueueItem, ...]]]
 

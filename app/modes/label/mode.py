@@ -105,9 +105,9 @@ class LabelMode:
             return
         editor.follow(now_us, max(state.step_us, LABEL_STEPS_US[0]))  # the time controls go finer than labels do
         now = editor.labelling
-        if self._pictures.arrives(self._scene(editor, state), now.t_us):
-            self._ring = None
         scene = self._scene(editor, state)
+        if self._pictures.arrives(scene, now.t_us):
+            self._ring, scene = None, replace(scene, ring=None)
         words = status_words(now, editor.writer, self._checked(editor), agreement_at(scene, now.t_us))
         self._pictures.ask(editor, scene, words)
         self._show_status(editor, scene)

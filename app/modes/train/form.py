@@ -9,7 +9,7 @@ from typing import Final
 from app.modes.train.presets import MOST_STAGES, SOURCES, offered_agents
 from core.config import FieldSpec, config_from_mapping, config_to_mapping, field_specs, get_setting
 from core.errors import ConfigError
-from core.learning.config import RunConfig
+from core.learning.config import RunConfig, default_run
 
 Path = tuple[str, ...]
 
@@ -48,6 +48,17 @@ def value_shown(config: RunConfig, spec: FieldSpec) -> bool | int | float | str:
     return ", ".join(f"{number:g}" for number in shown)
 
 
+def agent_defaults(agent: str) -> dict[Path, bool | int | float | str]:
+    """What the folded fields show when an agent is chosen: its defaults. The main ones stay what the person made them.
+
+    Raises:
+        ConfigError: if there is no such agent.
+    """
+    specs = form_specs()
+    run = default_run(_value(specs[0], agent))  # type: ignore[arg-type]
+    return {spec.path: value_shown(run, spec) for spec in specs[len(MAIN) :]}
+
+
 def run_of_form(base: RunConfig, values: Mapping[Path, object]) -> RunConfig:
     """`base` with the values of the form, which may be anything.
 
@@ -56,18 +67,15 @@ def run_of_form(base: RunConfig, values: Mapping[Path, object]) -> RunConfig:
     """
     mapping = config_to_mapping(base)
     specs = {spec.path: spec for spec in form_specs()}
-    stages = 1
     for path, value in values.items():
         where: dict = mapping
         for name in path[:-1]:
             where = where[name]
         where[path[-1]] = _value(specs[path], value)
-        if path == ("curriculum", "speeds_mps"):
-            stages = len(where[path[-1]])
     curriculum = mapping["curriculum"]
     assert isinstance(curriculum, dict)
     if len(curriculum["episodes"]) == 1:  # one number is for all stages
-        curriculum["episodes"] = curriculum["episodes"] * stages
+        curriculum["episodes"] = curriculum["episodes"] * len(curriculum["speeds_mps"])
     return config_from_mapping(RunConfig, mapping, where="the form")
 
 

@@ -7,7 +7,7 @@ from itertools import groupby
 
 import viser
 
-from app.modes.train.form import MAIN, form_specs, run_of_form, value_shown
+from app.modes.train.form import MAIN, agent_defaults, form_specs, run_of_form, value_shown
 from app.modes.train.presets import PRESETS, TRAIN_NOW, Preset, offered_presets
 from app.panels.field_control import add_field_control, section_title
 from app.widgets import when_changed, when_clicked
@@ -37,6 +37,7 @@ class FormPanel:
         self._name = gui.add_text("Name", "", hint="Of the run; empty: one is made")
         button = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
         when_changed(self._preset, lambda name: later(lambda: self._use(str(name))))
+        when_changed(self._handles[("agent",)], lambda agent: later(lambda: self._use_agent(str(agent))))
         when_clicked(button, lambda: later(self._send))
         self._fill(PRESETS[TRAIN_NOW])
 
@@ -49,6 +50,10 @@ class FormPanel:
         if name in offered_presets():
             self._fill(PRESETS[name])
             self._choose(PRESETS[name])
+
+    def _use_agent(self, agent: str) -> None:
+        for path, value in agent_defaults(agent).items():
+            self._handles[path].value = value
 
     def _fill(self, preset: Preset) -> None:
         self._chosen = preset

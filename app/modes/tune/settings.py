@@ -31,7 +31,7 @@ class SettingsPanel:
                 ("Undo", "Redo", "Reset", "Copy"),
                 hint="Z undoes, R redoes; Copy gives A's values to B or B's to A",
             )
-            specs = field_specs(DetectorConfig)
+            specs = [spec for spec in field_specs(DetectorConfig) if spec.path[0] != "refined"]  # Tune shows stages
             for stage in dict.fromkeys(spec.path[0] for spec in specs):
                 with gui.add_folder(section_title((stage,)), expand_by_default=stage in OPEN_STAGES):
                     self._counts[stage] = gui.add_html("")

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera, StereoRig, TriangulatedPoint
-from core.detection import Detection, Detector, FastDetector, TrackState, make_detector
+from core.detection import Detection, Detector, TrackState, make_detector
+from core.detection.methods import states_of
 from core.errors import RecordingError
 from core.events import Window
 from core.rally.chain.config import ChainConfig
@@ -106,7 +107,7 @@ class RallyChain:
 
     def track_states(self) -> dict[str, TrackState]:
         """What each detector remembers now: with it the readable pipeline can show the next window's stages."""
-        return {name: one.state for name, one in self._detectors.items() if isinstance(one, FastDetector)}
+        return states_of(self._detectors)
 
     def step(self, windows: Mapping[str, Window]) -> ChainState:
         """Take the next window of each camera (or of some of them), in order of time.

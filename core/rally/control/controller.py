@@ -192,7 +192,7 @@ class BuiltInController:
         high = np.array([self._limit - base, self._limit, self.config.fastest_mps])
         goal = np.asarray(target_m, np.float64)
         wanted = np.array([goal[0], goal[1], NET_HEIGHT_M + BALL_RADIUS_M + self.config.net_clearance_m])
-        start = np.clip(np.array([START_TILT_RAD - base, 0.0, _first_speed(ball)]), low, high)
+        start = np.clip(np.array([START_TILT_RAD, 0.0, _first_speed(ball)]), low, high)
         x, reached = np.empty(3), np.empty(3)
         problem = StrokeProblem(ball, wanted, low, high, self._rubber, self._air)
         spent = solve_stroke(problem, start, x, reached)

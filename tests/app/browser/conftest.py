@@ -30,8 +30,17 @@ FLAGS = [
     "--disable-sync",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    # Pictures are drawn by the processor here, and that is half of what these tests take.
+    "--webgl-antialiasing-mode=none",
+    "--disable-gpu-rasterization",
+    "--disable-features=WebUIOmniboxPopup,WebUIOmniboxAimPopup",  # the address bar's pages, loaded with each window
 ]
 ARTIFACTS = Path(__file__).parents[3] / "test-artifacts"
+FEW_FRAMES = (
+    "window.requestAnimationFrame = act => setTimeout(() => act(performance.now()), 200);"
+    "window.cancelAnimationFrame = clearTimeout;"
+)
+"""As on a slow display: a scene that moves would be drawn as often as the processor can, beside what is tested."""
 CANVAS = (slice(0, 495), slice(0, 870))
 """Rows and columns of a 1280x720 window that the pictures fill."""
 
@@ -53,6 +62,7 @@ class Window:
     def __init__(self, page: Page, lab: App, *, in_space: bool = False, dpr: float = 1) -> None:
         self.page = page
         before = set(lab.sessions)
+        page.add_init_script(FEW_FRAMES)
         page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr={dpr:g}")
         # The software renderer makes viser show a note over the upper left corner: let clicks through.
         page.add_style_tag(content="[class*=mantine-Notification] { pointer-events: none !important; }")

@@ -27,6 +27,17 @@ def test_the_table_has_a_row_per_point_in_space(serve_recording: Path, tmp_path,
     assert summary["seen_by_all_cameras"] >= summary["points"]
 
 
+def test_the_refined_detector_is_asked_twice_as_often_and_is_within_a_millimetre(
+    serve_recording, tmp_path, capsys
+) -> None:
+    arguments = ["track", str(serve_recording), "--method", "refined", "--out", str(tmp_path / "track.csv"), "--json"]
+    assert main(arguments) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["window_us"] == 1000 and summary["points"] > 300
+    assert summary["error_mm"]["median"] <= 1.0 and summary["error_mm"]["p95"] <= 3.0
+    assert summary["residual_px"]["median"] < 0.2
+
+
 def test_without_json_a_person_reads_the_same_figures(serve_recording: Path, tmp_path, capsys) -> None:
     assert main(["track", str(serve_recording), "--method", "paper", "--out", str(tmp_path / "track.csv")]) == 0
     text = capsys.readouterr().out
@@ -48,7 +59,7 @@ def test_the_config_and_the_window_count(serve_recording: Path, tmp_path, capsys
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--method", "refined"], "not built yet"),
+        (["--method", "ebpp"], "not built yet"),
         (["--method", "magic"], "auto | paper"),
         (["--config", "no-such.toml"], "no-such.toml"),
         (["--window-us", "0"], "window-us"),

@@ -114,6 +114,26 @@ def test_what_is_no_list_of_ball_states_is_refused_in_one_line(tmp_path: Path, t
     assert "bad.json" in str(error.value) and "\n" not in str(error.value) and len(str(error.value)) < 700
 
 
+@pytest.mark.parametrize(
+    ("keys", "largest"),
+    [(("pos_x",), 5.0), (("pos_z",), 5.0), (("vel_x", "vel_y"), 40.0), (("w_vel_y", "w_vel_z"), 1500.0)],
+)
+def test_a_ball_may_be_at_the_limit_of_what_is_possible_but_not_beyond(
+    tmp_path: Path, keys: tuple[str, ...], largest: float
+) -> None:
+    """Of a position each coordinate counts, of a velocity and a spin the length."""
+    still = dict.fromkeys(KEYS, 0.0)
+    share = (-0.6, 0.8) if len(keys) == 2 else (-1.0,)
+    for factor in (1.0, 1.001):
+        state = still | {key: part * largest * factor for key, part in zip(keys, share, strict=True)}
+        path = written(tmp_path / "a.json", STATE, state)
+        if factor == 1.0:
+            assert len(read_ball_states(path)) == 2
+        else:
+            with pytest.raises(RecordingError, match="state 1: no possible ball"):
+                read_ball_states(path)
+
+
 def test_a_missing_or_too_large_file_is_said_so(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="cannot read"):
         read_ball_states(tmp_path / "none.json")

@@ -63,6 +63,25 @@ def test_a_noiseless_flight_gives_back_its_spin_and_its_hitting_point() -> None:
     np.testing.assert_allclose(predictor.state[6:9], truth[-1, 6:9], atol=15.0)
 
 
+def test_a_slow_ball_is_expected_to_bounce_twice_where_a_simulation_lets_it() -> None:
+    start = np.array([1.0, 0.1, 0.30, -2.2, 0.1, 0.5, 0.0, 0.0, 0.0])
+    t_s = np.arange(0, 1.1, 1e-4)
+    ps = simulate_flight(start, t_s, physics_profile("real"))
+    lowest = np.flatnonzero((ps[1:-1, 2] < ps[:-2, 2]) & (ps[1:-1, 2] <= ps[2:, 2])) + 1
+    assert len(lowest) == 2 and (ps[lowest, 0] > -1.37).all()
+    predictor = FilterPredictor(FilterConfig(sigma_point_m=1e-4, air_noise=0.0, bounce_noise_mps=0.0))
+    for row in range(0, int(lowest[0]) - 300, 10):
+        predictor.add(round(1e6 * t_s[row]), ps[row])
+    latest = predictor.predict()
+    assert latest is not None and latest.stage == "pre" and len(latest.bounces) == 2
+    for bounce, row in zip(latest.bounces, lowest, strict=True):
+        assert bounce.t_s == pytest.approx(t_s[row], abs=0.004)
+        np.testing.assert_allclose(bounce.p_world_m, [*ps[row, :2], BALL_RADIUS_M], atol=0.01)
+    one, two = latest.bounces
+    assert np.all(two.sigma_m[:2] > one.sigma_m[:2]), "the second is less certain"
+    assert latest.landing is not None and latest.landing.t_s == one.t_s
+
+
 def fly_up(state: np.ndarray, seconds: float, step_ms: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
     t_s = np.arange(0, seconds, step_ms * 1e-3)
     return t_s, path(state, t_s)

@@ -84,6 +84,35 @@ def test_scatter_of_the_keyframes_shows_in_the_uncertainty() -> None:
     assert np.nanmedian(noisy) > 3 * np.nanmedian(quiet)
 
 
+def test_the_uncertainty_in_the_middle_is_that_of_a_cubic_through_six() -> None:
+    """Between the third and fourth of six even keyframes the value is their mean and curvature: its variance is
+    sum(u^4) / (6 sum(u^4) - sum(u^2)^2) = 1414 / 3584 of theirs, with u = -5, -3, ..., 5.
+    """
+    t = np.arange(0, 60_000, 10_000)
+    share = np.sqrt(1414 / 3584)
+    exact = interpolate(along(t, t * 1e-3, t * 2e-3), [25_000], config=CurveConfig(keyframe_sigma_px=0.4))
+    assert exact.sigma_px[0] == pytest.approx(0.4 * share)
+    off = np.array([1.0, -2.0, 0.5, 1.5, -1.0, 2.0])
+    config = CurveConfig(keyframe_sigma_px=0.1, break_sigmas=30)
+    found = interpolate(along(t, t * 1e-3 + off, t * 2e-3 - 2 * off), [25_000], config=config)
+    missed = off - np.polyval(np.polyfit(t / 3e4, off, 3), t / 3e4)
+    scatter = np.sqrt((missed**2).sum() * (1 + 4) / (2 * 2))  # two coordinates, two degrees of freedom each
+    assert found.sigma_px[0] == pytest.approx(scatter * share, rel=1e-6)
+    middle = np.polyval(np.polyfit(t / 3e4, off, 3), 2.5e4 / 3e4)
+    assert found.x_px[0] == pytest.approx(25 + middle) and found.y_px[0] == pytest.approx(50 - 2 * middle)
+
+
+def test_where_a_hidden_ball_was_guessed_is_no_keyframe() -> None:
+    t = np.arange(0, 200_000, 10_000)
+    labels = [Label(t_us=int(k), state=LabelState.VISIBLE, x_px=k * 1e-3, y_px=0.0) for k in t]
+    guessed = Label(t_us=95_000, state=LabelState.OCCLUDED, x_px=500.0, y_px=300.0)
+    keys = label_arrays([*labels, guessed])
+    assert sorted(np.concatenate(split_segments(keys)).tolist()) == [row for row in range(21) if row != 10]
+    curve = interpolate(keys, [85_000, 92_000, 105_000])
+    np.testing.assert_array_equal(curve.covered, (True, False, True))
+    np.testing.assert_allclose(curve.x_px[[0, 2]], [85, 105], atol=1e-6)
+
+
 def test_every_tenth_frame_labelled_gives_the_rest() -> None:
     trial = try_interpolation(2, 10, np.random.default_rng(0), sigma_px=0.4)
     assert np.median(trial.curve_px) <= 0.5 and np.percentile(trial.curve_px, 95) <= 1.5

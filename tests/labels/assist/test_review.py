@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from core.cameras import Camera
 from core.events import Events
 from labels.arrays import LabelArrays, label_arrays
 from labels.assist.blind import is_blind_sample, next_blind
-from labels.assist.propose import Proposals, accept, detector_name, propose, steady_segment
+from labels.assist.propose import Proposals, accept, detector_name, joined_proposals, propose, steady_segment
 from labels.assist.residual import residual_of_neighbours
 from labels.assist.review import QueueConfig, review_queue
 from labels.model import Label, LabelState, PositionSource, Provenance
@@ -101,6 +102,36 @@ def test_proposals_are_interpolated_only_between_neighbouring_windows() -> None:
     found = detections(np.array([0, 2000, 20_000])).at([1000, 2000, 10_000, 30_000])
     np.testing.assert_allclose(found.x_px, (102.0, 104.0, np.nan, np.nan))
     assert np.isnan(detections(T[:0]).at([5]).x_px).all()
+
+
+def test_proposals_between_two_times_hold_the_first_and_not_the_last() -> None:
+    every = detections(np.arange(0, 20_000, 2000))
+    for start, end, expected in (
+        (4000, 8000, [4000, 6000]),
+        (4001, 8001, [6000, 8000]),
+        (-5, 1, [0]),
+        (8000, 4000, []),
+        (30_000, 40_000, []),
+    ):
+        part = every.between(start, end)
+        assert part.t_us.tolist() == expected
+        rows = np.searchsorted(every.t_us, expected)
+        for column in ("x_px", "y_px", "r_px", "covariance_px2"):
+            np.testing.assert_array_equal(getattr(part, column), getattr(every, column)[rows])
+        assert (part.window_us, part.detector) == (every.window_us, every.detector)
+
+
+def test_proposals_are_joined_by_time_and_the_newer_ones_stand() -> None:
+    first, second = detections(np.array([0, 2000, 4000])), detections(np.array([1000, 2000]))
+    second.x_px[:] = -1.0
+    both = joined_proposals(first, second)
+    assert both.t_us.tolist() == [0, 1000, 2000, 4000]
+    np.testing.assert_array_equal(both.x_px, [first.x_px[0], -1.0, -1.0, first.x_px[2]])
+    np.testing.assert_array_equal(both.covariance_px2[0], first.covariance_px2[0])
+    assert joined_proposals(None, second) is second
+    other = dataclasses.replace(second, detector="another")
+    assert joined_proposals(first, other) is other
+    assert joined_proposals(first, dataclasses.replace(second, window_us=500)).t_us.tolist() == [1000, 2000]
 
 
 def test_an_accepted_proposal_says_so() -> None:

@@ -52,6 +52,27 @@ def test_a_known_velocity_leads_to_the_same_circle(clip: Clip) -> None:
     assert np.linalg.norm(velocity - clip.v_px_per_ms) < 0.1 * np.linalg.norm(clip.v_px_per_ms)
 
 
+@pytest.mark.parametrize("speed_px_per_ms", [0.5, 1.0, 4.0])
+def test_a_snap_rests_on_two_pixels_of_motion_before_and_after_however_fast_the_ball_is(speed_px_per_ms: float) -> None:
+    """An ideal disc that each pixel sees come and go: in 4 px of motion either arc sweeps 4 px times the diameter."""
+    radius, middle, sensor = 8.0, np.array([100.3, 60.2]), SensorSize(200, 120)
+    y, x = (axis.ravel() for axis in np.mgrid[0:120, 0:200])
+    half = np.sqrt(np.maximum(radius**2 - (y - middle[1]) ** 2, 0.0))
+    met = half > 0
+    come, go = ((x + side * half - middle[0]) / speed_px_per_ms for side in (-1, 1))
+    t_us = np.round(MIDDLE_US + 240 + 1e3 * np.concatenate([come[met], go[met]])).astype(np.int64)
+    on = np.repeat([True, False], met.sum())
+    rows = np.flatnonzero(np.abs(t_us - MIDDLE_US) < 20_000)
+    rows = rows[np.argsort(t_us[rows], kind="stable")]
+    xs, ys = np.tile(x[met], 2), np.tile(y[met], 2)
+    events = Events.from_columns(t_us[rows], xs[rows], ys[rows], on[rows], sensor)
+    found = snap(events, MIDDLE_US, 102.0, 59.0)
+    assert found is not None and found.on_leads
+    assert (found.x_px, found.y_px) == pytest.approx(middle, abs=0.1) and found.r_px == pytest.approx(radius, abs=0.2)
+    assert (found.vx_px_per_ms, found.vy_px_per_ms) == pytest.approx((speed_px_per_ms, 0.0), abs=0.05 * speed_px_per_ms)
+    assert found.points == pytest.approx(2 * (2 * 2.0) * 2 * radius, rel=0.15)
+
+
 def test_a_dark_ball_on_a_bright_wall_is_snapped_too() -> None:
     dark = draw_clip(np.random.default_rng(5), speed_mps=6.0, radius_px=9.0, scene="dark")
     x, y = truth_of(dark)

@@ -109,6 +109,21 @@ def test_a_single_camera_without_calibration_has_pictures_and_detections_only(se
     assert "verified without error" in rerun("verify", str(tmp_path / "one.rrd"))
 
 
+def test_a_method_without_stages_has_pictures_and_detections_but_no_stages(serve_recording, tmp_path) -> None:
+    single = tmp_path / "one.h5"
+    with open_recording(serve_recording) as recording:
+        left = recording.cameras["left"]
+        with RecordingWriter(single, {"eye": left.sensor}) as writer:
+            writer.append("eye", left.slice(0, 150_000))
+    words = ["--method", "refined", "--end-us", "150000"]
+    for source, picture in ((serve_recording, "world/cameras/left/picture"), (single, "pictures/eye")):
+        out = tmp_path / f"{source.stem}.rrd"
+        assert main(["export", str(source), "--rrd", str(out), *words]) == 0
+        found = entities(out)
+        assert {picture, f"{picture}/detection"} <= found and f"{picture}/stages/events" not in found
+        assert "verified without error" in rerun("verify", str(out))
+
+
 def test_a_cancelled_export_leaves_no_file(serve_recording: Path, tmp_path) -> None:
     asked = iter([False] * 20 + [True] * 1000)
     with open_recording(serve_recording) as recording, pytest.raises(ExportCancelledError):

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from app.modes.train.form import MAIN, form_specs, run_of_form, value_shown
+from app.modes.train.form import MAIN, agent_defaults, form_specs, run_of_form, value_shown
 from app.modes.train.presets import PRESETS, Preset, startable_run
 from core.config import field_specs, get_setting
 from core.errors import ConfigError
@@ -59,6 +59,25 @@ def test_what_the_form_shows_of_a_preset_means_that_preset(preset: Preset) -> No
 def test_a_setting_that_most_leave_alone_reaches_the_run(path, value) -> None:
     run = run_of_form(default_run("ddpg"), {path: value})
     assert get_setting(run, path) == value and type(get_setting(run, path)) is type(get_setting(RunConfig(), path))
+
+
+def test_another_agent_brings_its_own_defaults_for_what_is_folded_and_leaves_the_rest() -> None:
+    preset = PRESETS["Landing model: 300 balls at 5 m/s"].config
+    typed = {("agent",): "ddpg", ("reward", "kind"): "case", ("seeds",): 3}
+    assert run_of_form(preset, typed).exploration.random_episodes == 10  # a ddpg that the paper does not know
+    run = run_of_form(preset, typed | agent_defaults("ddpg"))
+    paper = default_run("ddpg")
+    assert (run.exploration, run.ddpg, run.environment.goal) == (paper.exploration, paper.ddpg, paper.environment.goal)
+    assert (run.agent, run.reward.kind, run.seeds) == ("ddpg", "case", 3)
+    assert run.curriculum.episodes == preset.curriculum.episodes
+    assert not agent_defaults("landing-model").keys() & set(MAIN)
+    with pytest.raises(ConfigError, match="not offered"):
+        agent_defaults("../../etc")
+
+
+def test_one_number_of_balls_alone_is_for_the_stages_that_there_are() -> None:
+    run = run_of_form(default_run("ddpg"), {("curriculum", "episodes"): "70"})
+    assert run.curriculum.episodes == (70, 70)
 
 
 def test_one_number_of_balls_is_for_all_stages() -> None:

@@ -1,7 +1,15 @@
 import numpy as np
 
 from core.cameras import StereoRig, stereo_preset
-from core.cameras.calibration.bundle import Rig, Sightings, adjust, point_information, points_of, residuals_px
+from core.cameras.calibration.bundle import (
+    Rig,
+    Sightings,
+    _determinants,
+    adjust,
+    point_information,
+    points_of,
+    residuals_px,
+)
 
 CAMERAS = stereo_preset("side")
 RIG = Rig(
@@ -132,3 +140,10 @@ def test_outliers_are_left_out_and_what_is_held_has_no_variance() -> None:
     variances = np.diag(found.covariance)[:-1].reshape(2, 7)
     assert not variances[0].any() and variances[1, :6].all() and variances[1, 6] == 0
     assert 0.25 < found.sigma_px < 0.35
+
+
+def test_determinants_are_numpys() -> None:
+    a = np.random.default_rng(0).normal(size=(50, 3, 3))
+    a[0, 0, 1] = a[1, 1, 2] = 0.0
+    np.testing.assert_allclose(_determinants(a), np.linalg.det(a), atol=1e-12)
+    assert _determinants(np.diag([2.0, 3.0, 5.0])[None])[0] == 30.0

@@ -61,8 +61,15 @@ def test_coefficients_that_are_not_fitted_stay_zero() -> None:
 
 
 def test_too_few_pictures_are_refused_with_their_number() -> None:
-    with pytest.raises(CalibrationError, match="expected 6 or more, got 5"):
+    with pytest.raises(CalibrationError, match="expected 6 or more, got 5;"):
         calibrate_lens(views(5, 0.1), BOARD, CAMERA.sensor)
+
+
+def test_of_pictures_that_did_not_fit_it_is_said_how_many_there_are() -> None:
+    given = views(6, 0.05)
+    given[2] = BoardView("bent", given[2].uvs_px + np.random.default_rng(1).normal(0, 6.0, (48, 2)))
+    with pytest.raises(CalibrationError, match="got 5, 1 did not fit together with the others"):
+        calibrate_lens(given, BOARD, CAMERA.sensor)
 
 
 def test_coverage_counts_the_cells_with_a_point() -> None:

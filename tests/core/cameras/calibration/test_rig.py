@@ -126,6 +126,7 @@ def test_a_given_baseline_is_kept_beside_the_corners(served) -> None:
     clicks = click_corners(CAMERAS, np.random.default_rng(1), 0.5)
     found = calibrate_rig(sweep(CAMERAS, served), LENSES, Scale("baseline", 3.5), clicks=clicks, config=QUICK)
     assert found.baseline_m == pytest.approx(3.5, abs=0.001) and "corners" in found.frame
+    assert found.sigma_baseline_m == pytest.approx(3.5e-4, rel=0.1), "taken as known to a ten-thousandth"
     assert np.median(off_mm(found, served)) < 2.5
 
 

@@ -38,6 +38,34 @@ def test_a_missed_ball_has_no_landing_but_counts_as_not_returned() -> None:
     assert row["missed"] == pytest.approx(1 / 3) and row["seeds"] == 2 and row["balls"] == 3
 
 
+def test_the_oracle_does_not_turn_the_face_about_its_normal_and_stays_in_range() -> None:
+    balls = PolicyEvaluator(TRUTH, 20).balls(5.0)
+    actions = oracle_actions(balls, TRUTH)
+    assert (actions[:, 0] == 0).all() and np.abs(actions).max() <= 1
+    assert len({tuple(action) for action in actions.round(6).tolist()}) > 15, "each ball has its own"
+
+
+def test_a_row_has_the_distribution_of_all_balls_and_of_the_returned_ones() -> None:
+    one = PolicyScore(5.0, np.array([True, True, False, False]), np.array([10.0, 20.0, 90.0, math.nan]))
+    other = PolicyScore(5.0, np.array([True, False, False, False]), np.array([40.0, 60.0, math.nan, math.nan]))
+    row = summarise_scores([one, other])
+    assert (row["speed_mps"], row["balls"], row["seeds"], row["returned"], row["missed"]) == (5.0, 4, 2, 3 / 8, 3 / 8)
+    errors = row["error_mm"]
+    assert errors == {"mean": 44.0, "std": pytest.approx(28.7054), "median": 40.0, "p95": pytest.approx(84.0)}
+    assert row["error_returned_mm"]["median"] == 20.0  # type: ignore[index]
+    assert row["seeds_returned"]["mean"] == pytest.approx(0.375)  # type: ignore[index]
+    assert row["seeds_error_mm"]["mean"] == pytest.approx((40 + 50) / 2)  # type: ignore[index]
+
+
+def test_where_nothing_is_known_a_row_says_null_and_no_number() -> None:
+    missed = PolicyScore(5.0, np.zeros(3, np.bool_), np.full(3, math.nan))
+    row = summarise_scores([missed])
+    nothing = {"mean": None, "std": None, "median": None, "p95": None}
+    assert row["error_mm"] == nothing == row["error_returned_mm"]
+    assert row["seeds_error_mm"] == {"mean": None, "std": None, "interval95": [None, None]}
+    assert row["seeds_returned"] == {"mean": 0.0, "std": None, "interval95": [None, None]} and row["missed"] == 1.0
+
+
 def test_five_best_takes_the_lowest_five() -> None:
     assert five_best_mm([9, 1, 2, 3, 4, 5, math.nan]) == 3
     assert math.isnan(five_best_mm([math.nan]))

@@ -43,6 +43,18 @@ def test_a_baseline_trains_over_the_curriculum_on_the_balls_of_our_agents(agent:
     assert actions.shape == (10, 3) and np.abs(actions).max() <= 1
 
 
+def test_a_stopped_baseline_says_so_and_begins_its_seed_again(tmp_path: Path) -> None:
+    create_run(tmp_path / "run", baseline_run("a2c"))
+    asked = iter(range(10**6))
+    stopped = run_training(tmp_path / "run", progress=lambda share: None, stopped=lambda: next(asked) == 7)
+    begun, _ = read_lines(seed_files(tmp_path / "run", 0).metrics)
+    assert stopped == "stopped" and 0 < len(begun) < 20
+    assert not seed_files(tmp_path / "run", 0).checkpoint.exists()
+    assert run_training(tmp_path / "run", progress=lambda share: None, stopped=lambda: False) == "finished"
+    lines, _ = read_lines(seed_files(tmp_path / "run", 0).metrics)
+    assert [line["episode"] for line in lines] == list(range(100)) and lines[: len(begun)] == begun
+
+
 @pytest.mark.parametrize("exploration", ["default", "matched"])
 @pytest.mark.parametrize("agent", ["ppo", "a2c", "trpo", "td3", "sac"])
 def test_the_kept_policy_is_the_library_s(agent: AgentName, exploration: str) -> None:

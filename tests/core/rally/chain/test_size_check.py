@@ -56,6 +56,42 @@ def test_radii_of_a_ball_at_the_point_pass_and_others_do_not(cameras) -> None:
     assert check.wrong(p, {}) == []
 
 
+def test_after_as_many_failures_in_a_row_as_its_patience_a_detector_begins_anew(cameras) -> None:
+    class Counting:
+        extra_circles = 0
+        resets = 0
+
+        def reset(self) -> None:
+            self.resets += 1
+
+        def step(self, window: Window) -> None:
+            return None
+
+    check = SizeCheck(cameras, StereoRig(cameras), SizeCheckConfig(patience=3))
+    detectors = {"left": Counting(), "right": Counting()}
+    resets = []
+    for _ in range(7):
+        check.give_up(["left"], detectors)
+        resets.append(detectors["left"].resets)
+    assert resets == [0, 0, 1, 1, 1, 2, 2] and detectors["right"].resets == 0
+    check.reset()
+    check.give_up(["left", "right"], detectors)
+    check.give_up(["left", "right"], detectors)
+    assert (detectors["left"].resets, detectors["right"].resets) == (2, 0)
+    check.give_up(["right"], detectors)
+    assert (detectors["left"].resets, detectors["right"].resets) == (2, 1)
+
+
+def test_the_limits_of_a_size_are_shares_of_the_radius_that_a_ball_has_there(cameras) -> None:
+    """A ball straight ahead at a depth d has the radius f R / d in the picture."""
+    camera = cameras["left"]
+    p = camera.position_world_m + 2.5 * camera.T_world_camera[:3, 2]
+    radius = camera.K[0, 0] * 0.02 / 2.5
+    check = SizeCheck(cameras, StereoRig(cameras), SizeCheckConfig(smallest=0.75, largest=1.7))
+    for ratio, wrong in ((0.749, True), (0.751, False), (1.699, False), (1.701, True)):
+        assert check.wrong(p, {"left": ratio * radius}) == (["left"] if wrong else [])
+
+
 def test_the_ball_s_shadow_is_not_taken_for_the_ball(cameras, shadowed) -> None:
     path, windows = shadowed
     without = errors_m(path, follow(cameras, windows, ChainConfig(size=SizeCheckConfig(enabled=False))))

@@ -11,7 +11,7 @@ from core.physics.rotation import normals_from_orientations, orientations_from_a
 from core.physics.task import task_profile
 from core.rally.control.controller import BuiltInController, ControllerConfig
 from core.rally.control.decision import RacketDecision
-from core.rally.control.stroke_solver import spin_after_bounce
+from core.rally.control.stroke_solver import _is_safe, is_as_wanted, spin_after_bounce
 from core.simulation.episodes import draw_serves, fly_serves, return_balls
 from core.simulation.episodes.racket import RacketConfig, check_target
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M
@@ -104,8 +104,8 @@ def test_commands_keep_the_limits_of_angles_speeds_and_the_simulated_racket(spee
     [
         ((-1.42, 0.0, 0.1), (-4.0, 0.0, -1.0), 1, -1.0),
         ((-1.42, 0.0, 0.7), (-4.0, 4.0, 0.0), 1, 1.0),
-        ((-1.42, 0.0, 0.3), (-4.0, 4.0, 0.0), 2, -1.0),
-        ((-1.42, 0.0, 0.3), (-4.0, -4.0, 0.0), 2, 1.0),
+        ((-1.42, 0.0, 0.3), (-4.0, 4.5, 0.0), 2, -1.0),
+        ((-1.42, 0.0, 0.3), (-4.0, -4.5, 0.0), 2, 1.0),
     ],
 )
 def test_a_ball_that_asks_for_more_than_the_face_may_turn_gets_just_that(p, v, row, limit) -> None:
@@ -207,3 +207,48 @@ def test_a_ball_that_does_not_come_gets_no_command(t_c, p_c, v_c) -> None:
 def test_a_ball_far_below_the_table_gets_none_or_the_best_that_is_left() -> None:
     command = BuiltInController().decide(0.5, (-1.42, 0.0, -0.4), (-2.0, 0.0, -3.0), stage="post")
     assert command is None or command.net_z_m is not None
+
+
+def test_a_base_orientation_costs_the_solver_nothing() -> None:
+    """It starts from the same face, however its angles are counted."""
+    arrivals = arrivals_of(6.0, TaskConfig())
+    for state in arrivals.states[:10]:
+        flat, tilted = (
+            BuiltInController(TaskConfig(stroke=type(TaskConfig().stroke)(base_pitch_deg=pitch))).solve(
+                np.ascontiguousarray(state), (0.8, 0.1)
+            )
+            for pitch in (0.0, 6.0)
+        )
+        assert flat is not None and tilted is not None and flat.evaluations == tilted.evaluations
+        assert tilted.speed_mps == pytest.approx(flat.speed_mps, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("landing", "net_z", "safe"),
+    [
+        ((0.09, 0.0), 0.25, True),
+        ((0.07, 0.0), 0.25, False),
+        ((1.28, 0.0), 0.25, True),
+        ((1.30, 0.0), 0.25, False),
+        ((0.7, -0.67), 0.25, True),
+        ((0.7, 0.69), 0.25, False),
+        ((0.7, 0.0), 0.2035, True),
+        ((0.7, 0.0), 0.2015, False),
+    ],
+)
+def test_a_safe_stroke_keeps_eight_centimetres_from_the_edges_and_three_from_the_net(landing, net_z, safe) -> None:
+    """The far half ends at 1.37 and 0.7625 m; a ball's centre over the cord is at 0.1725 m."""
+    assert _is_safe(np.array([*landing, net_z])) == safe
+
+
+def test_a_stroke_is_as_wanted_two_centimetres_round_its_landing_point_and_clear_of_the_net() -> None:
+    wanted = np.array([0.8, 0.1, 0.35])
+    for reached, as_wanted in (
+        ((0.8, 0.1, 0.35), True),
+        ((0.813, 0.114, 0.35), True),  # 19 mm
+        ((0.815, 0.115, 0.35), False),  # 21 mm
+        ((0.8, 0.1, 0.2035), True),  # lower than wanted, but clear
+        ((0.8, 0.1, 0.2015), False),
+    ):
+        assert is_as_wanted(np.array(reached), wanted) == as_wanted
+    assert is_as_wanted(np.array([0.8, 0.1, 0.19]), np.array([0.8, 0.1, 0.185])), "no more than was wanted"

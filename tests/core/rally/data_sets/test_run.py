@@ -14,6 +14,7 @@ from core.cameras import stereo_preset
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.rally.data_sets import CARD, MANIFEST, DataSetPlan, plan_data_set, preset_plan, read_manifest, run_data_set
+from core.rally.data_sets.facts import read_facts
 from core.rally.data_sets.make import make_recording, partial_path
 from core.rally.data_sets.plan import Making
 from core.rally.data_sets.run import LOCK
@@ -149,6 +150,15 @@ def test_an_unfinished_recording_has_no_final_name(tmp_path: Path) -> None:
     with pytest.raises(StopError):
         make_recording(planned, tmp_path, stop)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_recording_does_not_hold_is_counted_as_none(tmp_path: Path) -> None:
+    """No robot, and no pictures: no strokes, no episodes."""
+    run_data_set(WITHOUT, tmp_path)
+    facts = read_facts(tmp_path / f"{WITHOUT.recordings[0].name}.h5", WITHOUT.recordings[0])
+    assert (facts.racket_poses, facts.episodes, facts.returned) == (0, 0, 0)
+    assert facts.points_3d > 0 and {camera.frames for camera in facts.cameras.values()} == {0}
+    assert {camera.frames_with_ball for camera in facts.cameras.values()} == {0}
 
 
 def test_two_runs_do_not_work_in_one_folder(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """A rally over time, asked for any moment."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -105,7 +106,12 @@ def test_one_pass_is_shared_and_flat_recordings_have_none(recording) -> None:
     followings = Followings()
     try:
         assert is_stereo(recording)
-        assert followings.of(recording) is followings.of(recording)
+        shared = followings.of(recording)
+        assert isinstance(shared, Following) and list(shared.cameras) == list(recording.cameras)
+        assert followings.of(recording) is shared
+        name, camera = next(iter(recording.cameras.items()))
+        flat = SimpleNamespace(cameras={name: camera}, uuid="flat")
+        assert followings.of(flat) is None  # type: ignore[arg-type]
     finally:
         followings.close()
 

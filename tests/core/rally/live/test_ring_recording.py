@@ -176,6 +176,13 @@ def test_events_of_an_unknown_camera_are_refused(live):
         live.on_events(batch)
 
 
+def test_before_a_session_every_block_is_refused_in_words_and_nothing_is_there():
+    fresh = RingRecording()
+    assert (fresh.duration_us, fresh.start_us, fresh.cameras, fresh.ball) == (0, 0, {}, None)
+    with pytest.raises(LinkError, match="not a block of this session"):
+        send(fresh, 0, np.random.default_rng(0))
+
+
 def test_readers_in_other_threads_see_whole_blocks_only(live):
     wrong: list[int] = []
     done = threading.Event()

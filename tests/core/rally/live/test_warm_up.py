@@ -8,7 +8,7 @@ from core.events import SensorSize
 from core.rally import RallyChain
 from core.rally.control.controller import BuiltInController
 from core.rally.control.player import Player
-from core.rally.live.warm_up import warm_up
+from core.rally.live.warm_up import _painted, warm_up
 
 
 @pytest.mark.parametrize("placement", ["side", "ceiling", "behind"])
@@ -20,6 +20,24 @@ def test_every_stage_runs_and_nothing_stays(placement) -> None:
     assert state.chain.prediction is not None and state.decision is not None
     assert state.chain.prediction.stage == "post", "what happens at a bounce was loaded too"
     assert player.chain.step(_quiet(cameras)).prediction is None
+
+
+def test_the_painted_ball_flies_a_parabola_and_bounces_off_the_table() -> None:
+    """From (0.4, 0.05, 0.12) at 4 m/s along the table and 1.5 down: 0.1 m of fall take 56 ms."""
+    camera = stereo_preset("side")["left"]
+    for end_us, bounced in ((30_000, False), (80_000, True)):
+        t = end_us * 1e-6
+        fall = 0.12 - 1.5 * t - 9.81 / 2 * t * t
+        assert (fall < 0.02) == bounced
+        p = np.array([[0.4 - 4.0 * t, 0.05, 0.04 - fall if bounced else fall]])
+        window = _painted(camera, end_us, 2000)
+        assert (window.start_us, window.end_us) == (end_us - 2000, end_us)
+        events = window.events
+        assert events.t_us[0] == end_us - 2000 and events.t_us[-1] == end_us - 1
+        middle = np.array([events.x_px.mean(), events.y_px.mean()])
+        np.testing.assert_allclose(middle, camera.project(p)[0], atol=0.5)
+        radius = camera.K[0, 0] * 0.02 / camera.to_camera(p)[0, 2]
+        assert len(events) == pytest.approx(np.pi * radius**2, rel=0.1)
 
 
 def _quiet(cameras):

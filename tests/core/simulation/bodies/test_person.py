@@ -5,8 +5,16 @@ import pytest
 
 from core.simulation.bodies import make_actors
 from core.simulation.bodies.actors import CYCLE_S
-from core.simulation.bodies.parts import PART_COLUMNS
-from core.simulation.bodies.person import FLOOR_M, FOREARM_M, SHIN_M, THIGH_M, UPPER_ARM_M
+from core.simulation.bodies.parts import BANDS, PART_COLUMNS, STRIPES_PER_M, TEXTURE
+from core.simulation.bodies.person import (
+    FLOOR_M,
+    FOREARM_M,
+    SHIN_M,
+    THIGH_M,
+    UPPER_ARM_M,
+    Clothes,
+    person_parts,
+)
 from core.simulation.bodies.strokes import PlayerStroke
 from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
@@ -44,6 +52,19 @@ def test_limbs_hang_together_and_nobody_stands_in_the_table() -> None:
         trunk = player[:, 2, 0]
         inside = (np.abs(trunk[:, 0]) < TABLE_LENGTH_M / 2) & (np.abs(trunk[:, 1]) < TABLE_WIDTH_M / 2)
         assert not inside.any()
+
+
+def test_clothes_and_skin_have_a_pattern_that_events_can_see_move() -> None:
+    """Waves along a part and across it; hair has none along, shoes, grip and blade have none at all."""
+    rows = person_parts(Clothes(shirt=0.5, shorts=0.1, texture=0.4), with_racket=True)
+    depth, along, across = rows[:, TEXTURE], rows[:, STRIPES_PER_M], rows[:, BANDS]
+    hair, plain = 1, slice(12, 16)
+    assert (depth[plain] == 0).all() and (along[plain] == 0).all() and (across[plain] == 0).all()
+    assert (depth[:12] > 0).all() and (across[:12] >= 1).all() and (np.delete(along[:12], hair) >= 5).all()
+    assert depth[2] == 0.4 and (depth[3:12] == 0.2).all(), "half as deep on limbs"
+    for pair in range(4, 14, 2):
+        np.testing.assert_array_equal(rows[pair], rows[pair + 1])
+    assert len(person_parts(Clothes(shirt=0.5, shorts=0.1), with_racket=False)) == 14
 
 
 def test_the_blade_meets_the_ball_of_a_rally_and_faces_as_it_should() -> None:

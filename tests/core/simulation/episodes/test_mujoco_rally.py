@@ -152,6 +152,17 @@ def test_passages_are_told_without_changing_the_flight() -> None:
     assert crossing.state == pytest.approx(arrivals.states[0], abs=1e-9)
 
 
+def test_one_long_step_is_the_same_as_many_short_ones() -> None:
+    """A whole second is more than fifty steps of the rally's own; only impacts in a row stop a ball."""
+    many, once = (served_and_aimed(2, 0.01)[0] for _ in range(2))
+    told = [(event.kind, event.t_s) for _ in range(100) for event in many.step()]
+    at_once = [(event.kind, event.t_s) for event in once.step(1.0)]
+    assert once.playing and once.time_s == pytest.approx(1.0)
+    assert once.ball == pytest.approx(many.ball, abs=1e-9)
+    assert [kind for kind, _ in at_once] == [kind for kind, _ in told]
+    assert [t for _, t in at_once] == pytest.approx([t for _, t in told], abs=1e-9)
+
+
 def test_impossible_serves_and_steps_are_refused() -> None:
     rally = MujocoRally(PAPER)
     for p, v in (

@@ -8,7 +8,9 @@ from core.errors import ConfigError
 from core.events import Events, concatenate_events
 from core.simulation import SceneConfig, SensorConfig, scene_named
 from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
+from core.simulation.flights.ball_path import ParabolicPath
 from core.simulation.scenes.background import LOG_LIGHT, make_background
+from core.simulation.scenes.block_view import moving_steps
 
 
 def quiet(**settings) -> SensorConfig:
@@ -48,6 +50,29 @@ def test_a_bright_ball_leads_with_on_and_a_dark_one_with_off(small_camera, cross
 def test_nothing_moves_and_no_noise_means_no_events(small_camera, crossing) -> None:
     gone = type(crossing)(np.array([5.0]), crossing.p_world_m, crossing.v_world_mps, crossing.spin_radps, 6.0)
     assert len(simulate(small_camera, SceneConfig(), quiet(), gone, 50_000)) == 0
+
+
+def test_nobody_can_write_into_the_events(small_camera, crossing) -> None:
+    events = EventCamera(small_camera, SceneConfig(), quiet(), np.random.default_rng(1)).advance(crossing, BLOCK_US)
+    assert len(events)
+    for column in (events.t_us, events.x_px, events.y_px, events.on):
+        with pytest.raises(ValueError, match="read-only"):
+            column[0] = column[0]
+
+
+def test_a_soft_shadow_is_looked_at_more_seldom_than_the_ball(small_camera) -> None:
+    """The higher the ball, the softer its shadow; on the table both have the same edge."""
+
+    def strides(height_m: float) -> list[int]:
+        start, velocity = np.array([[0.8, 0.0, height_m]]), np.array([[-4.0, 0.0, 0.0]])
+        path = ParabolicPath(np.array([-0.2]), start, velocity, np.zeros((1, 3)), 1.0, 0.0)
+        steps = moving_steps(small_camera, SceneConfig(), path, None, 0, BLOCK_US)
+        assert steps is not None
+        return steps.strides.tolist()
+
+    low, high = strides(0.1), strides(0.25)
+    assert low[0] == high[0] == 1, "the ball, every time"
+    assert 1 < low[1] < high[1] <= 8
 
 
 def test_the_noise_has_its_rate_and_its_share_of_on(small_camera, crossing) -> None:

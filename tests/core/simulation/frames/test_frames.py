@@ -10,6 +10,7 @@ from core.errors import ConfigError
 from core.events import SensorSize
 from core.simulation import LaunchConfig, SceneConfig, draw_serve_series, pixel_truth
 from core.simulation.bodies import MovingBodies, make_actors
+from core.simulation.bodies.parts import REFLECTANCE, blade, rod
 from core.simulation.bodies.picture import BodyPicture
 from core.simulation.flights.ball_path import BallPath, ParabolicPath, VisibleRange
 from core.simulation.frames.colours import coloured_scenes
@@ -159,6 +160,22 @@ def test_a_picture_is_as_bright_as_the_lamps_are_while_it_is_taken(small_camera)
 def test_an_exposure_longer_than_the_time_between_pictures_is_refused() -> None:
     with pytest.raises(ConfigError, match="at most 16667 us at 60 Hz"):
         FrameConfig(exposure_us=20_000)
+
+
+def test_skin_is_warm_shirts_are_red_blue_or_green_and_what_is_plain_stays_grey() -> None:
+    skin, grey, plain = 0.45, 0.30, 0.05  # Clothes.skin; a shirt with a pattern; a blade without one
+    rows = np.array([rod(0.1, 0.1, skin, texture=0.25), rod(0.1, 0.1, grey, texture=0.5), blade(0.08, plain)])
+    before = rows.copy()
+    red, green, blue = (tinted_parts(rows, channel)[:, REFLECTANCE] for channel in range(3))
+    assert (rows == before).all(), "the parts of the event cameras keep their brightness"
+    np.testing.assert_allclose((red[0], green[0], blue[0]), 0.45 * np.array([1.30, 0.95, 0.75]))
+    np.testing.assert_allclose((red[1], green[1], blue[1]), 0.30 * np.array([1.60, 0.60, 0.55]))
+    assert red[2] == green[2] == blue[2] == plain
+    shirts = np.array([rod(0.1, 0.1, 0.01 * number, texture=0.5) for number in (30, 31, 32, 33)])
+    tints = np.stack([tinted_parts(shirts, channel)[:, REFLECTANCE] for channel in range(3)], axis=1)
+    assert np.argmax(tints, axis=1).tolist() == [0, 2, 1, 0]
+    others = np.delete(np.arange(7), REFLECTANCE)
+    assert (tinted_parts(rows, 0)[:, others] == rows[:, others]).all()
 
 
 class Tinted:

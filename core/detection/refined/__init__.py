@@ -1,0 +1,1 @@
+"""The refined detector: two arcs, both polarities, a circle that moves; one idea per file."""

@@ -1,0 +1,193 @@
+"""One ball fitted to recent events, by a track's prediction or from nothing but a place."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.detection.refined.circle_fit import UNKNOWNS, EdgePoints, Fit, factorise, fit_circle, solve
+from core.detection.refined.history import Recent
+from core.detection.refined.patch import (
+    HALF,
+    MOST_POINTS,
+    LookBack,
+    MovingCircle,
+    Patch,
+    blank_patch,
+    clear_patch,
+    edge_points,
+    fill_patch,
+)
+from core.jit import njit
+
+SECTORS: Final = 16
+FEWEST_EVENTS: Final = 12
+"""Fewer in a box say nothing about what moves there."""
+LEAST_SPREAD_MS2: Final = 1e-4
+"""Nor do events that all come at once."""
+SIGMA_PX: Final = 0.4
+"""Spread of one edge point."""
+ITERATIONS: Final = 8
+
+
+class Work(NamedTuple):
+    """Arrays that a fit works in."""
+
+    patch: Patch
+    points: EdgePoints
+    fit: Fit
+    quality: NDArray[np.float64]
+    """(9,) see `Quality`."""
+    covariance: NDArray[np.float64]
+    """(5, 5) of the estimate if every point erred by itself."""
+
+
+class Quality(NamedTuple):
+    """How good a fit is."""
+
+    residual_px: float
+    points: float
+    """Edge points with a weight above one half."""
+    coverage_lead: float
+    """Share of the sectors of the leading half with such points."""
+    coverage_trail: float
+    inside: float
+    """Events well inside the disc, for each one of such a pixel."""
+    stray: float
+    """Share of the edge points with less weight."""
+    fill: float
+    """Such points, as a share of the pixels that both edges swept."""
+    contrast: float
+    """Events of a pixel with such a point."""
+    brighter: float
+    """From -1 to 1: whether the leading edge makes pixels darker or brighter."""
+
+
+class Reach(NamedTuple):
+    """How far a fit looks back and aside."""
+
+    motion_px: float
+    history_min_ms: float
+    history_max_ms: float
+
+
+def blank_work() -> Work:
+    """Room for one fit after the other."""
+    columns = np.zeros((6, MOST_POINTS))
+    fit = Fit(np.zeros(UNKNOWNS), np.zeros(UNKNOWNS), np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
+    return Work(
+        blank_patch(), EdgePoints(*columns), fit, np.zeros(len(Quality._fields)), np.zeros((UNKNOWNS, UNKNOWNS))
+    )
+
+
+@njit
+def span_for(end_us: int, speed: float, reach: Reach) -> LookBack:
+    """Which events tell about a ball of a speed in px/ms."""
+    speed = max(speed, 0.05)
+    history = min(max(reach.motion_px / speed, reach.history_min_ms), reach.history_max_ms)
+    guard = min(max(0.8 / speed, 0.3), 4.0, 0.4 * history)
+    before = min(max(1.5 / speed, 1.0), 5.0)
+    return LookBack(end_us, history + before, history, guard)
+
+
+@njit
+def fit_ball(recent: Recent, work: Work, end_us: int, reach: Reach, band_px: float, rounds: int) -> bool:
+    """Fit from `work.fit.estimate` with its prior; estimate, quality and covariance are then in `work`.
+
+    Each round gathers the edge points anew, within a band that ends at `band_px`.
+    """
+    estimate = work.fit.estimate
+    speed = math.hypot(estimate[2], estimate[3])
+    span = span_for(end_us, speed, reach)
+    asked = math.ceil(estimate[4] + speed * span.gather_ms + band_px + 3.0)
+    count, x0, y0 = fill_patch(recent, work.patch, estimate[0], estimate[1], min(HALF, asked), span)
+    fine = False
+    for round_number in range(rounds):
+        wider = 2.0 ** (rounds - 1 - round_number)
+        ball = MovingCircle(estimate[0], estimate[1], estimate[2], estimate[3], estimate[4])
+        found, inside = edge_points(work.patch, count, (x0, y0), ball, band_px * wider, span, work.points)
+        fine = found >= 6
+        if not fine:
+            break
+        residual = fit_circle(work.points, found, work.fit, SIGMA_PX, 0.5 * wider, ITERATIONS)
+        fine = residual < 1e9 and 1.0 < estimate[4] < HALF
+        if not fine:
+            break
+        if round_number == rounds - 1:
+            _judge(work, found, inside, residual, speed * (span.history_ms - 0.5 * span.guard_ms))
+    clear_patch(work.patch, count)
+    return fine
+
+
+@njit
+def _judge(work, found, inside, residual, motion_px):
+    estimate, points, quality = work.fit.estimate, work.points, work.quality
+    sectors = np.zeros(SECTORS)
+    good, events, lead_sum, leads = 0, 0.0, 0.0, 0
+    heading = math.atan2(estimate[3], estimate[2])
+    for k in range(found):
+        if points.weight[k] < 0.5:
+            continue
+        good += 1
+        events += points.events[k]
+        lead_sum += points.lead[k]
+        leads += points.lead[k] != 0.0
+        du = points.u[k] - estimate[0] - estimate[2] * points.ms[k]
+        dv = points.v[k] - estimate[1] - estimate[3] * points.ms[k]
+        turn = (math.atan2(dv, du) - heading + 0.5 * math.pi) / (2.0 * math.pi)
+        sectors[math.floor((turn - math.floor(turn)) * SECTORS) % SECTORS] += 1.0
+    lead, trail = 0, 0
+    half = SECTORS // 2
+    for k in range(half):
+        lead += sectors[k] > 0.0
+        trail += sectors[half + k] > 0.0
+    quality[0], quality[1] = residual, good
+    quality[2], quality[3] = lead / half, trail / half
+    quality[4] = inside / max(1.0, events)
+    quality[5] = 1.0 - good / found
+    quality[6] = good / (4.0 * estimate[4] * motion_px)
+    quality[7] = events / max(1, good)
+    quality[8] = lead_sum / max(1, leads)
+    factor = np.empty((UNKNOWNS, UNKNOWNS))
+    unit = np.empty(UNKNOWNS)
+    if factorise(work.fit.normal, factor):
+        for i in range(UNKNOWNS):
+            unit[:] = 0.0
+            unit[i] = 1.0
+            solve(factor, unit, work.covariance[i])
+
+
+@njit
+def start_from_place(
+    recent: Recent, box: NDArray[np.float64], end_us: int, span_us: int, estimate: NDArray[np.float64]
+) -> bool:
+    """A first estimate from the events in a box (u, v, width, height): how they drift, and how far they are apart."""
+    u, v = box[0], box[1]
+    half_u, half_v = 0.5 * box[2] + 2.0, 0.5 * box[3] + 2.0
+    begin = np.searchsorted(recent.t_us, end_us - span_us)
+    count, sum_t, sum_u, sum_v, sum_tt, sum_tu, sum_tv, sum_rr = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(begin, len(recent.t_us)):
+        du, dv = recent.x_px[k] - u, recent.y_px[k] - v
+        if abs(du) > half_u or abs(dv) > half_v:
+            continue
+        ms = 0.001 * (recent.t_us[k] - end_us)
+        count += 1
+        sum_t, sum_u, sum_v = sum_t + ms, sum_u + du, sum_v + dv
+        sum_tt, sum_tu, sum_tv = sum_tt + ms * ms, sum_tu + ms * du, sum_tv + ms * dv
+        sum_rr += du * du + dv * dv
+    if count < FEWEST_EVENTS:
+        return False
+    mean_t, mean_u, mean_v = sum_t / count, sum_u / count, sum_v / count
+    spread = sum_tt / count - mean_t * mean_t
+    if spread < LEAST_SPREAD_MS2:
+        return False
+    vu = (sum_tu / count - mean_t * mean_u) / spread
+    vv = (sum_tv / count - mean_t * mean_v) / spread
+    about_the_line = sum_rr / count - mean_u * mean_u - mean_v * mean_v - (vu * vu + vv * vv) * spread
+    estimate[0], estimate[1] = u + mean_u - vu * mean_t, v + mean_v - vv * mean_t
+    estimate[2], estimate[3] = vu, vv
+    estimate[4] = math.sqrt(max(0.0, about_the_line))
+    return True

@@ -1,0 +1,135 @@
+"""A circle that moves at constant velocity, fitted to edge points: robust Gauss-Newton with a prior.
+
+Each edge point is a pixel and the time at which the ball's edge passed it. On the leading edge that is the pixel's
+first event, on the trailing edge its last: both mark the same small coverage of the pixel by the ball, whatever the
+polarity, so that a bias of the radius does not shift the centre.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.jit import njit
+
+UNKNOWNS: Final = 5
+"""Centre u and v [px] at the end of the window, velocity u and v [px/ms], radius [px]: the order everywhere here."""
+
+
+class EdgePoints(NamedTuple):
+    """Room for edge points; the first `count` are in use."""
+
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
+    ms: NDArray[np.float64]
+    """Before the end of the window: negative."""
+    events: NDArray[np.float64]
+    """Of the pixel in the time looked at: the higher the edge's contrast, the more."""
+    lead: NDArray[np.float64]
+    """1: the leading edge made the pixel brighter, -1: darker, 0: trailing edge."""
+    weight: NDArray[np.float64]
+    """Of the last iteration."""
+
+
+class Fit(NamedTuple):
+    """What a fit works in: the estimate and what is known beforehand."""
+
+    estimate: NDArray[np.float64]
+    """(5,) where the iteration starts and ends."""
+    prior: NDArray[np.float64]
+    """(5,) expected values."""
+    information: NDArray[np.float64]
+    """(5,) 1/sigma^2 of each; 0: nothing is known."""
+    normal: NDArray[np.float64]
+    """(5, 5) at the end the matrix of the last iteration, prior included."""
+
+
+@njit
+def fit_circle(points: EdgePoints, count: int, fit: Fit, sigma_px: float, scale_px: float, iterations: int) -> float:
+    """Fit; the weighted root mean square residual, infinite where the points determine nothing.
+
+    `sigma_px` is the spread of one edge point, `scale_px` that of the Cauchy weights.
+    """
+    estimate, normal = fit.estimate, fit.normal
+    gradient = np.empty(UNKNOWNS)
+    step = np.empty(UNKNOWNS)
+    factor = np.empty((UNKNOWNS, UNKNOWNS))
+    row = np.empty(UNKNOWNS)
+    per_point = 1.0 / (sigma_px * sigma_px)
+    squares, weights = 0.0, 0.0
+    for _ in range(iterations):
+        for i in range(UNKNOWNS):
+            gradient[i] = fit.information[i] * (fit.prior[i] - estimate[i])
+            for j in range(UNKNOWNS):
+                normal[i, j] = 0.0
+            normal[i, i] = fit.information[i]
+        squares, weights = 0.0, 0.0
+        for k in range(count):
+            du = points.u[k] - estimate[0] - estimate[2] * points.ms[k]
+            dv = points.v[k] - estimate[1] - estimate[3] * points.ms[k]
+            distance = math.sqrt(du * du + dv * dv)
+            if distance < 1e-6:
+                points.weight[k] = 0.0
+                continue
+            error = distance - estimate[4]
+            weight = 1.0 / (1.0 + (error / scale_px) ** 2)
+            points.weight[k] = weight
+            squares += weight * error * error
+            weights += weight
+            row[0], row[1] = du / distance, dv / distance
+            row[2], row[3], row[4] = row[0] * points.ms[k], row[1] * points.ms[k], 1.0
+            scaled = weight * per_point
+            for i in range(UNKNOWNS):
+                gradient[i] += scaled * row[i] * error
+                for j in range(i + 1):
+                    normal[i, j] += scaled * row[i] * row[j]
+        for i in range(UNKNOWNS):
+            for j in range(i):
+                normal[j, i] = normal[i, j]
+        if not factorise(normal, factor):
+            return np.inf
+        solve(factor, gradient, step)
+        largest = 0.0
+        for i in range(UNKNOWNS):
+            estimate[i] += step[i]
+            largest = max(largest, abs(step[i]))
+        if largest < 5e-3:
+            break
+    return math.sqrt(squares / weights) if weights > 0.0 else np.inf
+
+
+@njit
+def factorise(matrix: NDArray[np.float64], factor: NDArray[np.float64]) -> bool:
+    """Cholesky's lower factor; false where the matrix is not positive definite."""
+    size = len(matrix)
+    for i in range(size):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            if i == j:
+                if total <= 1e-12:
+                    return False
+                factor[i, i] = math.sqrt(total)
+            else:
+                factor[i, j] = total / factor[j, j]
+    return True
+
+
+@njit
+def solve(factor: NDArray[np.float64], right: NDArray[np.float64], out: NDArray[np.float64]) -> None:
+    """The solution of the system whose matrix has this lower factor."""
+    size = len(right)
+    for i in range(size):
+        total = right[i]
+        for k in range(i):
+            total -= factor[i, k] * out[k]
+        out[i] = total / factor[i, i]
+    for i in range(size - 1, -1, -1):
+        total = out[i]
+        for k in range(i + 1, size):
+            total -= factor[k, i] * out[k]
+        out[i] = total / factor[i, i]

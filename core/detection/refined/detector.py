@@ -1,0 +1,239 @@
+"""The refined detector: searches, follows what could be a ball, and answers once one of them has proved to be one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.detection.detector import Detection
+from core.detection.refined.ball_fit import Quality, Reach, blank_work, fit_ball, start_from_place
+from core.detection.refined.history import EventHistory
+from core.detection.refined.patch import MovingCircle
+from core.detection.refined.search import LONG_AGO_US, SPANS_US, blank_blobs, blank_maps, find_blobs, take_events
+from core.detection.refined.track import BallTrack, passes
+from core.detection.refined_config import RefinedConfig
+from core.events import SensorSize, Window
+
+MOST_TRACKS: Final = 6
+MOST_TRIALS: Final = 8
+"""Blobs that are fitted after one window."""
+SEARCH_EVERY: Final = (1, 2, 4)
+"""Windows between two looks at the blobs of each span of the search."""
+CATCH_UP_US: Final = 6000
+"""While a ball is followed the search takes no events; when it is lost, it catches up on the latest."""
+BAND_PX: Final = 2.5
+"""Edge points of a track lie within so much of the expected rim."""
+UNCONFIRMED_LOOSE: Final = 2.5
+"""The prediction of what is not confirmed counts less: its first fit may have been of half a ball."""
+UNSEEN_MS: Final = 2.5
+"""A ball not seen for longer is searched."""
+PATIENCE_US: Final = 3000
+"""What is no ball yet is forgotten after so long without a fit."""
+BOUNCE_KEEPS: Final = (-0.85, -0.4, 0.0)
+"""Of the image's vertical speed, tried where a ball is not where it was expected."""
+AFTER_BOUNCE: Final = (2.5, 0.4, 0.6, 0.3)
+"""Spreads of place [px], speed along u and along v [px/ms], radius [px] then."""
+BRIEF: Final = Reach(3.5, 1.2, 3.0)
+"""How far a fit looks back after a bounce."""
+OUTSHINES: Final = 1.15
+"""A rival whose edge has so many times the events is the ball of which we follow the shadow."""
+
+
+@dataclass(frozen=True, slots=True)
+class RefinedDetection(Detection):
+    """A ball with how it moves and how sure that is."""
+
+    vu_px_per_ms: float
+    vv_px_per_ms: float
+    covariance: NDArray[np.float64] = field(compare=False)
+    """(5, 5) of u, v [px], velocity u, v [px/ms], radius [px]."""
+    fit: Quality
+
+
+class RefinedDetector:
+    """Follows at most one ball that is confirmed, and while there is none a few things that could be one."""
+
+    def __init__(self, config: RefinedConfig, sensor: SensorSize) -> None:
+        self.config = config
+        self.sensor = sensor
+        self._reach = Reach(config.motion_px, 1e-3 * config.history_min_us, 1e-3 * config.history_max_us)
+        self._work = blank_work()
+        self._blobs = blank_blobs()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything seen before."""
+        self._history = EventHistory(self.config.history_max_us + 6000)
+        self._recent = self._history.recent
+        self._maps = blank_maps(self.sensor)
+        self._mapped_us = LONG_AGO_US
+        self._floods = self._windows = 0
+        self._brighter = 0.0
+        self.tracks: list[BallTrack] = []
+
+    @property
+    def extra_circles(self) -> int:
+        """This method knows one ball only."""
+        return 0
+
+    def step(self, window: Window) -> RefinedDetection | None:
+        """The ball at the end of this window less the sensor's delay, or None. The window may be empty."""
+        if window.events.sensor != self.sensor:
+            self.sensor = window.events.sensor
+            self.reset()
+        end_us = window.end_us
+        self._windows += 1
+        self._history.append(window.events, end_us)
+        self._recent = self._history.recent
+        for track in self.tracks:
+            self._follow(track, end_us)
+        self._tidy(end_us)
+        ball = self._confirmed()
+        if ball is None or end_us - ball.end_us > 1e3 * UNSEEN_MS:
+            self._search(end_us)
+        elif ball.brighter < 0.0 and self._windows % SEARCH_EVERY[-1] == 0:
+            self._search(end_us)  # it may be a shadow: of what?
+        ball = self._choose(end_us)
+        if ball is None or ball.end_us != end_us:
+            return None
+        u, v, vu, vv, r = ball.ball
+        return RefinedDetection(end_us - self.config.delay_us, u, v, r, vu, vv, ball.covariance, ball.quality)
+
+    def _confirmed(self) -> BallTrack | None:
+        return next((track for track in self.tracks if track.confirmed), None)
+
+    def _tidy(self, end_us: int) -> None:
+        """Drop what is not seen any more, what is no ball, and what is followed twice (the older one stays)."""
+        kept: list[BallTrack] = []
+        for track in self.tracks:
+            patience_us = self.config.coast_us if track.confirmed else PATIENCE_US
+            if end_us - track.end_us > patience_us or track.given_up:
+                continue
+            if any(_apart_px(one.ball, track.ball) < 0.5 * one.ball.r for one in kept):
+                continue
+            kept.append(track)
+        self.tracks = kept
+
+    def _follow(self, track: BallTrack, end_us: int) -> None:
+        expected = track.at(end_us)
+        if not self._on_sensor(expected):
+            return
+        unseen_ms = 1e-3 * (end_us - track.end_us)
+        loose = (1.0 if track.confirmed else UNCONFIRMED_LOOSE) + 0.3 * unseen_ms
+        spreads = (loose, 0.15 * loose, 0.15 * loose, 0.5 * loose)
+        if self._refit(track, expected, spreads, end_us, self._reach, BAND_PX + 0.3 * unseen_ms):
+            return
+        if not track.confirmed or unseen_ms < 1.5:
+            return
+        was = track.ball
+        for keeps in BOUNCE_KEEPS:
+            vv = keeps * was.vv
+            bounced = MovingCircle(was.u + was.vu * unseen_ms, was.v + vv * unseen_ms, was.vu, vv, was.r)
+            if self._refit(track, bounced, AFTER_BOUNCE, end_us, BRIEF, BAND_PX):
+                return
+
+    def _refit(
+        self,
+        track: BallTrack,
+        expected: MovingCircle,
+        spreads: tuple[float, ...],
+        end_us: int,
+        reach: Reach,
+        band_px: float,
+    ) -> bool:
+        fit = self._work.fit
+        place, along_u, along_v, radius = (spread**-2 for spread in spreads)
+        fit.estimate[:] = expected
+        fit.prior[:] = expected
+        fit.information[:] = (place, place, along_u, along_v, radius)
+        rounds = 1 if track.confirmed else 2
+        found = self._fit(end_us, reach, band_px, rounds)
+        if found is None:
+            return False
+        ball, quality = found
+        if _apart_px(ball, expected) > 3.0 * spreads[0] or (track.confirmed and not track.fits_in(ball, quality)):
+            return False
+        track.take(end_us, ball, self._work.covariance.copy(), quality)
+        return True
+
+    def _fit(self, end_us: int, reach: Reach, band_px: float, rounds: int) -> tuple[MovingCircle, Quality] | None:
+        """Fit from what is in `self._work.fit`; None for what can be no ball."""
+        if not fit_ball(self._recent, self._work, end_us, reach, band_px, rounds):
+            return None
+        ball, quality = MovingCircle(*self._work.fit.estimate.tolist()), Quality(*self._work.quality.tolist())
+        return (ball, quality) if passes(ball, quality, self.config) and self._on_sensor(ball) else None
+
+    def _search(self, end_us: int) -> None:
+        """Look for something new, and make a track of what can be a ball."""
+        take_events(self._recent, max(self._mapped_us, end_us - CATCH_UP_US), self._maps)
+        self._mapped_us = end_us
+        found = 0
+        for span, every in enumerate(SEARCH_EVERY):
+            if self._windows % every == 0:
+                self._floods += 1
+                largest_px = 4.0 * self.config.radius_max_px
+                found = find_blobs(self._maps, span, end_us, self._floods, largest_px, self._blobs, found)
+        trials = 0
+        for box, span in zip(self._blobs.boxes[:found], self._blobs.span[:found].tolist(), strict=True):
+            if len(self.tracks) >= MOST_TRACKS or trials >= MOST_TRIALS:
+                break
+            if not any(_covers(track, box, end_us) for track in self.tracks):
+                trials += 1
+                self._examine(box, int(SPANS_US[span]), end_us)
+
+    def _examine(self, box: NDArray[np.float64], span_us: int, end_us: int) -> None:
+        """Make a track of the blob in a box, if it can be a ball."""
+        fit, config = self._work.fit, self.config
+        if not start_from_place(self._recent, box, end_us, span_us, fit.estimate):
+            return
+        _, _, vu, vv, r = fit.estimate.tolist()
+        if not 0.6 * config.radius_min_px <= r <= 1.5 * config.radius_max_px:
+            return
+        if math.hypot(vu, vv) > config.speed_max_px_per_ms:
+            return
+        fit.prior[:] = fit.estimate
+        fit.information[:] = 1e-4
+        found = self._fit(end_us, self._reach, 2.0, 3)
+        if found is None:
+            return
+        ball, quality = found
+        if any(track.end_us == end_us and _apart_px(track.ball, ball) < ball.r for track in self.tracks):
+            return
+        self.tracks.append(BallTrack(end_us, ball, self._work.covariance.copy(), quality))
+
+    def _choose(self, end_us: int) -> BallTrack | None:
+        """The confirmed track; else the best of those that have proved to be a ball, and it alone goes on."""
+        ball = self._confirmed()
+        ready = [
+            track
+            for track in self.tracks
+            if track.end_us == end_us and not track.confirmed and track.proved(self.config, self._brighter)
+        ]
+        if ball is not None and ball.end_us == end_us:
+            ready = [rival for rival in ready if rival.quality.contrast > OUTSHINES * ball.quality.contrast]
+        if not ready:
+            return ball
+        best = max(ready, key=lambda track: track.quality.points / track.quality.residual_px)
+        best.confirmed = True
+        self._brighter = best.brighter
+        self.tracks = [best]
+        return best
+
+    def _on_sensor(self, ball: MovingCircle) -> bool:
+        return -0.5 <= ball.u <= self.sensor.width_px - 0.5 and -0.5 <= ball.v <= self.sensor.height_px - 0.5
+
+
+def _apart_px(one: MovingCircle, other: MovingCircle) -> float:
+    return math.hypot(one.u - other.u, one.v - other.v)
+
+
+def _covers(track: BallTrack, box: NDArray[np.float64], end_us: int) -> bool:
+    """Whether a box (u, v, width, height) holds what is followed already."""
+    if track.end_us != end_us:
+        return False
+    ball, (u, v, width, height) = track.ball, box.tolist()
+    return abs(ball.u - u) < ball.r + 0.5 * width and abs(ball.v - v) < ball.r + 0.5 * height

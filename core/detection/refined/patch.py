@@ -1,0 +1,156 @@
+"""The pixels round an expected ball: when each was first and last touched, and the edge points that follow from it."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.detection.refined.circle_fit import EdgePoints
+from core.detection.refined.history import Recent
+from core.jit import njit
+
+HALF: Final = 80
+"""The patch reaches so many pixels from its middle: the largest ball, its motion and what is beside it."""
+SIDE: Final = 2 * HALF + 1
+MOST_POINTS: Final = 1200
+"""Edge points of one fit; later ones are left out."""
+
+
+class Patch(NamedTuple):
+    """First and last event of each pixel, microseconds before the end of the window plus one; 0: none."""
+
+    first: NDArray[np.int32]
+    """(SIDE + 2, SIDE + 2), with a border that stays empty."""
+    last: NDArray[np.int32]
+    events: NDArray[np.int32]
+    """How many each pixel had."""
+    brighter: NDArray[np.bool_]
+    """Whether its first one was ON."""
+    touched: NDArray[np.int32]
+    """Flat places of the pixels with events, in order of their first one."""
+
+
+class MovingCircle(NamedTuple):
+    """Where a ball is expected at the end of the window: px, px/ms."""
+
+    u: float
+    v: float
+    vu: float
+    vv: float
+    r: float
+
+
+class LookBack(NamedTuple):
+    """Which events count, in milliseconds before the end of the window."""
+
+    end_us: int
+    gather_ms: float
+    """Events are read back to here."""
+    history_ms: float
+    """A leading edge point is a pixel whose first event is at most as old."""
+    guard_ms: float
+    """A trailing edge point is one whose last event is at least as old."""
+
+
+def blank_patch() -> Patch:
+    """Room for one patch, empty."""
+    side = SIDE + 2
+    first, last, events = np.zeros((3, side, side), np.int32)
+    return Patch(first, last, events, np.zeros((side, side), np.bool_), np.zeros(side * side, np.int32))
+
+
+@njit
+def fill_patch(recent: Recent, patch: Patch, u: float, v: float, reach_px: int, span: LookBack) -> tuple[int, int, int]:
+    """Read the events within `reach_px` of (u, v); how many pixels were touched, and the address of the patch's origin.
+
+    `first` and `last` hold the events' age in microseconds plus one.
+    """
+    x0, y0 = round(u) - HALF - 1, round(v) - HALF - 1
+    low, high = HALF + 1 - reach_px, 2 * reach_px
+    oldest = span.end_us - int(span.gather_ms * 1000.0)
+    begin = np.searchsorted(recent.t_us, oldest)
+    count = 0
+    first, last, touched = patch.first, patch.last, patch.touched
+    x_low, y_low = x0 + low, y0 + low
+    for k in range(begin, len(recent.t_us)):
+        x, y = recent.x_px[k] - x_low, recent.y_px[k] - y_low
+        if x < 0 or x > high or y < 0 or y > high:
+            continue
+        row, column = y + low, x + low
+        age = np.int32(span.end_us - recent.t_us[k] + 1)
+        if first[row, column] == 0:
+            first[row, column] = age
+            patch.brighter[row, column] = recent.on[k]
+            patch.events[row, column] = 0
+            touched[count] = row * (SIDE + 2) + column
+            count += 1
+        last[row, column] = age
+        patch.events[row, column] += 1
+    return count, x0, y0
+
+
+@njit
+def clear_patch(patch: Patch, count: int) -> None:
+    """Empty the pixels that were touched."""
+    for k in range(count):
+        row, column = divmod(patch.touched[k], SIDE + 2)
+        patch.first[row, column] = 0
+        patch.last[row, column] = 0
+
+
+@njit
+def edge_points(
+    patch: Patch,
+    count: int,
+    origin: tuple[int, int],
+    ball: MovingCircle,
+    band_px: float,
+    span: LookBack,
+    points: EdgePoints,
+) -> tuple[int, int]:
+    """Edge points within `band_px` of the ball's rim, and how many events lie well inside it.
+
+    A pixel with fewer than two touched neighbours is noise. First events count on the leading half, last
+    ones on the trailing half.
+    """
+    first, last = patch.first, patch.last
+    found, inside = 0, 0
+    inner = 0.6 * ball.r
+    for k in range(count):
+        row, column = divmod(patch.touched[k], SIDE + 2)
+        if not _has_neighbours(first, row, column):
+            continue
+        x, y = float(column + origin[0]), float(row + origin[1])
+        entered = -0.001 * (first[row, column] - 1)
+        left = -0.001 * (last[row, column] - 1)
+        if entered >= -span.history_ms:
+            du, dv = x - ball.u - ball.vu * entered, y - ball.v - ball.vv * entered
+            distance = math.sqrt(du * du + dv * dv)
+            if abs(distance - ball.r) <= band_px and du * ball.vu + dv * ball.vv >= 0.0 and found < MOST_POINTS:
+                points.u[found], points.v[found], points.ms[found] = x, y, entered
+                points.events[found] = patch.events[row, column]
+                points.lead[found] = 1.0 if patch.brighter[row, column] else -1.0
+                found += 1
+            if distance < inner:
+                inside += int(patch.events[row, column])
+        if left <= -span.guard_ms and left >= -span.history_ms:
+            du, dv = x - ball.u - ball.vu * left, y - ball.v - ball.vv * left
+            distance = math.sqrt(du * du + dv * dv)
+            if abs(distance - ball.r) <= band_px and du * ball.vu + dv * ball.vv < 0.0 and found < MOST_POINTS:
+                points.u[found], points.v[found], points.ms[found] = x, y, left
+                points.events[found] = patch.events[row, column]
+                points.lead[found] = 0.0
+                found += 1
+    return found, inside
+
+
+@njit
+def _has_neighbours(first, row, column):
+    neighbours = -1
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            neighbours += first[row + i, column + j] != 0
+    return neighbours >= 2

@@ -1,0 +1,141 @@
+"""Where something new moves: pixels that survive an opening over several spans of time, joined to blobs of cells.
+
+A ball whose edge sweeps three pixels or more leaves crescents that survive; fast ones in the shortest span, slow ones
+in the longest. Only pixels with new events are tested, against a map of the last event of every pixel.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.detection.refined.history import Recent
+from core.events import SensorSize
+from core.jit import njit
+
+SPANS_US: Final = np.array([1500, 5000, 16_000], np.int64)
+"""How long a pixel counts as set."""
+CELL_BITS: Final = 2
+"""A cell is 4 x 4 pixels."""
+MOST_BLOBS: Final = 64
+LONG_AGO_US: Final = -(1 << 60)
+
+
+class Maps(NamedTuple):
+    """What the search remembers of every pixel and cell."""
+
+    last_us: NDArray[np.int64]
+    """(height + 2, width + 2) last event of each pixel, with a border."""
+    cells_us: NDArray[np.int64]
+    """(spans, rows + 2, columns + 2) when a pixel of the cell last survived."""
+    visited: NDArray[np.int32]
+    """(rows + 2, columns + 2) number of the flood that was there."""
+    stack: NDArray[np.int32]
+
+
+class Blobs(NamedTuple):
+    """Boxes of cells, in pixels."""
+
+    boxes: NDArray[np.float64]
+    """(MOST_BLOBS, 4): u and v of the middle, width, height."""
+    span: NDArray[np.int64]
+    """(MOST_BLOBS,) index into SPANS_US."""
+
+
+def blank_maps(sensor: SensorSize) -> Maps:
+    """Nothing seen yet."""
+    rows, columns = (sensor.height_px >> CELL_BITS) + 3, (sensor.width_px >> CELL_BITS) + 3
+    return Maps(
+        np.full((sensor.height_px + 2, sensor.width_px + 2), LONG_AGO_US, np.int64),
+        np.full((len(SPANS_US), rows, columns), LONG_AGO_US, np.int64),
+        np.zeros((rows, columns), np.int32),
+        np.zeros(rows * columns, np.int32),
+    )
+
+
+def blank_blobs() -> Blobs:
+    """Room for what one search finds."""
+    return Blobs(np.zeros((MOST_BLOBS, 4)), np.zeros(MOST_BLOBS, np.int64))
+
+
+@njit
+def take_events(recent: Recent, since_us: int, maps: Maps) -> None:
+    """Enter the events since then into the maps."""
+    last_us, cells_us = maps.last_us, maps.cells_us
+    begin = np.searchsorted(recent.t_us, since_us)
+    for k in range(begin, len(recent.t_us)):
+        last_us[recent.y_px[k] + 1, recent.x_px[k] + 1] = recent.t_us[k]
+    for k in range(begin, len(recent.t_us)):
+        row, column, t_us = recent.y_px[k] + 1, recent.x_px[k] + 1, recent.t_us[k]
+        for span in range(len(SPANS_US)):
+            if _survives(last_us, row, column, t_us - SPANS_US[span]):
+                cells_us[span, ((row - 1) >> CELL_BITS) + 1, ((column - 1) >> CELL_BITS) + 1] = t_us
+
+
+@njit
+def _survives(last_us, row, column, since_us):
+    """Whether all but one of the cross round the pixel are set, and four of its eight neighbours."""
+    cross = 0
+    corners = 0
+    if last_us[row - 1, column] >= since_us:
+        cross += 1
+    if last_us[row + 1, column] >= since_us:
+        cross += 1
+    if last_us[row, column - 1] >= since_us:
+        cross += 1
+    if last_us[row, column + 1] >= since_us:
+        cross += 1
+    if cross < 3:
+        return False
+    if last_us[row - 1, column - 1] >= since_us:
+        corners += 1
+    if last_us[row - 1, column + 1] >= since_us:
+        corners += 1
+    if last_us[row + 1, column - 1] >= since_us:
+        corners += 1
+    if last_us[row + 1, column + 1] >= since_us:
+        corners += 1
+    return cross + corners >= 5
+
+
+@njit
+def find_blobs(maps: Maps, span: int, end_us: int, flood: int, largest_px: float, blobs: Blobs, found: int) -> int:
+    """Add the blobs of one span that could be a ball to those found; how many there are then.
+
+    `flood` must be a number that no flood had before.
+    """
+    cells_us, visited, stack = maps.cells_us[span], maps.visited, maps.stack
+    rows, columns = cells_us.shape
+    since_us = end_us - SPANS_US[span]
+    size = 1 << CELL_BITS
+    for row in range(1, rows - 1):
+        for column in range(1, columns - 1):
+            if cells_us[row, column] < since_us or visited[row, column] == flood:
+                continue
+            top, bottom, left, right = row, row, column, column
+            visited[row, column] = flood
+            stack[0] = row * columns + column
+            depth, cells = 1, 0
+            while depth:
+                depth -= 1
+                r, c = divmod(stack[depth], columns)
+                cells += 1
+                top, bottom, left, right = min(top, r), max(bottom, r), min(left, c), max(right, c)
+                for i in range(max(1, r - 1), min(rows - 1, r + 2)):
+                    for j in range(max(1, c - 1), min(columns - 1, c + 2)):
+                        if cells_us[i, j] >= since_us and visited[i, j] != flood:
+                            visited[i, j] = flood
+                            stack[depth] = i * columns + j
+                            depth += 1
+            width, height = (right - left + 1) * size, (bottom - top + 1) * size
+            longer, shorter = max(width, height), min(width, height)
+            if cells < 2 or longer > largest_px or longer > 3.0 * shorter + size or found >= MOST_BLOBS:
+                continue
+            blobs.boxes[found, 0] = (left - 1) * size + 0.5 * width - 0.5
+            blobs.boxes[found, 1] = (top - 1) * size + 0.5 * height - 0.5
+            blobs.boxes[found, 2], blobs.boxes[found, 3] = width, height
+            blobs.span[found] = span
+            found += 1
+    return found

@@ -1,0 +1,127 @@
+"""What could be a ball: where it is, how it moves, and how much speaks for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.detection.refined.ball_fit import Quality
+from core.detection.refined.patch import MovingCircle
+from core.detection.refined_config import RefinedConfig
+
+REMEMBERED: Final = 0.92
+"""Share of the evidence that is left with the next fit: what is merely not bad never adds up to a ball."""
+GIVEN_UP: Final = -3.0
+CONFIRMED_GIVEN_UP: Final = -5.0
+FRESH: Final = 0.25
+"""Weight of the newest fit in the means."""
+FAST_PER_MS: Final = 0.12
+"""Of its own radii: 2.4 m/s for a ball."""
+STEADY_FITS: Final = 4
+STEADY_RADIUS: Final = 0.1
+"""The radii of so many fits lie within that share: a ball that comes out from behind something grows."""
+SAME_RADIUS: Final = 0.2
+"""A confirmed ball's radius changes by less than that share from one fit to the next."""
+
+
+@dataclass(slots=True)
+class BallTrack:
+    """Something round that moves."""
+
+    end_us: int
+    """The estimate is for this end of a window."""
+    ball: MovingCircle
+    covariance: NDArray[np.float64]
+    """(5, 5) of the ball's fields, by the fit's own account."""
+    quality: Quality
+    """Of the last fit."""
+    born: MovingCircle = field(init=False)
+    born_us: int = field(init=False)
+    fits: int = 1
+    confirmed: bool = False
+    evidence: float = 0.0
+    brighter: float = field(init=False)
+    """Mean of `Quality.brighter`; so `contrast`."""
+    contrast: float = field(init=False)
+    radii_px: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.born, self.born_us = self.ball, self.end_us
+        self.brighter, self.contrast = self.quality.brighter, self.quality.contrast
+
+    def at(self, end_us: int) -> MovingCircle:
+        """The ball at another time, at constant velocity."""
+        ball, ms = self.ball, 1e-3 * (end_us - self.end_us)
+        return MovingCircle(ball.u + ms * ball.vu, ball.v + ms * ball.vv, ball.vu, ball.vv, ball.r)
+
+    def take(self, end_us: int, ball: MovingCircle, covariance: NDArray[np.float64], quality: Quality) -> None:
+        """Go on with a new fit."""
+        self.end_us, self.ball, self.covariance, self.quality = end_us, ball, covariance, quality
+        self.fits += 1
+        self.evidence = REMEMBERED * self.evidence + evidence_of(quality)
+        self.brighter += FRESH * (quality.brighter - self.brighter)
+        self.contrast += FRESH * (quality.contrast - self.contrast)
+        self.radii_px = (*self.radii_px[1 - STEADY_FITS :], ball.r)
+
+    @property
+    def given_up(self) -> bool:
+        """Whether too much speaks against it."""
+        return self.evidence <= (CONFIRMED_GIVEN_UP if self.confirmed else GIVEN_UP)
+
+    def fits_in(self, ball: MovingCircle, quality: Quality) -> bool:
+        """Whether a fit is of the same ball: as large, as bright and as strong."""
+        return (
+            abs(ball.r - self.ball.r) <= SAME_RADIUS * self.ball.r
+            and quality.brighter * self.brighter >= -0.3
+            and quality.contrast >= 0.5 * self.contrast
+        )
+
+    def proved(self, config: RefinedConfig, brighter: float) -> bool:
+        """Whether it has earned the name of a ball, where the last one was brighter (> 0) or darker than its ground.
+
+        Something dark needs twice the evidence, since a ball's shadow is dark; what flies fast needs half, since people
+        do not; of another kind than the last, more fits.
+        """
+        ball = self.ball
+        moved_px = math.hypot(ball.u - self.born.u, ball.v - self.born.v)
+        lived_ms = 1e-3 * (self.end_us - self.born_us)
+        pace_per_ms = moved_px / ball.r / max(lived_ms, 1.0)
+        doubt = (1.0 if self.brighter > 0.0 else 2.0) * (0.5 if pace_per_ms > FAST_PER_MS else 1.0)
+        return (
+            self.fits >= config.confirm_fits * (1 if self.brighter * brighter >= 0.0 else 4)
+            and self.evidence >= config.evidence_min * doubt
+            and moved_px >= config.confirm_motion_px
+            and pace_per_ms >= config.pace_min_per_ms
+            and max(self.radii_px) - min(self.radii_px) <= STEADY_RADIUS * ball.r
+        )
+
+
+def evidence_of(quality: Quality) -> float:
+    """How much a fit speaks for a ball: about +1 for a clean one, below 0 for most that are none.
+
+    Light and dark on the ball itself weigh as much as its edge where that is pale; there the inside counts less.
+    """
+    inside = quality.inside * min(1.0, quality.contrast / 4.0)
+    badness = quality.residual_px / 0.4 + quality.stray / 0.4 + inside / 0.15
+    virtue = quality.fill + min(quality.coverage_lead, quality.coverage_trail)
+    return min(max(1.2 - badness + virtue, -1.0), 1.0)
+
+
+def passes(ball: MovingCircle, quality: Quality, config: RefinedConfig) -> bool:
+    """Whether a single fit can be a ball at all."""
+    lead, trail = quality.coverage_lead, quality.coverage_trail
+    return (
+        config.radius_min_px <= ball.r <= config.radius_max_px
+        and config.speed_min_px_per_ms <= math.hypot(ball.vu, ball.vv) <= config.speed_max_px_per_ms
+        and quality.residual_px <= config.residual_px
+        and quality.points >= config.points_min
+        and 0.5 * (lead + trail) >= config.coverage_min
+        and min(lead, trail) >= 0.25
+        and quality.inside <= config.inside_max
+        and quality.fill >= config.fill_min
+        and quality.stray <= config.stray_max
+    )

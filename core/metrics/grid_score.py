@@ -1,0 +1,133 @@
+"""Scores on a grid of times: what a detector whose answers have times of their own is asked, and what it gets right.
+
+`core.metrics.score` asks once a window; here every whole millisecond asks, whatever the windows, so that detectors with
+different ones are compared on the same times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.events import SensorSize
+from core.metrics.run import WindowAnswers
+from core.metrics.score import MATCH_RADIUS_PX
+from core.recordings import PixelTruth
+
+GRID_US: Final = 1000
+SETTLING_US: Final = 10_000
+"""A ball that appears (the first one does with the truth), or comes out from behind something, has so long."""
+SLOW_PX_PER_MS: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GridScore:
+    """Counts and errors that add up over cameras and recordings."""
+
+    asked: int = 0
+    """Times of the grid with the whole disc in view, in the range of speeds."""
+    found: int = 0
+    answers: int = 0
+    false: int = 0
+    """Answers without a ball within the match radius at their own time, at any speed."""
+    error_px: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    """Of the answers that match, in the range of speeds."""
+    along_px: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    """Their signed error along the ball's motion."""
+    speed_px_per_ms: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def precision(self) -> float:
+        """Share of the answers that are a ball."""
+        return 1.0 - self.false / self.answers if self.answers else float("nan")
+
+    @property
+    def recall(self) -> float:
+        """Share of the times asked that have an answer."""
+        return self.found / self.asked if self.asked else float("nan")
+
+    def error_at(self, percent: float) -> float:
+        """Percentile of the errors in pixels."""
+        return float(np.percentile(self.error_px, percent)) if len(self.error_px) else float("nan")
+
+    def __add__(self, other: GridScore) -> GridScore:
+        return GridScore(
+            self.asked + other.asked,
+            self.found + other.found,
+            self.answers + other.answers,
+            self.false + other.false,
+            np.concatenate([self.error_px, other.error_px]),
+            np.concatenate([self.along_px, other.along_px]),
+            np.concatenate([self.speed_px_per_ms, other.speed_px_per_ms]),
+        )
+
+
+def score_on_grid(
+    answers: WindowAnswers,
+    truth: PixelTruth,
+    sensor: SensorSize,
+    speeds_px_per_ms: tuple[float, float],
+    *,
+    window_us: int,
+    match_radius_px: float = MATCH_RADIUS_PX,
+) -> GridScore:
+    """Compare answers with the truth: recall and errors of balls whose image moves in that range of speeds.
+
+    A time is found with an answer within half a window of it, or half a step of the grid if that is more.
+    """
+    low, high = speeds_px_per_ms
+    grid = np.arange(truth.t_us[0], truth.t_us[-1], GRID_US) if len(truth.t_us) else np.empty(0, np.int64)
+    wanted = _askable(grid, truth, sensor)
+    speed = image_velocity(truth, grid)
+    speed = np.hypot(speed[:, 0], speed[:, 1])
+    wanted &= (low <= speed) & (speed < high)
+
+    said = answers.detected & (answers.t_us >= truth.t_us[0]) & (answers.t_us <= truth.t_us[-1])
+    t_us, u, v = answers.t_us[said], answers.u_px[said], answers.v_px[said]
+    there = truth.at(t_us)
+    off_u, off_v = u - there.u_px, v - there.v_px
+    error = np.hypot(off_u, off_v)
+    match = there.visible & (np.nan_to_num(error, nan=np.inf) <= match_radius_px)
+    nearest = np.abs(grid[:, None] - t_us[match][None, :]).min(axis=1, initial=np.iinfo(np.int64).max)
+    moving = image_velocity(truth, t_us[match])
+    fast = np.hypot(moving[:, 0], moving[:, 1])
+    counted = (low <= fast) & (fast < high)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        along = (off_u[match] * moving[:, 0] + off_v[match] * moving[:, 1]) / fast
+    return GridScore(
+        asked=int(wanted.sum()),
+        found=int((wanted & (nearest <= max(GRID_US, window_us) // 2)).sum()),
+        answers=len(t_us),
+        false=int((~match).sum()),
+        error_px=error[match][counted],
+        along_px=along[counted],
+        speed_px_per_ms=fast[counted],
+    )
+
+
+def image_velocity(truth: PixelTruth, t_us: NDArray[np.int64], *, over_us: int = 1000) -> NDArray[np.float64]:
+    """(N, 2) px/ms at times (N,), over the millisecond before; after it where there was nothing before."""
+    now, before, after = truth.at(t_us), truth.at(t_us - over_us), truth.at(t_us + over_us)
+    back = np.column_stack([now.u_px - before.u_px, now.v_px - before.v_px])
+    on = np.column_stack([after.u_px - now.u_px, after.v_px - now.v_px])
+    return np.nan_to_num(np.where(before.visible[:, None], back, on) * (1000.0 / over_us))
+
+
+def _askable(grid: NDArray[np.int64], truth: PixelTruth, sensor: SensorSize) -> NDArray[np.bool_]:
+    """Times (N,) at which the whole disc is in view and has been for a while."""
+    fine = np.arange(truth.t_us[0], truth.t_us[-1] + 1, GRID_US // 4) if len(truth.t_us) else grid
+    at = truth.at(fine)
+    with np.errstate(invalid="ignore"):
+        whole = (
+            at.visible
+            & (at.u_px >= at.r_px)
+            & (at.u_px <= sensor.width_px - 1 - at.r_px)
+            & (at.v_px >= at.r_px)
+            & (at.v_px <= sensor.height_px - 1 - at.r_px)
+        )
+    last_without = np.maximum.accumulate(np.where(whole, truth.t_us[:1], fine))
+    row = np.searchsorted(fine, grid)
+    return whole[row] & (grid - last_without[row] > SETTLING_US)

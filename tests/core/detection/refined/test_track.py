@@ -1,0 +1,89 @@
+"""What it takes for a ball."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.detection.refined.ball_fit import Quality
+from core.detection.refined.patch import MovingCircle
+from core.detection.refined.track import BallTrack, evidence_of, passes
+from core.detection.refined_config import RefinedConfig
+
+CONFIG = RefinedConfig()
+BALL = MovingCircle(100.0, 50.0, 2.0, 0.0, 10.0)
+CLEAN = Quality(0.2, 120.0, 1.0, 1.0, 0.02, 0.1, 0.9, 5.0, 1.0)
+LIMB = Quality(0.43, 70.0, 0.9, 0.6, 0.15, 0.4, 0.58, 4.0, 1.0)
+"""Like the part of a person that a detector took for a ball for 100 ms."""
+
+
+def flown(quality: Quality, fits: int, *, px_per_ms: float = 2.0, r_px: float = 10.0, grows: float = 0.0) -> BallTrack:
+    track = BallTrack(0, BALL._replace(r=r_px), np.eye(5), quality)
+    for ms in range(1, fits):
+        ball = MovingCircle(100.0 + px_per_ms * ms, 50.0, px_per_ms, 0.0, r_px * (1 + grows * ms))
+        track.take(1000 * ms, ball, np.eye(5), quality)
+    return track
+
+
+def test_a_clean_ball_is_proved_with_its_fourth_fit() -> None:
+    assert not flown(CLEAN, 3).proved(CONFIG, 0.0)
+    assert flown(CLEAN, 4).proved(CONFIG, 0.0)
+
+
+def test_a_limb_never_is() -> None:
+    assert evidence_of(LIMB) < 0 < evidence_of(CLEAN)
+    assert not any(flown(LIMB, fits, px_per_ms=0.5).proved(CONFIG, 0.0) for fits in range(4, 200, 7))
+    assert flown(LIMB, 40).given_up
+
+
+def test_something_dark_needs_more_fits_and_more_again_after_a_bright_ball() -> None:
+    dark = CLEAN._replace(brighter=-1.0, residual_px=0.3)
+    needs = {
+        before: next(fits for fits in range(1, 60) if flown(dark, fits, px_per_ms=1.0).proved(CONFIG, before))
+        for before in (-1.0, 1.0)
+    }
+    bright = next(
+        fits for fits in range(1, 60) if flown(dark._replace(brighter=1.0), fits, px_per_ms=1.0).proved(CONFIG, 1)
+    )
+    assert bright < needs[-1.0] < needs[1.0] == 16
+
+
+@pytest.mark.parametrize(
+    "unlike",
+    [{"px_per_ms": 0.25}, {"grows": 0.05}, {"px_per_ms": 0.25, "r_px": 25.0}],
+    ids=["slow for its size", "grows", "a head"],
+)
+def test_what_stays_in_its_place_or_grows_is_no_ball(unlike: dict[str, float]) -> None:
+    assert not flown(CLEAN, 7, **unlike).proved(CONFIG, 0.0)
+
+
+def test_another_thing_is_not_taken_for_the_same_ball() -> None:
+    track = flown(CLEAN, 10)
+    assert track.fits_in(track.ball, CLEAN)
+    assert not track.fits_in(track.ball._replace(r=12.5), CLEAN), "too large"
+    assert not track.fits_in(track.ball, CLEAN._replace(brighter=-1.0)), "a shadow"
+    assert not track.fits_in(track.ball, CLEAN._replace(contrast=2.0)), "too pale"
+
+
+@pytest.mark.parametrize(
+    "worse",
+    [
+        {"residual_px": 0.6}, {"points": 11.0}, {"coverage_lead": 0.2}, {"coverage_lead": 0.4, "coverage_trail": 0.6},
+        {"inside": 0.31}, {"fill": 0.3}, {"stray": 0.6},
+    ],
+)  # fmt: skip
+def test_each_limit_of_a_single_fit_refuses(worse: dict[str, float]) -> None:
+    assert passes(BALL, CLEAN, CONFIG)
+    assert not passes(BALL, CLEAN._replace(**worse), CONFIG)
+
+
+@pytest.mark.parametrize(
+    "ball", [BALL._replace(r=2.9), BALL._replace(r=41.0), BALL._replace(vu=0.1), BALL._replace(vu=26)]
+)
+def test_so_do_sizes_and_speeds(ball: MovingCircle) -> None:
+    assert not passes(ball, CLEAN, CONFIG)
+    assert passes(BALL, CLEAN, replace(CONFIG, radius_min_px=9.9))
+
+
+def test_it_moves_on_at_constant_velocity() -> None:
+    assert flown(CLEAN, 3).at(7000) == pytest.approx((114.0, 50.0, 2.0, 0.0, 10.0))
