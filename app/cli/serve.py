@@ -7,6 +7,7 @@ import logging
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from app.address import check_address
 from app.cli.arguments import DATA, flag, positional
@@ -19,6 +20,9 @@ from core.config import load_config
 from core.detection import DetectorConfig
 from core.errors import CommandError
 from core.physics.config import Profile
+
+if TYPE_CHECKING:
+    from app.preparation.startup import Startup
 
 LIVE = "live"
 LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
@@ -54,30 +58,36 @@ def run(arguments: ServeArguments) -> None:
     check_address(arguments.host, arguments.port)
     startup = None
     if source is not None:  # it comes up while the app is loaded
-        from app.preparation.startup import Startup
+        from app.preparation.startup import Startup  # with numba: a mistake in the arguments is answered before
 
         address = None if source == LIVE else source
         startup = Startup(
             workspace, address=address, arguments=("--auto-serve", "5", *own), say=functools.partial(print, flush=True)
         )
-        if address is not None:
-            startup.wait_for_news()
-            if startup.problem is not None:
-                raise startup.problem
+    try:
+        _show(arguments, workspace, library, config, startup)
+    finally:
+        if startup is not None:
+            startup.stop()
+
+
+def _show(
+    arguments: ServeArguments, workspace: Workspace, library: Library, config: DetectorConfig, startup: Startup | None
+) -> None:
+    """The app, until it is ended."""
+    if startup is not None and startup.remote:
+        startup.wait_for_news()
+        if startup.problem is not None:
+            raise startup.problem
     first = LIVE if arguments.recording is None else _open_recording(arguments.recording, library)
     from app.server import App  # after the recording: a mistake in the arguments is answered at once
 
     silence_viser()
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # broken connections of browsers are not our news
     preparation = None if startup is None else startup.preparation
-    try:
-        lab = App(
-            workspace, library, first, host=arguments.host, port=arguments.port, config=config, preparation=preparation
-        )
-    except CommandError:
-        if startup is not None:
-            startup.stop()
-        raise
+    lab = App(
+        workspace, library, first, host=arguments.host, port=arguments.port, config=config, preparation=preparation
+    )
     if startup is not None:
         startup.hand_over(lab.use_live)
     url = f"http://{'127.0.0.1' if arguments.host == '0.0.0.0' else arguments.host}:{lab.port}"
@@ -88,7 +98,7 @@ def run(arguments: ServeArguments) -> None:
         webbrowser.open(url)
     end_event().wait()
     if startup is not None:
-        startup.stop()
+        startup.stop()  # first: what it prepares goes to the app
     lab.stop()
 
 

@@ -49,10 +49,11 @@ class Startup:
         """Begin: watch the simulation at an address, or start one with the arguments of `rallyscope sim-server`."""
         self._workspace = workspace
         self._address = address
-        self.preparation = Preparation(dict(OWN_STEPS if address is None else REMOTE_STEPS), say)
-        self._children: list[ChildProcess] = []
+        self._say = say
         self._lock = threading.Lock()
         self._stopped = False
+        self.preparation = Preparation(dict(OWN_STEPS if address is None else REMOTE_STEPS), self._say_unless_stopped)
+        self._children: list[ChildProcess] = []
         self._news = threading.Event()
         self._taker: Callable[[LiveRally], None] | None = None
         self._live: LiveRally | None = None
@@ -69,6 +70,11 @@ class Startup:
         for thread in self._threads:
             thread.start()
 
+    @property
+    def remote(self) -> bool:
+        """Whether the simulation runs elsewhere."""
+        return self._address is not None
+
     def wait_for_news(self) -> None:
         """Until it is known whether the simulation is there, is being prepared, or is not there."""
         self._news.wait()
@@ -82,7 +88,7 @@ class Startup:
             taker(live)
 
     def stop(self) -> None:
-        """End what is still being prepared."""
+        """End what is still being prepared; nothing is said from now on."""
         with self._lock:
             self._stopped = True
             children, process = tuple(self._children), self._process
@@ -93,6 +99,11 @@ class Startup:
             process.stop()
 
     # The steps, each in a thread.
+
+    def _say_unless_stopped(self, line: str) -> None:
+        with self._lock:
+            if not self._stopped:
+                self._say(line)
 
     def _guarded(self, act: Callable[[], None], name: str) -> None:
         try:

@@ -40,6 +40,28 @@ def test_nobody_at_the_address_is_known_at_once(tmp_path) -> None:
     startup.stop()
 
 
+def test_once_stopped_nothing_more_is_said(tmp_path, monkeypatch) -> None:
+    under_way, go_on = threading.Event(), threading.Event()
+
+    def compile_slowly(on_progress) -> None:
+        on_progress(1, 4)
+        under_way.set()
+        go_on.wait()
+        on_progress(4, 4)
+
+    monkeypatch.setattr("app.preparation.startup.marker", lambda: None)
+    monkeypatch.setattr("app.preparation.startup.compile_chain", compile_slowly)
+    said: list[str] = []
+    startup = Startup(Workspace(tmp_path), address="tcp://127.0.0.1:1", say=said.append)
+    under_way.wait()
+    startup.wait_for_news()
+    startup.stop()
+    before = list(said)
+    go_on.set()
+    wait_for(lambda: states(startup)[1] == "done")
+    assert any("Compiling the ball detector" in line for line in before) and said == before
+
+
 @pytest.mark.parametrize("before", [True, False])
 def test_the_rally_of_a_server_is_handed_over_once(tmp_path, before) -> None:
     server = SimulationServer(ServerConfig(), stereo_preset("side", SensorSize(64, 48)), "tcp://127.0.0.1:0")
