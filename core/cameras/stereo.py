@@ -73,9 +73,10 @@ class StereoRig:
         self._Rs = np.array([view.T_world_camera[:3, :3] for view in views])
         self._lenses = np.array([_lens_row(view) for view in views])
 
-    def triangulate(self, uvs_px: ArrayLike) -> TriangulatedPoints:
+    def triangulate(self, uvs_px: ArrayLike, covariances_px2: ArrayLike | None = None) -> TriangulatedPoints:
         """The points of simultaneous pixels (N, C, 2), C in the order of `names`; nan: not seen by that camera.
 
+        `covariances_px2` (N, C, 2, 2) of the pixels; by default, and where they are nan, as `config.sigma_px` says.
         Nothing is gated: `config.max_residual_px` is for the caller, or use `triangulate_one`.
         """
         uvs = np.ascontiguousarray(uvs_px, np.float64)
@@ -83,22 +84,29 @@ class StereoRig:
             expected = f"(N, {len(self.names)}, 2)"
             raise CalibrationError("not one pixel per camera", expected=expected, got=uvs.shape, where="triangulate")
         n = len(uvs)
+        spreads = np.broadcast_to(self.config.sigma_px * np.eye(2), (n, len(self.names), 2, 2))
+        if covariances_px2 is not None:
+            spreads = _spreads(np.asarray(covariances_px2, np.float64), spreads)
         points = TriangulatedPoints(np.empty((n, 3)), np.empty(n), np.empty((n, 3, 3)))
         triangulate_rows(
             uvs,
             self._lenses,
             self._centres,
             self._Rs,
-            self.config.sigma_px,
+            np.ascontiguousarray(spreads),
             points.ps_world_m,
             points.residuals_px,
             points.covariances_m2,
         )
         return points
 
-    def triangulate_one(self, uvs_px: ArrayLike) -> TriangulatedPoint | None:
-        """The point of pixels (C, 2), or None if there is none or its residual is above `config.max_residual_px`."""
-        points = self.triangulate(np.asarray(uvs_px, np.float64)[None])
+    def triangulate_one(self, uvs_px: ArrayLike, covariances_px2: ArrayLike | None = None) -> TriangulatedPoint | None:
+        """The point of pixels (C, 2) with covariances (C, 2, 2).
+
+        None if there is none or its residual is above `config.max_residual_px`.
+        """
+        covariances = None if covariances_px2 is None else np.asarray(covariances_px2, np.float64)[None]
+        points = self.triangulate(np.asarray(uvs_px, np.float64)[None], covariances)
         residual = float(points.residuals_px[0])
         if not residual <= self.config.max_residual_px:
             return None
@@ -123,6 +131,18 @@ def interpolate_pixels(t_us: ArrayLike, uvs_px: ArrayLike, at_us: ArrayLike, *, 
     found = uvs[before] + share[:, None] * (uvs[after] - uvs[before])
     found[~inside] = np.nan
     return found
+
+
+def _spreads(covariances_px2: Array, default: Array) -> Array:
+    """Lower roots (N, C, 2, 2) of covariances; the default where they are nan."""
+    known = np.isfinite(covariances_px2).all(axis=(2, 3))
+    spreads = default.copy()
+    a, b, c = covariances_px2[known][:, 0, 0], covariances_px2[known][:, 1, 0], covariances_px2[known][:, 1, 1]
+    first = np.sqrt(a)
+    roots = np.zeros((len(a), 2, 2))
+    roots[:, 0, 0], roots[:, 1, 0], roots[:, 1, 1] = first, b / first, np.sqrt(np.maximum(c - b * b / a, 0.0))
+    spreads[known] = roots
+    return spreads
 
 
 def _lens_row(camera: Camera) -> Array:

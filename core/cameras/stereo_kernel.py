@@ -88,22 +88,27 @@ def _invert(a: Array, out: Array) -> bool:
 
 
 @njit
-def _add_noise(x: float, y: float, depth: float, R: Array, lens: Array, sigma_px: float, noise: Array) -> None:
-    """Add to `noise` (3, 3) what pixel noise in one camera moves its ray by, at a distance `depth` along it."""
+def _add_noise(x: float, y: float, depth: float, R: Array, lens: Array, spread_px: Array, noise: Array) -> None:
+    """Add to `noise` (3, 3) what pixel noise in one camera moves its ray by, at a distance `depth` along it.
+
+    `spread_px` (2, 2) is a root of the noise's covariance: each column a step of the pixel.
+    """
     norm = math.sqrt(x * x + y * y + 1)
     xx, xy, yy = _slopes(x, y, lens)
     determinant = xx * yy - xy * xy
     # Derivative of the pinhole coordinates by the pixel, then of the unit direction by the pinhole coordinates.
     by_u = (yy / determinant / lens[FX], -xy / determinant / lens[FX])
     by_v = (-xy / determinant / lens[FY], xx / determinant / lens[FY])
-    for dx, dy in (by_u, by_v):
+    for step in range(2):
+        du, dv = spread_px[0, step], spread_px[1, step]
+        dx, dy = by_u[0] * du + by_v[0] * dv, by_u[1] * du + by_v[1] * dv
         along = (x * dx + y * dy) / (norm * norm)
         cx, cy, cz = (dx - along * x) / norm, (dy - along * y) / norm, -along / norm
         for i in range(3):
             move_i = R[i, 0] * cx + R[i, 1] * cy + R[i, 2] * cz
             for j in range(3):
                 move_j = R[j, 0] * cx + R[j, 1] * cy + R[j, 2] * cz
-                noise[i, j] += (depth * sigma_px) ** 2 * move_i * move_j
+                noise[i, j] += depth**2 * move_i * move_j
 
 
 @njit
@@ -123,9 +128,12 @@ def _reprojection_px2(p: Array, u: float, v: float, centre: Array, R: Array, len
 
 @njit
 def triangulate_rows(
-    uvs: Array, lenses: Array, centres: Array, Rs: Array, sigma_px: float, ps: Array, residuals: Array, covs: Array
+    uvs: Array, lenses: Array, centres: Array, Rs: Array, spreads_px: Array, ps: Array, residuals: Array, covs: Array
 ) -> None:
-    """Fill points (N, 3), residuals (N,) and covariances (N, 3, 3) of pixels (N, C, 2); nan where there is no point."""
+    """Fill points (N, 3), residuals (N,) and covariances (N, 3, 3) of pixels (N, C, 2); nan where there is no point.
+
+    `spreads_px` (N, C, 2, 2): a root of each pixel's covariance.
+    """
     cameras = len(lenses)
     xys, rays = np.empty((cameras, 2)), np.empty((cameras, 3))
     inverse = np.empty((3, 3))
@@ -158,7 +166,7 @@ def triangulate_rows(
             depth = 0.0
             for i in range(3):
                 depth += (p[i] - centres[c, i]) * rays[c, i]
-            _add_noise(xys[c, 0], xys[c, 1], depth, Rs[c], lenses[c], sigma_px, noise)
+            _add_noise(xys[c, 0], xys[c, 1], depth, Rs[c], lenses[c], spreads_px[row, c], noise)
         if math.isnan(squares):
             continue
         ps[row], residuals[row] = p, math.sqrt(squares / seen)

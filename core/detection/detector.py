@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from core.events import Window
 
 
@@ -17,6 +20,11 @@ class Detection:
     u_px: float
     v_px: float
     r_px: float
+
+    @property
+    def centre_covariance_px2(self) -> NDArray[np.float64] | None:
+        """(2, 2) of u and v; None for a method that does not say how sure it is."""
+        return None
 
 
 class Detector(Protocol):

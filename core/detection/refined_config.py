@@ -18,8 +18,8 @@ class RefinedConfig:
     history_max_us: int = setting(16_000, 2000, 40_000, step=500)
     """A slow ball's history is at most as long: gravity bends its path."""
     delay_us: int = setting(230, 0, 5000, step=10)
-    """Of the sensor: an estimate holds for the end of the window less this. About the photoreceptor's time constant,
-    and longer in the dark: one number for a sensor."""
+    """An estimate holds for the end of the window less this. About the photoreceptor's time constant, and longer in the
+    dark: one number for a sensor. 230 is that of the simulation's; `detect --json` estimates it."""
     radius_min_px: float = setting(3.0, 1.0, 100.0, step=0.5)
     """Smaller circles are noise."""
     radius_max_px: float = setting(40.0, 3.0, 300.0, step=0.5)
@@ -28,9 +28,9 @@ class RefinedConfig:
     """What moves slower is not looked for."""
     speed_max_px_per_ms: float = setting(25.0, 0.5, 100.0, step=0.5)
     """Nothing is faster."""
-    pace_min_per_ms: float = setting(0.03, 0.0, 1.0, step=0.001)
-    """What is slower than so many of its own radii in a millisecond never becomes a ball: 0.03 is 0.6 m/s for one,
-    and 3 m/s for a head, which is five times as large."""
+    pace_min_per_ms: float = setting(0.038, 0.0, 1.0, step=0.001)
+    """What is slower than so many of its own radii in a millisecond never becomes a ball: 0.038 is 0.76 m/s for one,
+    and 3.8 m/s for a head, which is five times as large."""
     residual_px: float = setting(0.55, 0.1, 3.0, step=0.05)
     """Root mean square distance of the edge points from the circle, robustly weighted; more is no circle."""
     coverage_min: float = setting(0.55, 0.1, 1.0, step=0.05)
@@ -44,7 +44,7 @@ class RefinedConfig:
     stray_max: float = setting(0.55, 0.0, 1.0, step=0.05)
     """Share of the points in the band that lie off the circle; clutter makes it large, and chance finds."""
     evidence_min: float = setting(2.0, 0.0, 6.0, step=0.5)
-    """That clean fits must add up to; a dark thing needs twice as much, for a ball's shadow is one."""
+    """That clean fits must add up to; a dark thing needs three times as much, for a ball's shadow is one."""
     confirm_fits: int = setting(4, 1, 20)
     """Consistent fits that make a ball of something round."""
     confirm_motion_px: float = setting(1.5, 0.0, 20.0, step=0.5)

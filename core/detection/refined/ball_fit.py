@@ -28,8 +28,12 @@ FEWEST_EVENTS: Final = 12
 """Fewer in a box say nothing about what moves there."""
 LEAST_SPREAD_MS2: Final = 1e-4
 """Nor do events that all come at once."""
+LEAST_RECENT_MS: Final = 1.5
+"""A slow sensor's newest events are of then."""
 SIGMA_PX: Final = 0.4
 """Spread of one edge point."""
+JITTER_MS: Final = 0.04
+"""Of its time: a fast edge spreads more."""
 ITERATIONS: Final = 8
 
 
@@ -40,15 +44,16 @@ class Work(NamedTuple):
     points: EdgePoints
     fit: Fit
     quality: NDArray[np.float64]
-    """(9,) see `Quality`."""
+    """(10,) see `Quality`."""
     covariance: NDArray[np.float64]
-    """(5, 5) of the estimate if every point erred by itself."""
+    """(6, 6) of the estimate if every point erred by itself."""
 
 
 class Quality(NamedTuple):
     """How good a fit is."""
 
     residual_px: float
+    """Root mean square distance of the edge points from the circle, for a slow ball: a fast one may have more."""
     points: float
     """Edge points with a weight above one half."""
     coverage_lead: float
@@ -64,6 +69,14 @@ class Quality(NamedTuple):
     """Events of a pixel with such a point."""
     brighter: float
     """From -1 to 1: whether the leading edge makes pixels darker or brighter."""
+    fresh: float
+    """Share of the leading edge's such points that came in the last third of the history; steady motion brings a
+    third, what has vanished none."""
+
+    @property
+    def coverage(self) -> float:
+        """Of the edge that shows less."""
+        return min(self.coverage_lead, self.coverage_trail)
 
 
 class Reach(NamedTuple):
@@ -77,7 +90,7 @@ class Reach(NamedTuple):
 def blank_work() -> Work:
     """Room for one fit after the other."""
     columns = np.zeros((6, MOST_POINTS))
-    fit = Fit(np.zeros(UNKNOWNS), np.zeros(UNKNOWNS), np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
+    fit = Fit(*np.zeros((3, UNKNOWNS)), np.zeros(2), np.zeros((UNKNOWNS, UNKNOWNS)))
     return Work(
         blank_patch(), EdgePoints(*columns), fit, np.zeros(len(Quality._fields)), np.zeros((UNKNOWNS, UNKNOWNS))
     )
@@ -99,34 +112,39 @@ def fit_ball(recent: Recent, work: Work, end_us: int, reach: Reach, band_px: flo
 
     Each round gathers the edge points anew, within a band that ends at `band_px`.
     """
-    estimate = work.fit.estimate
+    estimate, bend = work.fit.estimate, work.fit.bend
     speed = math.hypot(estimate[2], estimate[3])
     span = span_for(end_us, speed, reach)
     asked = math.ceil(estimate[4] + speed * span.gather_ms + band_px + 3.0)
     count, x0, y0 = fill_patch(recent, work.patch, estimate[0], estimate[1], min(HALF, asked), span)
     fine = False
+    blur = math.sqrt(1.0 + (speed * JITTER_MS / SIGMA_PX) ** 2)
     for round_number in range(rounds):
         wider = 2.0 ** (rounds - 1 - round_number)
-        ball = MovingCircle(estimate[0], estimate[1], estimate[2], estimate[3], estimate[4])
+        ball = MovingCircle(
+            estimate[0], estimate[1], estimate[2], estimate[3], estimate[4], estimate[5], bend[0], bend[1]
+        )
         found, inside = edge_points(work.patch, count, (x0, y0), ball, band_px * wider, span, work.points)
         fine = found >= 6
         if not fine:
             break
-        residual = fit_circle(work.points, found, work.fit, SIGMA_PX, 0.5 * wider, ITERATIONS)
+        residual = fit_circle(work.points, found, work.fit, blur * SIGMA_PX, 0.5 * blur * wider, ITERATIONS)
         fine = residual < 1e9 and 1.0 < estimate[4] < HALF
         if not fine:
             break
         if round_number == rounds - 1:
-            _judge(work, found, inside, residual, speed * (span.history_ms - 0.5 * span.guard_ms))
+            _judge(work, found, inside, residual / blur, span)
     clear_patch(work.patch, count)
     return fine
 
 
 @njit
-def _judge(work, found, inside, residual, motion_px):
+def _judge(work, found, inside, residual, span):
     estimate, points, quality = work.fit.estimate, work.points, work.quality
     sectors = np.zeros(SECTORS)
-    good, events, lead_sum, leads = 0, 0.0, 0.0, 0
+    good, events, lead_sum, leads, fresh = 0, 0.0, 0.0, 0, 0
+    recent_ms = max(span.history_ms / 3.0, LEAST_RECENT_MS)
+    motion_px = math.hypot(estimate[2], estimate[3]) * (span.history_ms - 0.5 * span.guard_ms)
     heading = math.atan2(estimate[3], estimate[2])
     for k in range(found):
         if points.weight[k] < 0.5:
@@ -135,8 +153,10 @@ def _judge(work, found, inside, residual, motion_px):
         events += points.events[k]
         lead_sum += points.lead[k]
         leads += points.lead[k] != 0.0
-        du = points.u[k] - estimate[0] - estimate[2] * points.ms[k]
-        dv = points.v[k] - estimate[1] - estimate[3] * points.ms[k]
+        fresh += points.lead[k] != 0.0 and points.ms[k] > -recent_ms
+        ms = points.ms[k] + (estimate[5] if points.lead[k] != 0.0 else -estimate[5])
+        du = points.u[k] - estimate[0] - (estimate[2] + 0.5 * work.fit.bend[0] * ms) * ms
+        dv = points.v[k] - estimate[1] - (estimate[3] + 0.5 * work.fit.bend[1] * ms) * ms
         turn = (math.atan2(dv, du) - heading + 0.5 * math.pi) / (2.0 * math.pi)
         sectors[math.floor((turn - math.floor(turn)) * SECTORS) % SECTORS] += 1.0
     lead, trail = 0, 0
@@ -151,6 +171,7 @@ def _judge(work, found, inside, residual, motion_px):
     quality[6] = good / (4.0 * estimate[4] * motion_px)
     quality[7] = events / max(1, good)
     quality[8] = lead_sum / max(1, leads)
+    quality[9] = fresh / max(1, leads)
     factor = np.empty((UNKNOWNS, UNKNOWNS))
     unit = np.empty(UNKNOWNS)
     if factorise(work.fit.normal, factor):

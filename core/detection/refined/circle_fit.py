@@ -1,8 +1,11 @@
-"""A circle that moves at constant velocity, fitted to edge points: robust Gauss-Newton with a prior.
+"""A circle on a parabola, fitted to edge points: robust Gauss-Newton with a prior.
 
 Each edge point is a pixel and the time at which the ball's edge passed it. On the leading edge that is the pixel's
 first event, on the trailing edge its last: both mark the same small coverage of the pixel by the ball, whatever the
 polarity, so that a bias of the radius does not shift the centre.
+
+The last event comes late, by several time constants of a slow photoreceptor (0.4 to 2 ms on drawn sensors), the first
+one hardly: seen so, the ball is longer by its motion in that time. Half of it, the `stretch`, is an unknown of the fit.
 """
 
 from __future__ import annotations
@@ -15,8 +18,9 @@ from numpy.typing import NDArray
 
 from core.jit import njit
 
-UNKNOWNS: Final = 5
-"""Centre u and v [px] at the end of the window, velocity u and v [px/ms], radius [px]: the order everywhere here."""
+UNKNOWNS: Final = 6
+"""Centre u and v [px] at the end of the window, velocity u and v then [px/ms], radius [px], stretch [ms]: the order
+everywhere here. The leading edge is where the ball will be after the stretch, the trailing where it was before it."""
 
 
 class EdgePoints(NamedTuple):
@@ -38,13 +42,15 @@ class Fit(NamedTuple):
     """What a fit works in: the estimate and what is known beforehand."""
 
     estimate: NDArray[np.float64]
-    """(5,) where the iteration starts and ends."""
+    """(6,) where the iteration starts and ends."""
     prior: NDArray[np.float64]
-    """(5,) expected values."""
+    """(6,) expected values."""
     information: NDArray[np.float64]
-    """(5,) 1/sigma^2 of each; 0: nothing is known."""
+    """(6,) 1/sigma^2 of each; 0: nothing is known."""
+    bend: NDArray[np.float64]
+    """(2,) acceleration u and v [px/ms^2], taken as known."""
     normal: NDArray[np.float64]
-    """(5, 5) at the end the matrix of the last iteration, prior included."""
+    """(6, 6) at the end the matrix of the last iteration, prior included."""
 
 
 @njit
@@ -53,7 +59,7 @@ def fit_circle(points: EdgePoints, count: int, fit: Fit, sigma_px: float, scale_
 
     `sigma_px` is the spread of one edge point, `scale_px` that of the Cauchy weights.
     """
-    estimate, normal = fit.estimate, fit.normal
+    estimate, bend, normal = fit.estimate, fit.bend, fit.normal
     gradient = np.empty(UNKNOWNS)
     step = np.empty(UNKNOWNS)
     factor = np.empty((UNKNOWNS, UNKNOWNS))
@@ -68,8 +74,10 @@ def fit_circle(points: EdgePoints, count: int, fit: Fit, sigma_px: float, scale_
             normal[i, i] = fit.information[i]
         squares, weights = 0.0, 0.0
         for k in range(count):
-            du = points.u[k] - estimate[0] - estimate[2] * points.ms[k]
-            dv = points.v[k] - estimate[1] - estimate[3] * points.ms[k]
+            ahead = 1.0 if points.lead[k] != 0.0 else -1.0
+            ms = points.ms[k] + ahead * estimate[5]
+            du = points.u[k] - estimate[0] - (estimate[2] + 0.5 * bend[0] * ms) * ms
+            dv = points.v[k] - estimate[1] - (estimate[3] + 0.5 * bend[1] * ms) * ms
             distance = math.sqrt(du * du + dv * dv)
             if distance < 1e-6:
                 points.weight[k] = 0.0
@@ -80,7 +88,8 @@ def fit_circle(points: EdgePoints, count: int, fit: Fit, sigma_px: float, scale_
             squares += weight * error * error
             weights += weight
             row[0], row[1] = du / distance, dv / distance
-            row[2], row[3], row[4] = row[0] * points.ms[k], row[1] * points.ms[k], 1.0
+            row[2], row[3], row[4] = row[0] * ms, row[1] * ms, 1.0
+            row[5] = ahead * (row[0] * (estimate[2] + bend[0] * ms) + row[1] * (estimate[3] + bend[1] * ms))
             scaled = weight * per_point
             for i in range(UNKNOWNS):
                 gradient[i] += scaled * row[i] * error

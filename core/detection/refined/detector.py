@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from core.detection.detector import Detection
 from core.detection.refined.ball_fit import Quality, Reach, blank_work, fit_ball, start_from_place
+from core.detection.refined.circle_fit import UNKNOWNS
 from core.detection.refined.history import EventHistory
 from core.detection.refined.patch import MovingCircle
 from core.detection.refined.search import LONG_AGO_US, SPANS_US, blank_blobs, blank_maps, find_blobs, take_events
 from core.detection.refined.track import BallTrack, passes
+from core.detection.refined.uncertainty import observed_covariance
 from core.detection.refined_config import RefinedConfig
 from core.events import SensorSize, Window
 
@@ -25,12 +27,22 @@ SEARCH_EVERY: Final = (1, 2, 4)
 """Windows between two looks at the blobs of each span of the search."""
 CATCH_UP_US: Final = 6000
 """While a ball is followed the search takes no events; when it is lost, it catches up on the latest."""
+FIRST_STRETCH_MS: Final = (0.6, 0.4)
+"""Expected of a sensor of which nothing is known yet, and the spread of that."""
+STRETCH_SPREAD_MS: Final = 0.1
+"""From fit to fit, and of a new ball before a known sensor."""
+STRETCH_GAIN: Final = 0.02
+"""Weight of a confirmed fit in what is known of the sensor."""
+TELLING_PX_PER_MS: Final = 1.5
+"""Slower balls tell less of it."""
 BAND_PX: Final = 2.5
 """Edge points of a track lie within so much of the expected rim."""
 UNCONFIRMED_LOOSE: Final = 2.5
 """The prediction of what is not confirmed counts less: its first fit may have been of half a ball."""
 UNSEEN_MS: Final = 2.5
 """A ball not seen for longer is searched."""
+BORDER_PX: Final = 0.5
+"""A ball whose centre is nearer to the sensor's border may have left already."""
 PATIENCE_US: Final = 3000
 """What is no ball yet is forgotten after so long without a fit."""
 BOUNCE_KEEPS: Final = (-0.85, -0.4, 0.0)
@@ -49,9 +61,16 @@ class RefinedDetection(Detection):
 
     vu_px_per_ms: float
     vv_px_per_ms: float
+    stretch_ms: float
+    """Half of what the trailing edge lags behind the leading one, see `circle_fit`."""
     covariance: NDArray[np.float64] = field(compare=False)
-    """(5, 5) of u, v [px], velocity u, v [px/ms], radius [px]."""
+    """(5, 5) of u, v [px], velocity u, v [px/ms], radius [px]; what is not known of the sensor's delay comes beside."""
     fit: Quality
+
+    @property
+    def centre_covariance_px2(self) -> NDArray[np.float64]:
+        """(2, 2)."""
+        return self.covariance[:2, :2]
 
 
 class RefinedDetector:
@@ -73,6 +92,8 @@ class RefinedDetector:
         self._mapped_us = LONG_AGO_US
         self._floods = self._windows = 0
         self._brighter = 0.0
+        self._stretch_ms, self._stretch_spread_ms = FIRST_STRETCH_MS
+        self._learnt = 0.0
         self.tracks: list[BallTrack] = []
 
     @property
@@ -100,8 +121,16 @@ class RefinedDetector:
         ball = self._choose(end_us)
         if ball is None or ball.end_us != end_us:
             return None
-        u, v, vu, vv, r = ball.ball
-        return RefinedDetection(end_us - self.config.delay_us, u, v, r, vu, vv, ball.covariance, ball.quality)
+        self._learn_stretch(ball.ball)
+        u, v, vu, vv, r, stretch_ms, *_ = ball.ball
+        seen = observed_covariance(ball.covariance, ball.ball, ball.quality)
+        return RefinedDetection(end_us - self.config.delay_us, u, v, r, vu, vv, stretch_ms, seen, ball.quality)
+
+    def _learn_stretch(self, ball: MovingCircle) -> None:
+        telling = min(1.0, (ball.vu**2 + ball.vv**2) / TELLING_PX_PER_MS**2)
+        self._learnt += telling
+        self._stretch_ms += telling * max(STRETCH_GAIN, 1.0 / (1.0 + self._learnt)) * (ball.stretch - self._stretch_ms)
+        self._stretch_spread_ms = max(STRETCH_SPREAD_MS, FIRST_STRETCH_MS[1] / (1.0 + 0.1 * self._learnt))
 
     def _confirmed(self) -> BallTrack | None:
         return next((track for track in self.tracks if track.confirmed), None)
@@ -132,7 +161,7 @@ class RefinedDetector:
         was = track.ball
         for keeps in BOUNCE_KEEPS:
             vv = keeps * was.vv
-            bounced = MovingCircle(was.u + was.vu * unseen_ms, was.v + vv * unseen_ms, was.vu, vv, was.r)
+            bounced = was._replace(vv=vv, au=0.0, av=0.0).at(unseen_ms)
             if self._refit(track, bounced, AFTER_BOUNCE, end_us, BRIEF, BAND_PX):
                 return
 
@@ -147,9 +176,11 @@ class RefinedDetector:
     ) -> bool:
         fit = self._work.fit
         place, along_u, along_v, radius = (spread**-2 for spread in spreads)
-        fit.estimate[:] = expected
-        fit.prior[:] = expected
-        fit.information[:] = (place, place, along_u, along_v, radius)
+        stretch = self._stretch_spread_ms**-2
+        fit.estimate[:] = fit.prior[:] = expected[:UNKNOWNS]
+        fit.prior[5] = self._stretch_ms
+        fit.information[:] = (place, place, along_u, along_v, radius, stretch)
+        fit.bend[:] = expected.au, expected.av
         rounds = 1 if track.confirmed else 2
         found = self._fit(end_us, reach, band_px, rounds)
         if found is None:
@@ -190,13 +221,16 @@ class RefinedDetector:
         fit, config = self._work.fit, self.config
         if not start_from_place(self._recent, box, end_us, span_us, fit.estimate):
             return
-        _, _, vu, vv, r = fit.estimate.tolist()
+        _, _, vu, vv, r, *_ = fit.estimate.tolist()
         if not 0.6 * config.radius_min_px <= r <= 1.5 * config.radius_max_px:
             return
         if math.hypot(vu, vv) > config.speed_max_px_per_ms:
             return
+        fit.estimate[5] = self._stretch_ms
         fit.prior[:] = fit.estimate
-        fit.information[:] = 1e-4
+        fit.information[:5] = 1e-4
+        fit.information[5] = self._stretch_spread_ms**-2
+        fit.bend[:] = 0.0
         found = self._fit(end_us, self._reach, 2.0, 3)
         if found is None:
             return
@@ -224,7 +258,8 @@ class RefinedDetector:
         return best
 
     def _on_sensor(self, ball: MovingCircle) -> bool:
-        return -0.5 <= ball.u <= self.sensor.width_px - 0.5 and -0.5 <= ball.v <= self.sensor.height_px - 0.5
+        width_px, height_px = self.sensor.width_px, self.sensor.height_px
+        return BORDER_PX <= ball.u <= width_px - 1 - BORDER_PX and BORDER_PX <= ball.v <= height_px - 1 - BORDER_PX
 
 
 def _apart_px(one: MovingCircle, other: MovingCircle) -> float:

@@ -34,13 +34,21 @@ class Patch(NamedTuple):
 
 
 class MovingCircle(NamedTuple):
-    """Where a ball is expected at the end of the window: px, px/ms."""
+    """Where a ball is expected at the end of the window: px, px/ms, stretch in ms, px/ms^2 (see `circle_fit`)."""
 
     u: float
     v: float
     vu: float
     vv: float
     r: float
+    stretch: float = 0.0
+    au: float = 0.0
+    av: float = 0.0
+
+    def at(self, ms: float) -> MovingCircle:
+        """So much later."""
+        u, v = self.u + ms * (self.vu + 0.5 * ms * self.au), self.v + ms * (self.vv + 0.5 * ms * self.av)
+        return self._replace(u=u, v=v, vu=self.vu + ms * self.au, vv=self.vv + ms * self.av)
 
 
 class LookBack(NamedTuple):
@@ -127,7 +135,9 @@ def edge_points(
         entered = -0.001 * (first[row, column] - 1)
         left = -0.001 * (last[row, column] - 1)
         if entered >= -span.history_ms:
-            du, dv = x - ball.u - ball.vu * entered, y - ball.v - ball.vv * entered
+            ms = entered + ball.stretch
+            du = x - ball.u - (ball.vu + 0.5 * ball.au * ms) * ms
+            dv = y - ball.v - (ball.vv + 0.5 * ball.av * ms) * ms
             distance = math.sqrt(du * du + dv * dv)
             if abs(distance - ball.r) <= band_px and du * ball.vu + dv * ball.vv >= 0.0 and found < MOST_POINTS:
                 points.u[found], points.v[found], points.ms[found] = x, y, entered
@@ -137,7 +147,9 @@ def edge_points(
             if distance < inner:
                 inside += int(patch.events[row, column])
         if left <= -span.guard_ms and left >= -span.history_ms:
-            du, dv = x - ball.u - ball.vu * left, y - ball.v - ball.vv * left
+            ms = left - ball.stretch
+            du = x - ball.u - (ball.vu + 0.5 * ball.au * ms) * ms
+            dv = y - ball.v - (ball.vv + 0.5 * ball.av * ms) * ms
             distance = math.sqrt(du * du + dv * dv)
             if abs(distance - ball.r) <= band_px and du * ball.vu + dv * ball.vv < 0.0 and found < MOST_POINTS:
                 points.u[found], points.v[found], points.ms[found] = x, y, left

@@ -13,6 +13,9 @@ from core.detection.refined.ball_fit import Quality
 from core.detection.refined.patch import MovingCircle
 from core.detection.refined_config import RefinedConfig
 
+LEAST_STRETCH_MS: Final = -0.2
+MOST_STRETCH_MS: Final = 2.5
+LEAST_FRESH: Final = 0.06
 REMEMBERED: Final = 0.92
 """Share of the evidence that is left with the next fit: what is merely not bad never adds up to a ball."""
 GIVEN_UP: Final = -3.0
@@ -21,6 +24,16 @@ FRESH: Final = 0.25
 """Weight of the newest fit in the means."""
 FAST_PER_MS: Final = 0.12
 """Of its own radii: 2.4 m/s for a ball."""
+SHARPEST_CURVE_PX: Final = 60.0
+FALL_PX_PER_MS2: Final = 0.006
+"""Gravity, in the picture of a near camera."""
+LEAST_BEND_MS: Final = 2.0
+BEND_PX: Final = 3.5
+"""Accelerations are means over about the time in which the ball moves so far, and the least time."""
+BOTH_EDGES: Final = 0.55
+"""A ball shows so much of both its edges; a limb that swings about often one alone."""
+ALL_ROUND: Final = 0.5
+"""And is brighter than its ground nearly all round, or darker."""
 STEADY_FITS: Final = 4
 STEADY_RADIUS: Final = 0.1
 """The radii of so many fits lie within that share: a ball that comes out from behind something grows."""
@@ -36,7 +49,7 @@ class BallTrack:
     """The estimate is for this end of a window."""
     ball: MovingCircle
     covariance: NDArray[np.float64]
-    """(5, 5) of the ball's fields, by the fit's own account."""
+    """(6, 6) of the ball's fields, by the fit's own account."""
     quality: Quality
     """Of the last fit."""
     born: MovingCircle = field(init=False)
@@ -45,26 +58,40 @@ class BallTrack:
     confirmed: bool = False
     evidence: float = 0.0
     brighter: float = field(init=False)
-    """Mean of `Quality.brighter`; so `contrast`."""
+    """Mean of `Quality.brighter`; so `contrast`, and `coverage` of the smaller one."""
     contrast: float = field(init=False)
+    coverage: float = field(init=False)
     radii_px: tuple[float, ...] = ()
+    bend: tuple[float, float] = (0.0, 0.0)
+    """Acceleration u and v in px/ms^2, by how the fits' velocities change."""
 
     def __post_init__(self) -> None:
         self.born, self.born_us = self.ball, self.end_us
         self.brighter, self.contrast = self.quality.brighter, self.quality.contrast
+        self.coverage = self.quality.coverage
 
     def at(self, end_us: int) -> MovingCircle:
-        """The ball at another time, at constant velocity."""
-        ball, ms = self.ball, 1e-3 * (end_us - self.end_us)
-        return MovingCircle(ball.u + ms * ball.vu, ball.v + ms * ball.vv, ball.vu, ball.vv, ball.r)
+        """The ball at another time."""
+        return self.ball._replace(au=self.bend[0], av=self.bend[1]).at(1e-3 * (end_us - self.end_us))
+
+    def _bend_with(self, ball: MovingCircle, ms: float) -> tuple[float, float]:
+        """Mean acceleration, by the velocities of the fits and over about the history of one."""
+        speed2 = ball.vu**2 + ball.vv**2
+        most = max(FALL_PX_PER_MS2, speed2 / SHARPEST_CURVE_PX)
+        gain = ms / (ms + LEAST_BEND_MS + BEND_PX / max(math.sqrt(speed2), 0.1))
+        changes = (ball.vu - self.ball.vu) / ms, (ball.vv - self.ball.vv) / ms
+        au, av = (was + gain * (min(max(now, -most), most) - was) for was, now in zip(self.bend, changes, strict=True))
+        return au, av
 
     def take(self, end_us: int, ball: MovingCircle, covariance: NDArray[np.float64], quality: Quality) -> None:
         """Go on with a new fit."""
+        self.bend = self._bend_with(ball, 1e-3 * (end_us - self.end_us))
         self.end_us, self.ball, self.covariance, self.quality = end_us, ball, covariance, quality
         self.fits += 1
         self.evidence = REMEMBERED * self.evidence + evidence_of(quality)
         self.brighter += FRESH * (quality.brighter - self.brighter)
         self.contrast += FRESH * (quality.contrast - self.contrast)
+        self.coverage += FRESH * (quality.coverage - self.coverage)
         self.radii_px = (*self.radii_px[1 - STEADY_FITS :], ball.r)
 
     @property
@@ -83,17 +110,19 @@ class BallTrack:
     def proved(self, config: RefinedConfig, brighter: float) -> bool:
         """Whether it has earned the name of a ball, where the last one was brighter (> 0) or darker than its ground.
 
-        Something dark needs twice the evidence, since a ball's shadow is dark; what flies fast needs half, since people
-        do not; of another kind than the last, more fits.
+        Something dark needs three times the evidence, since a ball's shadow is dark; something bright and fast half of
+        it, since people are not; of another kind than the last, more fits.
         """
         ball = self.ball
         moved_px = math.hypot(ball.u - self.born.u, ball.v - self.born.v)
         lived_ms = 1e-3 * (self.end_us - self.born_us)
-        pace_per_ms = moved_px / ball.r / max(lived_ms, 1.0)
-        doubt = (1.0 if self.brighter > 0.0 else 2.0) * (0.5 if pace_per_ms > FAST_PER_MS else 1.0)
+        pace_per_ms = min(moved_px / max(lived_ms, 1.0), math.hypot(ball.vu, ball.vv)) / ball.r  # first fits are rough
+        doubt = 3.0 if self.brighter <= 0.0 else 0.5 if pace_per_ms > FAST_PER_MS else 1.0
         return (
             self.fits >= config.confirm_fits * (1 if self.brighter * brighter >= 0.0 else 4)
             and self.evidence >= config.evidence_min * doubt
+            and self.coverage >= BOTH_EDGES
+            and abs(self.brighter) >= ALL_ROUND
             and moved_px >= config.confirm_motion_px
             and pace_per_ms >= config.pace_min_per_ms
             and max(self.radii_px) - min(self.radii_px) <= STEADY_RADIUS * ball.r
@@ -106,8 +135,9 @@ def evidence_of(quality: Quality) -> float:
     Light and dark on the ball itself weigh as much as its edge where that is pale; there the inside counts less.
     """
     inside = quality.inside * min(1.0, quality.contrast / 4.0)
-    badness = quality.residual_px / 0.4 + quality.stray / 0.4 + inside / 0.15
-    virtue = quality.fill + min(quality.coverage_lead, quality.coverage_trail)
+    mixed = 0.4 * (1.0 - abs(quality.brighter))  # a ball is brighter than its ground all round, or darker
+    badness = quality.residual_px / 0.4 + quality.stray / 0.4 + inside / 0.15 + mixed
+    virtue = quality.fill + quality.coverage
     return min(max(1.2 - badness + virtue, -1.0), 1.0)
 
 
@@ -115,7 +145,8 @@ def passes(ball: MovingCircle, quality: Quality, config: RefinedConfig) -> bool:
     """Whether a single fit can be a ball at all."""
     lead, trail = quality.coverage_lead, quality.coverage_trail
     return (
-        config.radius_min_px <= ball.r <= config.radius_max_px
+        LEAST_STRETCH_MS <= ball.stretch <= MOST_STRETCH_MS
+        and config.radius_min_px <= ball.r <= config.radius_max_px
         and config.speed_min_px_per_ms <= math.hypot(ball.vu, ball.vv) <= config.speed_max_px_per_ms
         and quality.residual_px <= config.residual_px
         and quality.points >= config.points_min
@@ -124,4 +155,5 @@ def passes(ball: MovingCircle, quality: Quality, config: RefinedConfig) -> bool:
         and quality.inside <= config.inside_max
         and quality.fill >= config.fill_min
         and quality.stray <= config.stray_max
+        and quality.fresh >= LEAST_FRESH
     )

@@ -143,8 +143,8 @@ class RallyChain:
         together = self._common_time.add(detections)
         if together is None:
             return None
-        t_us, uvs = together
-        found = self.rig.triangulate_one(uvs)
+        t_us, uvs, covariances = together
+        found = self.rig.triangulate_one(uvs, covariances)
         if found is not None and self._size is not None:
             radii = {name: one.r_px for name, one in detections.items() if one is not None and one.t_us == t_us}
             wrong = self._size.wrong(found.p_world_m, radii)

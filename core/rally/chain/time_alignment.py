@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras.stereo import interpolate_pixels
 from core.detection import Detection
+
+
+class AlignedPixels(NamedTuple):
+    """What the cameras (C) see at one time; nan where one sees nothing, or does not say how well."""
+
+    t_us: int
+    uvs_px: NDArray[np.float64]
+    """(C, 2)."""
+    covariances_px2: NDArray[np.float64]
+    """(C, 2, 2)."""
 
 
 class TimeAligner:
@@ -24,8 +35,8 @@ class TimeAligner:
         self._last: dict[str, list[Detection]] = {name: [] for name in self._names}
         self._given_us = -1
 
-    def add(self, detections: Mapping[str, Detection | None]) -> tuple[int, NDArray[np.float64]] | None:
-        """A new common time and the pixels (C, 2) of all cameras then, nan where one has none; None without two."""
+    def add(self, detections: Mapping[str, Detection | None]) -> AlignedPixels | None:
+        """The pixels of all cameras at a new common time; None without two of them."""
         new = {name: found for name, found in detections.items() if found is not None}
         if not new:
             return None
@@ -40,11 +51,17 @@ class TimeAligner:
         if np.isfinite(uvs[:, 0]).sum() < 2:
             return None
         self._given_us = t_us
-        return t_us, uvs
+        return AlignedPixels(t_us, uvs, np.array([self._covariance(name) for name in self._names]))
 
     def replace(self, name: str, found: Detection) -> None:
         """Put a better detection in the place of the camera's newest one."""
         self._last[name] = [*self._last[name][:-1], found]
+
+    def _covariance(self, name: str) -> NDArray[np.float64]:
+        """(2, 2) of the camera's newest detection."""
+        track = self._last[name]
+        said = track[-1].centre_covariance_px2 if track else None
+        return np.full((2, 2), np.nan) if said is None else said
 
     def _read(self, name: str, t_us: int) -> NDArray[np.float64]:
         track = self._last[name]

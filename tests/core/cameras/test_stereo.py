@@ -90,6 +90,23 @@ def test_the_covariance_is_that_of_many_noisy_looks(sigma_px: float) -> None:
     np.testing.assert_allclose(whitened, np.eye(3), atol=0.06)
 
 
+def test_pixels_may_bring_covariances_of_their_own() -> None:
+    cameras = three_cameras()
+    truth = np.array([-0.9, 0.2, 0.25])
+    rng = np.random.default_rng(4)
+    halves = rng.normal(0, 0.6, (3, 2, 2))
+    covariances = halves @ halves.transpose(0, 2, 1) + 0.05 * np.eye(2)
+    noise = np.stack([rng.multivariate_normal([0, 0], one, 20_000) for one in covariances], axis=1)
+    rig, exact = StereoRig(cameras), pixels(cameras, truth[None])
+    measured = np.cov(rig.triangulate(exact + noise).ps_world_m.T)
+    claimed = rig.triangulate_one(exact[0], covariances)
+    assert claimed is not None
+    root = np.linalg.cholesky(claimed.covariance_m2)
+    np.testing.assert_allclose(np.linalg.solve(root, np.linalg.solve(root, measured).T), np.eye(3), atol=0.06)
+    unsaid = rig.triangulate(exact, np.full((1, 3, 2, 2), np.nan)).covariances_m2
+    np.testing.assert_allclose(unsaid, rig.triangulate(exact).covariances_m2, rtol=1e-12)
+
+
 CROOKED = np.array([-0.2, 0.06, 0.02, -0.015, -0.01])
 """A lens that is mounted askew: tangential terms ten times as large as usual."""
 

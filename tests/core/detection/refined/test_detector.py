@@ -50,6 +50,27 @@ def test_the_stated_time_is_earlier_by_the_sensors_delay(make_scene, make_flight
         assert one is None or one.t_us == window.end_us - 430
 
 
+def test_what_has_vanished_is_not_seen_any_more(make_scene, make_flight) -> None:
+    """A slow ball's history is long: half of it would do for a fit."""
+    whole = make_scene(make_flight(du_px_per_ms=0.5, dv_px_per_ms=0.0), duration_us=90_000)
+    events = whole.slice(0, 60_000)
+    gone = type(whole)(events, 90_000)
+    found = detect(gone)
+    assert found and max(one.t_us for one in found) <= 66_000
+    assert max(one.t_us for one in detect(whole)) > 85_000
+
+
+def test_a_dot_that_turns_at_13_px_per_ms_is_followed_on_its_circle(shared_data) -> None:
+    stream = next(iter(open_recording(shared_data / "events/rotating_dot_evt2_640x480.raw").cameras.values()))
+    answers = run_detector(stream, make_detector("refined", stream.sensor), 1000)
+    u, v = answers.u_px[answers.detected], answers.v_px[answers.detected]
+    assert len(u) >= 35, "of 50 windows"
+    distance = np.hypot(u - 314.3, v - 202.4)
+    assert distance.mean() == pytest.approx(106.5, abs=1.5) and distance.std() <= 0.45
+    turned = np.polyfit(answers.t_us[answers.detected] * 1e-6, np.unwrap(np.arctan2(v - 202.4, u - 314.3)), 1)[0]
+    assert turned == pytest.approx(121.8, abs=0.7), "radians a second, as the disc is said to turn"
+
+
 def test_noise_and_hot_pixels_alone_are_no_ball(make_scene) -> None:
     assert detect(make_scene(noise_hz=20, duration_us=150_000)) == []
 

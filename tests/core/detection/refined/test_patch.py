@@ -43,6 +43,21 @@ def test_on_the_leading_edge_the_first_event_counts_and_on_the_trailing_one_the_
     assert all(events == 2 for *_, events, _ in points) and len(points) == 6
 
 
+def test_a_stretched_balls_edges_are_looked_for_ahead_and_behind() -> None:
+    stretched = BALL._replace(r=6.0, stretch=1.0)  # the rims at -1 ms: 104 + 2 ahead, 92 - 2 behind
+    ahead, behind = column_at(END_US - 1000, 106, True), column_at(END_US - 1000, 90, False)
+    points, _ = found(recent(*ahead, *behind), stretched)
+    assert {u for u, *_ in points} == {106.0, 90.0}
+    assert found(recent(*ahead, *behind), stretched._replace(r=10.0))[0] == [], "too large for them"
+
+
+def test_one_that_turns_is_looked_for_on_its_curve() -> None:
+    turning = BALL._replace(av=8.0)
+    points, _ = found(recent(*[(END_US - 1000, 106, y, True) for y in range(62, 67)]), turning)
+    assert {(u, v) for u, v, *_ in points} == {(106.0, 63.0), (106.0, 64.0), (106.0, 65.0)}
+    assert turning.at(-1.0)[:4] == (98.0, 64.0, 2.0, -8.0)
+
+
 def test_a_pixel_alone_and_one_far_from_the_rim_are_no_edge() -> None:
     alone, far = [(END_US - 1000, 106, 60, True)], column_at(END_US - 1000, 112, True)
     assert found(recent(*alone, *far)) == ([], 0)

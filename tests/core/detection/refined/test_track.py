@@ -12,16 +12,16 @@ from core.detection.refined_config import RefinedConfig
 
 CONFIG = RefinedConfig()
 BALL = MovingCircle(100.0, 50.0, 2.0, 0.0, 10.0)
-CLEAN = Quality(0.2, 120.0, 1.0, 1.0, 0.02, 0.1, 0.9, 5.0, 1.0)
-LIMB = Quality(0.43, 70.0, 0.9, 0.6, 0.15, 0.4, 0.58, 4.0, 1.0)
+CLEAN = Quality(0.2, 120.0, 1.0, 1.0, 0.02, 0.1, 0.9, 5.0, 1.0, 0.33)
+LIMB = Quality(0.43, 70.0, 0.9, 0.6, 0.15, 0.4, 0.58, 4.0, 1.0, 0.3)
 """Like the part of a person that a detector took for a ball for 100 ms."""
 
 
 def flown(quality: Quality, fits: int, *, px_per_ms: float = 2.0, r_px: float = 10.0, grows: float = 0.0) -> BallTrack:
-    track = BallTrack(0, BALL._replace(r=r_px), np.eye(5), quality)
+    track = BallTrack(0, BALL._replace(r=r_px), np.eye(6), quality)
     for ms in range(1, fits):
         ball = MovingCircle(100.0 + px_per_ms * ms, 50.0, px_per_ms, 0.0, r_px * (1 + grows * ms))
-        track.take(1000 * ms, ball, np.eye(5), quality)
+        track.take(1000 * ms, ball, np.eye(6), quality)
     return track
 
 
@@ -69,7 +69,7 @@ def test_another_thing_is_not_taken_for_the_same_ball() -> None:
     "worse",
     [
         {"residual_px": 0.6}, {"points": 11.0}, {"coverage_lead": 0.2}, {"coverage_lead": 0.4, "coverage_trail": 0.6},
-        {"inside": 0.31}, {"fill": 0.3}, {"stray": 0.6},
+        {"inside": 0.31}, {"fill": 0.3}, {"stray": 0.6}, {"fresh": 0.0},
     ],
 )  # fmt: skip
 def test_each_limit_of_a_single_fit_refuses(worse: dict[str, float]) -> None:
@@ -78,12 +78,39 @@ def test_each_limit_of_a_single_fit_refuses(worse: dict[str, float]) -> None:
 
 
 @pytest.mark.parametrize(
-    "ball", [BALL._replace(r=2.9), BALL._replace(r=41.0), BALL._replace(vu=0.1), BALL._replace(vu=26)]
+    "ball",
+    [
+        BALL._replace(r=2.9),
+        BALL._replace(r=41.0),
+        BALL._replace(vu=0.1),
+        BALL._replace(vu=26),
+        BALL._replace(stretch=3.0),
+        BALL._replace(stretch=-0.3),
+    ],
 )
 def test_so_do_sizes_and_speeds(ball: MovingCircle) -> None:
     assert not passes(ball, CLEAN, CONFIG)
     assert passes(BALL, CLEAN, replace(CONFIG, radius_min_px=9.9))
 
 
-def test_it_moves_on_at_constant_velocity() -> None:
-    assert flown(CLEAN, 3).at(7000) == pytest.approx((114.0, 50.0, 2.0, 0.0, 10.0))
+def test_one_with_half_an_edge_or_on_changing_ground_is_not_proved() -> None:
+    assert flown(CLEAN._replace(coverage_lead=0.4, residual_px=0.1), 20).evidence > CONFIG.evidence_min
+    assert not flown(CLEAN._replace(coverage_lead=0.4, residual_px=0.1), 20).proved(CONFIG, 0.0)
+    assert not flown(CLEAN._replace(brighter=0.3, residual_px=0.1), 20).proved(CONFIG, 0.0)
+
+
+def test_it_moves_on_as_before() -> None:
+    assert flown(CLEAN, 3).at(7000) == pytest.approx((114.0, 50.0, 2.0, 0.0, 10.0, 0.0, 0.0, 0.0))
+
+
+def test_its_acceleration_is_that_of_its_velocities() -> None:
+    turning = BallTrack(0, BALL._replace(vu=12.0), np.eye(6), CLEAN)
+    for ms in range(1, 60):
+        angle = 0.1 * ms
+        ball = MovingCircle(0.0, 0.0, 12 * np.cos(angle), 12 * np.sin(angle), 10.0)
+        turning.take(1000 * ms, ball, np.eye(6), CLEAN)
+    toward = turning.bend @ np.array([-np.sin(angle), np.cos(angle)])
+    assert toward == pytest.approx(1.2, rel=0.15)
+    jump = BallTrack(0, BALL, np.eye(6), CLEAN)
+    jump.take(1000, BALL._replace(vv=-2.0), np.eye(6), CLEAN)
+    assert abs(jump.bend[1]) < 0.05, "no ball turns on the spot"

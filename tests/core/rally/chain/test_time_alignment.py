@@ -1,5 +1,7 @@
 """Detections of cameras that answer at different times, read at one time."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -71,3 +73,23 @@ def test_a_better_detection_takes_the_place_of_the_newest() -> None:
     found = aligner.add({"left": None, "right": seen(2000, 5.0)})
     assert found is not None and found[0] == 2000
     np.testing.assert_allclose(found[1], [[15.0, 30.0], [5.0, 10.0]])
+
+
+@dataclass(frozen=True, slots=True)
+class SureDetection(Detection):
+    """One that says how sure it is."""
+
+    sigma_px: float = 0.1
+
+    @property
+    def centre_covariance_px2(self) -> np.ndarray:
+        return self.sigma_px**2 * np.eye(2)
+
+
+def test_the_covariances_are_those_of_the_newest_detections_where_they_are_said() -> None:
+    aligner = TimeAligner(("left", "right", "third"), 6000)
+    aligner.add({"left": SureDetection(1000, 1.0, 2.0, 6.0, 0.3), "right": seen(1000, 2.0)})
+    found = aligner.add({"left": SureDetection(3000, 2.0, 4.0, 6.0, 0.2), "right": seen(3000, 3.0)})
+    assert found is not None
+    np.testing.assert_allclose(found.covariances_px2[0], 0.04 * np.eye(2))
+    assert np.isnan(found.covariances_px2[1:]).all()
