@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 STRAYS: Final = 5
 """So many points in a row that do not fit begin a new flight."""
+SLOWEST_MPS: Final = 1.0
 NOTHING: Final = np.full((STATE, STATE), np.nan)
 
 
@@ -125,6 +126,7 @@ class FilterPredictor:
         rows, spread = np.empty((ROWS, STATE)), np.empty((TOUCHES, TOUCHES))
         now_s, lift = ball.t_us * 1e-6, ball.unrest.lift
         found = foresee(ball.state, ball.covariance, now_s, self._hit_x_m, lift, rows, spread)
+        _add_bias(spread, ball.state, self.config.bias_m)
         self.latest = _describe(found, spread, ball.t_us, self.stage, Paths(now_s, rows, lift))
         return self.latest
 
@@ -142,6 +144,19 @@ class FilterPredictor:
 
 def _log_odds(one: BallFilter) -> float:
     return one.log_odds
+
+
+def _add_bias(spread: Array, state: Array, bias_m: float) -> None:
+    """Add to the covariance (22, 22) of what is touched that all points may be off aside or in height.
+
+    By an error in height a ball meets the table earlier or later, not the hitting plane.
+    """
+    late_s = bias_m / max(abs(state[5]), SLOWEST_MPS)
+    for first in (0, 4, 8, 12):
+        for axis in (first + 2, first + 3):
+            spread[axis, axis] += bias_m**2
+        if first < 12:
+            spread[first, first] += late_s**2
 
 
 def _describe(found: Array, spread: Array, newest_us: int, stage: Stage, paths: Paths) -> Prediction:

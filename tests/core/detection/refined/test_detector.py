@@ -52,12 +52,10 @@ def test_the_stated_time_is_earlier_by_the_sensors_delay(make_scene, make_flight
 
 def test_what_has_vanished_is_not_seen_any_more(make_scene, make_flight) -> None:
     """A slow ball's history is long: half of it would do for a fit."""
-    whole = make_scene(make_flight(du_px_per_ms=0.5, dv_px_per_ms=0.0), duration_us=90_000)
-    events = whole.slice(0, 60_000)
-    gone = type(whole)(events, 90_000)
-    found = detect(gone)
-    assert found and max(one.t_us for one in found) <= 66_000
-    assert max(one.t_us for one in detect(whole)) > 85_000
+    whole = make_scene(make_flight(du_px_per_ms=0.5, dv_px_per_ms=0.0), duration_us=120_000)
+    found = detect(type(whole)(whole.slice(0, 80_000), 120_000))
+    assert found and max(one.t_us for one in found) <= 82_000
+    assert max(one.t_us for one in detect(whole)) > 115_000
 
 
 def test_a_dot_that_turns_at_13_px_per_ms_is_followed_on_its_circle(shared_data) -> None:
