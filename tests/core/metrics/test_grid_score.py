@@ -93,7 +93,7 @@ def test_only_times_that_count_are_asked_and_judged() -> None:
 
 
 def test_an_empty_truth_and_no_answers_are_scored_too() -> None:
-    nothing = PixelTruth(T[:0], *[np.empty(0)] * 3, np.empty(0, np.bool_))
+    nothing = PixelTruth(T[:0], np.empty(0), np.empty(0), np.empty(0), np.empty(0, np.bool_))
     assert (score(answers(EVERY_MS), nothing).answers, score(answers(EVERY_MS), nothing).asked) == (0, 0)
     assert score(answers(EVERY_MS[:0]), truth()).found == 0 < score(answers(EVERY_MS[:0]), truth()).asked
 
