@@ -115,6 +115,11 @@ def lock_descriptor(descriptor: int, *, shared: bool = False) -> None:
     fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
 
 
+def usable_cores() -> int:
+    """How many processes can work at a time: the cores that this one may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def end_with_parent() -> None:
     """In a child: end when the parent does, even if that was killed.
 

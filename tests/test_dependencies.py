@@ -22,6 +22,7 @@ EXTRAS_OF: Final = {
     "app/export/onnx_actor.py": ("onnx",),
     "core/bench/": ("bench",),
     "core/learning/runs/sb3_baselines.py": ("baselines",),
+    "core/tuning/search.py": ("tune",),
 }
 """Files that may need more than a newcomer installs."""
 WITHOUT_ITS_OWN: Final = {"labelimg"}

@@ -52,6 +52,7 @@ class ChildProcess:
         """Wait until it has ended and all that it said was read, and give its exit code."""
         code = self._process.wait()
         self._reader.join()
+        self._close_input()
         return code
 
     def stop(self) -> None:
@@ -62,14 +63,20 @@ class ChildProcess:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        self._close_input()
 
     def _read(self) -> None:
         assert self._process.stdout is not None
-        for line in self._process.stdout:
-            if line.strip():
-                self._said.append(line.strip())
-                self._on_line(line.strip())
+        with self._process.stdout as said:
+            for line in said:
+                if line.strip():
+                    self._said.append(line.strip())
+                    self._on_line(line.strip())
         self._on_end()
+
+    def _close_input(self) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.close()
 
 
 def give_way() -> None:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -20,6 +19,7 @@ from app.cli.arguments import DATA, PositiveInt, flag, positional
 from app.cli.detect import choose_camera
 from app.cli.detector_arguments import MethodArguments
 from app.cli.progress import progress_bar
+from app.cli.tables import json_ready
 from app.modes.label.sources import LabelSource, sources_of
 from core.detection import make_detector
 from core.errors import CommandError, LabelError
@@ -68,7 +68,7 @@ class LayerArguments:
 
     def tell(self, report: dict[str, object], lines: Iterable[str]) -> None:
         """What came out, for a program or a person."""
-        print(json.dumps(_plain(report)) if self.json else "\n".join(lines))
+        print(json.dumps(json_ready(report)) if self.json else "\n".join(lines))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,24 +233,32 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
 ACTS = {"import": run_import, "export": run_export, "score": run_score, "agree": run_agree}
 
 
-def _read_layer(arguments: LayerArguments, recording: Recording, stream: Labelled) -> LabelStore:
-    """The layer that is meant.
+def read_layers(
+    folder: Path, recording: Recording, cameras: Collection[str], annotator: str | None
+) -> tuple[LabelStore, ...]:
+    """What one annotator said of those cameras, a store for each that has labels.
 
     Raises:
-        CommandError: if there is none, or several and no name.
+        CommandError: if there is none, or several annotators and no name.
     """
-    folder = arguments.folder
-    layers = [layer for layer in find_layers(folder, recording.uuid) if layer.camera == stream.name and not layer.blind]
-    names = [layer.annotator for layer in layers]
+    layers = [layer for layer in find_layers(folder, recording.uuid) if layer.camera in cameras and not layer.blind]
+    names = sorted({layer.annotator for layer in layers})
     if not names:
         remedy = "label it in the app, or name the folder with --data"
-        raise CommandError(f"no labels of camera {stream.name!r} of this recording", where=folder, remedy=remedy)
-    if arguments.annotator is None and len(names) > 1:
+        which = f"{'camera' if len(cameras) == 1 else 'cameras'} {', '.join(map(repr, cameras))}"
+        raise CommandError(f"no labels of {which} of this recording", where=folder, remedy=remedy)
+    if annotator is None and len(names) > 1:
         raise CommandError("whose labels?", expected=f"--annotator with one of {', '.join(names)}")
-    name = arguments.annotator or names[0]
+    name = annotator or names[0]
     if name not in names:
         raise CommandError(f"no labels by {name!r}", expected=f"one of {', '.join(names)}", where="--annotator")
-    return LabelStore.read(folder, layers[names.index(name)])
+    return tuple(LabelStore.read(folder, layer) for layer in layers if layer.annotator == name)
+
+
+def _read_layer(arguments: LayerArguments, recording: Recording, stream: Labelled) -> LabelStore:
+    """The layer that is meant; raises CommandError."""
+    (store,) = read_layers(arguments.folder, recording, (stream.name,), arguments.annotator)
+    return store
 
 
 def _own_noise(folder: Path, store: LabelStore) -> Agreement | None:
@@ -283,12 +291,3 @@ def _frame_times(path: Path) -> NDArray[np.int64]:
         raise CommandError("cannot read the frame times", got=error.strerror, where=path) from error
     except (KeyError, TypeError, ValueError) as error:
         raise CommandError("not frame times", expected="a column t_us of whole numbers", where=path) from error
-
-
-def _plain(value: object) -> object:
-    """For JSON, which knows no nan."""
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

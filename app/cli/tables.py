@@ -1,6 +1,8 @@
-"""Rows of figures as text for a terminal."""
+"""Rows of figures as text for a terminal, and as JSON for a program."""
 
 from __future__ import annotations
+
+import math
 
 
 def format_table(rows: list[dict[str, object]]) -> str:
@@ -16,3 +18,12 @@ def _cell(value: object) -> str:
     if value is None:
         return "-"
     return f"{value:.3f}" if isinstance(value, float) else str(value)
+
+
+def json_ready(value: object) -> object:
+    """The same with None for what is not a finite number, which JSON does not know."""
+    if isinstance(value, dict):
+        return {key: json_ready(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [json_ready(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -61,6 +61,17 @@ class Library:
                 recording = self._open[name] = open_recording(self._path(name))
             return recording
 
+    def file_of(self, name: str) -> Path:
+        """The file of a recording, for another process to open.
+
+        Raises:
+            RecordingError: if there is none: it is live, or not in the list.
+        """
+        if name in self._live:
+            remedy = "record it in Watch, and open the recording"
+            raise RecordingError("a live recording has no file yet", got=repr(name), remedy=remedy)
+        return self._path(name)
+
     def health(self, name: str, camera: str) -> Health:
         """Health of one camera, worked out on first use (some 0.1 s)."""
         key = (name, camera)

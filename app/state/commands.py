@@ -218,6 +218,18 @@ class UseConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class UseBeside:
+    """Put a config that was found into B, and what it was found from into A, and show both on the same window."""
+
+    a: DetectorConfig
+    b: DetectorConfig
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        configs = state.configs.change(Configs(self.a, self.b), topic=None, wall_s=wall_s)
+        return replace(state, configs=configs, tune=replace(state.tune, slot="B", compare=True))
+
+
+@dataclass(frozen=True, slots=True)
 class CopyToOther:
     """Give the other slot the config that is being edited."""
 

@@ -20,6 +20,15 @@ METHODS: Final[dict[Method, str]] = {
     "refined": "both edges as one moving circle, every millisecond",
 }
 """Those that work, with what they are."""
+_STAGES: Final = (
+    "window", "hot_pixels", "flicker", "roi", "denoise", "cluster", "polarity", "geometry", "localise",
+)  # fmt: skip
+SECTIONS: Final[dict[Method, tuple[str, ...]]] = {
+    "auto": _STAGES,
+    "paper": _STAGES,
+    "refined": ("window", "refined"),
+}
+"""The sections of `DetectorConfig` that each takes its settings from."""
 STAGED: Final = frozenset({"auto", "paper"})
 """Those whose stages the readable pipeline shows."""
 PLANNED: Final = ("ebpp", "fe-fusion", "yolo")

@@ -6,6 +6,7 @@ different ones are compared on the same times.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -73,10 +74,12 @@ def score_on_grid(
     *,
     window_us: int,
     match_radius_px: float = MATCH_RADIUS_PX,
+    counts: Callable[[NDArray[np.int64]], NDArray[np.bool_]] | None = None,
 ) -> GridScore:
     """Compare answers with the truth: recall and errors of balls whose image moves in that range of speeds.
 
-    A time is found with an answer within half a window of it, or half a step of the grid if that is more.
+    A time is found with an answer within half a window of it, or half a step of the grid if that is more. Only times
+    (N,) where `counts` is true, of the grid and of the answers, are asked and counted; without it all of them.
     """
     low, high = speeds_px_per_ms
     grid = np.arange(truth.t_us[0], truth.t_us[-1], GRID_US) if len(truth.t_us) else np.empty(0, np.int64)
@@ -84,14 +87,21 @@ def score_on_grid(
     speed = image_velocity(truth, grid)
     speed = np.hypot(speed[:, 0], speed[:, 1])
     wanted &= (low <= speed) & (speed < high)
+    if counts is not None:
+        wanted &= counts(grid)
 
-    said = answers.detected & (answers.t_us >= truth.t_us[0]) & (answers.t_us <= truth.t_us[-1])
+    said = np.zeros(len(answers.t_us), np.bool_)
+    if len(truth.t_us):
+        said = answers.detected & (answers.t_us >= truth.t_us[0]) & (answers.t_us <= truth.t_us[-1])
     t_us, u, v = answers.t_us[said], answers.u_px[said], answers.v_px[said]
     there = truth.at(t_us)
     off_u, off_v = u - there.u_px, v - there.v_px
     error = np.hypot(off_u, off_v)
     match = there.visible & (np.nan_to_num(error, nan=np.inf) <= match_radius_px)
-    nearest = np.abs(grid[:, None] - t_us[match][None, :]).min(axis=1, initial=np.iinfo(np.int64).max)
+    nearest = _distance_us(grid, t_us[match])
+    if counts is not None:
+        mine = counts(t_us)
+        t_us, match, error, off_u, off_v = t_us[mine], match[mine], error[mine], off_u[mine], off_v[mine]
     moving = image_velocity(truth, t_us[match])
     fast = np.hypot(moving[:, 0], moving[:, 1])
     counted = (low <= fast) & (fast < high)
@@ -106,6 +116,16 @@ def score_on_grid(
         along_px=along[counted],
         speed_px_per_ms=fast[counted],
     )
+
+
+def _distance_us(grid: NDArray[np.int64], t_us: NDArray[np.int64]) -> NDArray[np.int64]:
+    """From each time of the grid to the nearest of some others; very far without any."""
+    if not len(t_us):
+        return np.full(len(grid), np.iinfo(np.int64).max)
+    ordered = np.sort(t_us)
+    after = np.searchsorted(ordered, grid)
+    later, earlier = ordered[np.minimum(after, len(ordered) - 1)], ordered[np.maximum(after - 1, 0)]
+    return np.minimum(np.abs(later - grid), np.abs(grid - earlier))
 
 
 def image_velocity(truth: PixelTruth, t_us: NDArray[np.int64], *, over_us: int = 1000) -> NDArray[np.float64]:

@@ -20,11 +20,11 @@ CROWDED = {"app/cli"}
 
 
 def test_the_light_parts_load_without_the_heavy_ones() -> None:
-    code = "import core.events, core.recordings, core.detection, labels, sys; print(*sys.modules)"
+    code = "import core.events, core.recordings, core.detection, core.tuning, labels, sys; print(*sys.modules)"
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
     ).stdout
-    assert not {"torch", "mujoco", "viser", "rerun"} & set(loaded.split())
+    assert not {"torch", "mujoco", "viser", "rerun", "optuna"} & set(loaded.split())
 
 
 def test_core_and_labels_know_no_browser() -> None:

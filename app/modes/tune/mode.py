@@ -8,6 +8,7 @@ from typing import Final
 from app.background.jobs import Job, Progress
 from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
+from app.modes.tune.auto.auto_tune import AutoTune
 from app.modes.tune.config_files import ConfigFilesPanel
 from app.modes.tune.label_score import LabelScore, find_reference, score_with_labels
 from app.modes.tune.results_panel import ResultsPanel
@@ -42,12 +43,13 @@ class TuneMode:
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
+        self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._cancel_score))
+        self._auto = AutoTune(host, self._results.show_tuned)
         self._files = ConfigFilesPanel(
             gui,
             lambda name: host.later(lambda: self._save_config(name)),
             lambda name: host.later(lambda: self._load_config(name)),
         )
-        self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._cancel_score))
         self._show_folders(False)
 
     @property
@@ -57,8 +59,8 @@ class TuneMode:
 
     @property
     def restless(self) -> bool:
-        """The progress of a score moves."""
-        return self._score is not None
+        """The progress of a score or a search moves."""
+        return self._score is not None or self._auto.running
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
@@ -69,8 +71,9 @@ class TuneMode:
         self._progress_s = self._offered_s = float("-inf")
 
     def use_recording(self, recording: Recording) -> None:
-        """The score of the recording before is not wanted any more."""
+        """What is computed of the recording before is not wanted any more."""
         self._cancel_score()
+        self._auto.cancel()
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
         """Make the controls follow the state, and ask for the picture that belongs to it."""
@@ -85,6 +88,7 @@ class TuneMode:
         if self._score is not None and wall_s - self._progress_s >= PROGRESS_EVERY_S:
             self._progress_s = wall_s
             self._results.score.show_progress(self._score.share)
+        self._auto.tick(wall_s)
         self._request_picture(state, now_us)
 
     def clicked(self, x: float, y: float) -> None:
@@ -97,6 +101,7 @@ class TuneMode:
         self._pictures.close()
         if self._score is not None:
             self._score.cancel()
+        self._auto.close()
 
     def _send(self, command: Command) -> None:
         """What a control asks for; if it is refused, the control shows the old value again."""
@@ -105,7 +110,7 @@ class TuneMode:
 
     def _show_folders(self, visible: bool) -> None:
         """No folder round them: each one deeper makes the column of the labels narrower."""
-        for panel in (self._view, self._settings, self._files):
+        for panel in (self._view, self._settings, self._auto.panel, self._files):
             panel.folder.visible = visible
 
     def _show_anew(self) -> None:

@@ -8,6 +8,7 @@ import viser
 
 from app.modes.tune.candidates import CandidatesTable
 from app.modes.tune.score import ScorePanel
+from app.modes.tune.settings import stage_counts_html
 from app.panels.below_pictures import place_below_pictures
 
 
@@ -20,4 +21,10 @@ class ResultsPanel:
             self.candidates = CandidatesTable(gui)
         with self.panel.add_tab("Score", viser.Icon.TARGET):
             self.score = ScorePanel(gui, start_score, cancel_score)
+        with self.panel.add_tab("Auto-tune", viser.Icon.WAND):
+            self._tuned = gui.add_html(stage_counts_html("nothing was tuned yet: open Auto-tune on the right"))
         place_below_pictures(gui, self.panel)
+
+    def show_tuned(self, content: str) -> None:
+        """What a search for thresholds has found."""
+        self._tuned.content = content

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from core.errors import RecordingError
-from core.files import end_with_parent, hold
+from core.files import end_with_parent, hold, usable_cores
 from core.rally.data_sets.card import write_card
 from core.rally.data_sets.facts import RecordingFacts, read_facts
 from core.rally.data_sets.make import make_recording, recording_path, remove_partials
@@ -74,16 +73,12 @@ def run_data_set(
             facts[planned.name] = read_facts(recording_path(folder, planned), planned)
             manifest = write_card(folder, plan, facts)
 
-        workers = min(jobs or _cores(), len(missing))
+        workers = min(jobs or usable_cores(), len(missing))
         if workers > 1:
             _make_in_parallel(missing, folder, workers, progress, done)
         else:
             _make_here(missing, folder, progress, done)
         return DataSetRun(folder, tuple(planned.name for planned in missing), kept, manifest)
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _locked(folder: Path) -> AbstractContextManager[object]:

@@ -84,3 +84,47 @@ def test_a_config_is_scored_over_the_recording(tune) -> None:
     tune.press("Score this config on the whole recording")
     tune.page.get_by_text("serve, left, config A").first.wait_for(timeout=60_000)
     tune.screenshot("score")
+
+
+def test_thresholds_are_tuned_and_the_result_is_b_beside_a(tune, wait_for) -> None:
+    tune.page.get_by_text("Auto-tune", exact=True).first.click()
+    tune.field("Trials").fill("12")
+    tune.screenshot("auto-tune-form")
+    tune.page.get_by_text("Thresholds", exact=True).click()
+    tune.page.get_by_text("Geometry", exact=True).last.click()
+    tune.screenshot("auto-tune-thresholds")
+    start = tune.state.configs.present.a
+    tune.press("Tune automatically")
+    tune.page.get_by_text("of 12 trials").wait_for(timeout=60_000)
+    tune.screenshot("auto-tune-running")
+    wait_for(lambda: tune.state.tune.compare, "the result", timeout_s=120)
+    configs = tune.state.configs.present
+    assert configs.a == start and tune.state.tune.slot == "B"
+    tune.page.get_by_role("tab", name="Auto-tune").click()
+    tune.page.get_by_text("held out", exact=True).wait_for()
+    assert tune.page.get_by_text("importance", exact=True).count() == 1
+    wait_for(lambda: len(tune.session.sheet.pictures) == 2, "two pictures")
+    tune.screenshot("auto-tune")
+    tune.key("z")
+    wait_for(lambda: tune.state.configs.present.b == start, "undo")
+
+
+def test_tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune, wait_for) -> None:
+    tune.page.get_by_text("Auto-tune", exact=True).first.click()
+    before = tune.state.configs.present
+    for _ in range(2):
+        tune.press("Tune automatically")
+        tune.page.get_by_text("of 64 trials").wait_for(timeout=60_000)
+        tune.press("Cancel tuning")
+        tune.page.get_by_text("of 64 trials").wait_for(state="hidden")
+    assert tune.state.configs.present == before and not tune.state.tune.compare
+
+
+def test_tuning_against_labels_that_there_are_not_says_so(tune) -> None:
+    tune.page.get_by_text("Auto-tune", exact=True).first.click()
+    against = tune.page.locator("label").filter(has_text="Against")
+    against.locator("xpath=ancestor::*[.//input][1]").locator("input").first.click()
+    tune.page.get_by_role("option", name="labels").click()
+    tune.press("Tune automatically")
+    tune.page.get_by_text("nobody has labelled this camera").wait_for()
+    tune.page.get_by_role("button", name="Tune automatically").wait_for()

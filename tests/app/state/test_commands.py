@@ -6,7 +6,7 @@ from app.state import commands as c
 from app.state.client_state import ClientState, Configs
 from app.state.playback import Playhead
 from app.state.undo import History
-from core.config import get_setting
+from core.config import get_setting, replace_setting
 from core.detection import DetectorConfig
 from core.errors import ConfigError
 
@@ -80,3 +80,13 @@ def test_another_camera_is_looked_at_as_a_whole(state: ClientState) -> None:
     zoomed = c.LookAt((3.0, 4.0)).apply(c.SetZoom(4.0).apply(state, 0.0), 0.0)
     assert zoomed.tune.centre_px == (3.0, 4.0)
     assert c.SetCamera("right").apply(zoomed, 0.0).tune == replace(zoomed.tune, centre_px=None)
+
+
+def test_a_config_that_was_found_stands_beside_the_one_it_was_found_from(state: ClientState) -> None:
+    path = ("cluster", "eps_px")
+    found = replace_setting(DetectorConfig(), path, 4.0)
+    edited = c.EditSetting(path, 5.0).apply(state, 0.0)  # while it was searched for
+    beside = c.UseBeside(state.config, found).apply(edited, 1.0)
+    assert beside.configs.present == Configs(state.config, found)
+    assert beside.tune.compare and beside.tune.slot == "B" and beside.config == found
+    assert c.Undo().apply(beside, 2.0).configs.present == edited.configs.present

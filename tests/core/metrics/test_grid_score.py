@@ -74,6 +74,30 @@ def test_long_windows_are_asked_once_a_window() -> None:
     assert score(answers(every_other), truth(), window_us=1000).recall == pytest.approx(0.5, abs=0.03)
 
 
+def test_only_times_that_count_are_asked_and_judged() -> None:
+    late = EVERY_MS > 40_000
+    said = answers(np.concatenate([EVERY_MS[~late], EVERY_MS[late] - 100]), off_v=0.5)
+    whole = score(said, truth())
+
+    def counted(start_us: int, end_us: int) -> GridScore:
+        return score_on_grid(
+            said, truth(), SENSOR, FAST, window_us=1000, counts=lambda t_us: (start_us <= t_us) & (t_us < end_us)
+        )
+
+    early, rest = counted(0, 30_000), counted(30_000, 60_001)
+    assert (early.asked, early.found, early.answers) == (19, 19, 30)
+    assert (early + rest).asked == whole.asked and (early + rest).answers == whole.answers
+    assert (early + rest).found == whole.found, "an answer just outside still finds a ball"
+    assert len((early + rest).error_px) == len(whole.error_px) == 59
+    assert counted(0, 0).answers == counted(0, 0).asked == 0
+
+
+def test_an_empty_truth_and_no_answers_are_scored_too() -> None:
+    nothing = PixelTruth(T[:0], np.empty(0), np.empty(0), np.empty(0), np.empty(0, np.bool_))
+    assert (score(answers(EVERY_MS), nothing).answers, score(answers(EVERY_MS), nothing).asked) == (0, 0)
+    assert score(answers(EVERY_MS[:0]), truth()).found == 0 < score(answers(EVERY_MS[:0]), truth()).asked
+
+
 def test_a_disc_that_is_cut_by_the_border_is_not_asked() -> None:
     leaving = truth(8.0)  # its rim is at the border at 46.6 ms
     assert score(answers(EVERY_MS, px_per_ms=8.0), leaving).asked == 46 - 10

@@ -1,0 +1,195 @@
+"""`rallyscope tune`: search for better thresholds of a detector, with half of the recording held out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from app.background.child import give_way, tell_parent
+from app.cli.arguments import DATA, Names, PositiveInt, flag, positional, setting_flag
+from app.cli.detect import choose_camera
+from app.cli.detector_arguments import MethodArguments
+from app.cli.ending import end_event
+from app.cli.files import check_folder
+from app.cli.labels import read_layers
+from app.cli.progress import progress_bar
+from app.cli.tables import format_table, json_ready
+from core.config import save_config
+from core.errors import CommandError
+from core.files import end_with_parent, usable_cores
+from core.recordings import Recording, open_recording
+from core.tuning import (
+    Objective,
+    TuningConfig,
+    TuningProgress,
+    TuningResult,
+    choose_parameters,
+    report_of,
+    truth_objective,
+    tune,
+)
+from core.tuning.split_score import Figures
+from labels.tuning_objective import label_objective
+
+Against = Literal["truth", "labels"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TuneArguments:
+    """Search for better thresholds of a detector.
+
+    Half of the recording, in blocks of time, is held out: the search never looks there, and what the thresholds are
+    worth there is shown beside. Ctrl-C ends it with the best so far.
+    """
+
+    recording: Path = positional("a recording that knows the truth, or that was labelled", "REC")
+    camera: str | None = flag("which camera", "NAME", "all of them")
+    detector: MethodArguments
+    against: Against = flag("what is right: the recording's ground truth, or a person's labels", default="truth")
+    annotator: str | None = flag("whose labels; needed if there are several", "NAME")
+    data: Path = flag("workspace with the labels", "DIR", DATA)
+    parameters: Names | None = flag(
+        "thresholds to search for, such as cluster.eps_px, or sections, such as cluster", "A,B...", "the usual ones"
+    )
+    trials: PositiveInt = setting_flag(TuningConfig, "trials", "N")
+    seed: int = setting_flag(TuningConfig, "seed", "N")
+    jobs: PositiveInt | None = flag("trials scored at a time; the answer does not depend on it", "N", "one per core")
+    out: Path = flag("the config that was found, for --config of the verbs that detect", "FILE.toml")
+    until_eof: bool = flag("end when standard input ends, as a child process should, and say each batch in a line")
+    json: bool = flag("print what was found as JSON")
+
+
+def run(arguments: TuneArguments) -> None:
+    """Search, write the best config, and say what it is worth."""
+    check_folder(arguments.out)
+    method, start = arguments.detector.method, arguments.detector.settings()
+    config = TuningConfig(trials=arguments.trials, seed=arguments.seed)
+    parameters = choose_parameters(method, start, arguments.parameters)
+    if arguments.until_eof:
+        give_way()
+        end_with_parent()
+    with closing(open_recording(arguments.recording)) as recording:
+        cameras = tuple(recording.cameras)
+        if arguments.camera is not None:
+            cameras = (choose_camera(recording, arguments.camera).name,)
+        objective = _objective(arguments, recording, cameras, config)
+    ended = end_event()
+    with _told(arguments.until_eof) as progress:
+        result = tune(
+            objective,
+            method,
+            start,
+            parameters,
+            config,
+            jobs=arguments.jobs or usable_cores(),
+            progress=progress,
+            cancelled=ended.is_set,
+        )
+    if result is None:
+        raise KeyboardInterrupt  # before anything was found, and nothing is written
+    save_config(result.best, arguments.out)
+    about = {
+        "recording": str(arguments.recording),
+        "cameras": list(cameras),
+        "method": method,
+        "against": arguments.against,
+        "seed": arguments.seed,
+        "asked": arguments.trials,
+        "out": str(arguments.out),
+    }
+    print(json.dumps(json_ready(about | report_of(result))) if arguments.json else _describe(arguments, result))
+
+
+def _objective(
+    arguments: TuneArguments, recording: Recording, cameras: tuple[str, ...], config: TuningConfig
+) -> Objective:
+    method, start = arguments.detector.method, arguments.detector.settings()
+    if arguments.against == "truth":
+        if arguments.annotator is not None:
+            raise CommandError("goes with --against labels", where="--annotator")
+        return truth_objective(arguments.recording, recording, cameras, method, start, config)
+    stores = read_layers(arguments.data / "labels", recording, cameras, arguments.annotator)
+    labels = {store.layer.camera: store.labels() for store in stores}
+    return label_objective(arguments.recording, method, labels, config)
+
+
+@contextmanager
+def _told(in_lines: bool) -> Iterator[Callable[[TuningProgress], None]]:
+    """A bar for a person, or lines for a parent process."""
+    if in_lines:
+        yield lambda state: tell_parent(_line(state))
+        return
+    with progress_bar("Tuning") as show:
+        yield lambda state: show(state.done / state.trials)
+
+
+def _line(state: TuningProgress) -> str:
+    best = "" if state.best is None else f", best {state.best.tuned.objective:.4f}"
+    return f"{state.done} of {state.trials} trials{best}"
+
+
+def _describe(arguments: TuneArguments, result: TuningResult) -> str:
+    start, best = result.trials[0], result.trials[result.best_trial]
+    name = f"trial {result.best_trial}"
+    rows = [
+        _row("tuned on", "start", start.tuned),
+        _row("", name, best.tuned),
+        _row("held out", "start", start.held_out),
+        _row("", name, best.held_out),
+    ]
+    ended = f"ended early, after {len(result.trials)} of" if result.stopped else "all"
+    lines = [
+        f"{arguments.detector.method} against {arguments.against}, {ended} {arguments.trials} trials",
+        format_table(rows if result.best_trial else rows[::2]),
+        "",
+        format_table(_parameter_rows(result)),
+        "",
+        _verdict(result),
+        f"the config: {arguments.out}",
+    ]
+    return "\n".join(lines)
+
+
+def _row(side: str, config: str, figures: Figures) -> dict[str, object]:
+    return {
+        "windows": side,
+        "config": config,
+        "precision": figures.precision,
+        "recall": figures.recall,
+        "median error [px]": figures.median_error_px,
+        "objective": figures.objective,
+    }
+
+
+def _parameter_rows(result: TuningResult) -> list[dict[str, object]]:
+    """The most important first, and those whose importance is not known in the config's order."""
+    names = list(result.importance) or list(result.trials[0].values)
+    rows = []
+    for name in names:
+        before, after = result.changed.get(name, (result.trials[0].values[name], None))
+        rows.append(
+            {
+                "threshold": name,
+                "start": _said(before),
+                "found": _said(after),
+                "importance": result.importance.get(name),
+            }
+        )
+    return rows
+
+
+def _said(value: object) -> object:
+    return f"{value:g}" if isinstance(value, float) else value
+
+
+def _verdict(result: TuningResult) -> str:
+    if result.best_trial == 0:
+        return "Nothing better was found than the config to start from."
+    start, best = result.trials[0].held_out.objective, result.trials[result.best_trial].held_out.objective
+    if result.better_held_out:
+        return f"On the held-out windows it is better, too: {start:.3f} before, {best:.3f} now."
+    return f"On the held-out windows it is NOT better: {start:.3f} before, {best:.3f} now. It fits the tuned ones only."

@@ -1,0 +1,120 @@
+"""The controls of automatic tuning: what to search for, how long, and against what."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Final, cast, get_args
+
+import viser
+
+from app.modes.tune.auto.run import Against, starting_config
+from app.modes.tune.settings import stage_counts_html
+from app.panels.field_control import field_label, section_title
+from app.widgets import when_changed, when_clicked
+from core.config import field_specs
+from core.detection import DetectorConfig
+from core.detection.methods import METHODS
+from core.errors import CommandError
+from core.tuning import TuningConfig, choose_parameters
+from core.tuning.parameters import tunable_parameters
+
+MOST_TRIALS: Final = 5000
+LARGEST_SEED: Final = 2**31 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class AutoTuneForm:
+    """What the controls say."""
+
+    method: str
+    against: Against
+    parameters: tuple[str, ...]
+    trials: int
+    seed: int
+    all_cameras: bool
+
+
+class AutoTunePanel:
+    """Of one browser; `start` and `cancel` are called from viser's event loop."""
+
+    def __init__(self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None]) -> None:
+        self.folder = gui.add_folder("Auto-tune", expand_by_default=False)
+        config = TuningConfig()
+        with self.folder:
+            self._method = gui.add_dropdown("Method", tuple(METHODS), hint="Starts from config A; B becomes the result")
+            self._against = gui.add_dropdown("Against", get_args(Against), hint="What is right")
+            self._trials = gui.add_number("Trials", config.trials, min=1, max=MOST_TRIALS, step=1)
+            self._seed = gui.add_number("Seed", config.seed, min=0, max=LARGEST_SEED, step=1)
+            self._all_cameras = gui.add_checkbox("All cameras", True, hint="Or only the one that is looked at")
+            self._start = gui.add_button("Tune automatically", icon=viser.Icon.WAND)
+            self._cancel = gui.add_button("Cancel tuning", icon=viser.Icon.X, visible=False)
+            self._progress = gui.add_progress_bar(0.0, visible=False)
+            self._line = gui.add_html("", visible=False)
+            self._ticks, self._sections = _add_ticks(gui)
+        when_changed(self._method, lambda method: self._use_method(str(method)))
+        when_clicked(self._start, start)
+        when_clicked(self._cancel, cancel)
+        self._use_method(next(iter(METHODS)))
+
+    @property
+    def form(self) -> AutoTuneForm:
+        """What is asked for.
+
+        Raises:
+            CommandError: if no threshold is chosen, or a value is none that the controls offer.
+        """
+        method, against = str(self._method.value), str(self._against.value)
+        if method not in METHODS or against not in get_args(Against):
+            raise CommandError("no such choice", got=f"{method[:20]}, {against[:20]}")
+        chosen = tuple(name for name, tick in self._ticks.items() if tick.visible and tick.value)
+        if not chosen:
+            raise CommandError("no thresholds to tune", remedy="tick some under Thresholds")
+        trials, seed = _whole(self._trials.value, 1, MOST_TRIALS), _whole(self._seed.value, 0, LARGEST_SEED)
+        return AutoTuneForm(method, cast(Against, against), chosen, trials, seed, bool(self._all_cameras.value))
+
+    def show_running(self, running: bool) -> None:
+        """Swap the start button for progress and cancel."""
+        self._start.visible = not running
+        self._cancel.visible = self._progress.visible = self._line.visible = running
+        self._progress.value = 0.0
+        self._line.content = stage_counts_html("reading the recording")
+
+    def show_progress(self, share: float, line: str) -> None:
+        """How far it is, as a bar and in words."""
+        self._progress.value = 100.0 * share
+        if line:
+            self._line.content = stage_counts_html(line)
+
+    def _use_method(self, method: str) -> None:
+        """Offer the thresholds of that method, the usual ones ticked."""
+        if method not in METHODS:
+            return
+        start = starting_config(method, DetectorConfig())
+        offered = {parameter.name for parameter in tunable_parameters(method, start)}
+        usual = {parameter.name for parameter in choose_parameters(method, start)}
+        for name, tick in self._ticks.items():
+            tick.visible, tick.value = name in offered, name in usual
+        for section, folder in self._sections.items():
+            folder.visible = any(name.startswith(f"{section}.") for name in offered)
+
+
+def _whole(value: object, low: int, high: int) -> int:
+    """A whole number in that range, from what a browser sent."""
+    if not isinstance(value, (int, float)) or not low <= value <= high:
+        raise CommandError("not a possible number", expected=f"{low} to {high}", got=repr(value)[:20])
+    return int(value)
+
+
+def _add_ticks(gui: viser.GuiApi) -> tuple[dict[str, viser.GuiCheckboxHandle], dict[str, viser.GuiFolderHandle]]:
+    """A check box for every threshold of every method, by name, in a folder for each section."""
+    ticks: dict[str, viser.GuiCheckboxHandle] = {}
+    sections: dict[str, viser.GuiFolderHandle] = {}
+    with gui.add_folder("Thresholds", expand_by_default=False):
+        for section, specs in groupby(field_specs(DetectorConfig), lambda spec: spec.path[0]):
+            sections[section] = gui.add_folder(section_title((section,)), expand_by_default=False)
+            with sections[section]:
+                for spec in specs:
+                    ticks[".".join(spec.path)] = gui.add_checkbox(f"Tune {field_label(spec)}", False, hint=spec.doc)
+    return ticks, sections

@@ -1,0 +1,165 @@
+"""The search for better thresholds: start, proposals in batches, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from core.config import Setting, get_setting
+from core.detection import DetectorConfig
+from core.detection.methods import method_config
+from core.errors import CommandError, ConfigError
+from core.tuning.config import TuningConfig
+from core.tuning.evaluate import Evaluate, evaluating
+from core.tuning.objective import Cancelled, Objective, TuningStoppedError
+from core.tuning.parameters import Parameter, config_with
+from core.tuning.split_score import WORST, Figures, figures_of
+
+if TYPE_CHECKING:
+    from core.tuning.search import Search
+
+_IMPOSSIBLE: Final = Figures(float("nan"), float("nan"), float("nan"), WORST, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class TuningTrial:
+    """One config and what it was worth."""
+
+    values: Mapping[str, Setting]
+    """Of the parameters, by name."""
+    tuned: Figures
+    held_out: Figures
+    possible: bool = True
+    """False if the values do not go together; nothing was run then."""
+
+
+@dataclass(frozen=True, slots=True)
+class TuningProgress:
+    """How far a search is."""
+
+    done: int
+    """Trials that are scored."""
+    trials: int
+    """That will be."""
+    best: TuningTrial | None
+    """So far; None before the first batch is told."""
+
+
+@dataclass(frozen=True, slots=True)
+class TuningResult:
+    """What a search found. The best config is the one to start from, if none was better where it was tuned."""
+
+    start: DetectorConfig
+    best: DetectorConfig
+    best_trial: int
+    """Its number; 0 is the config to start from."""
+    trials: tuple[TuningTrial, ...]
+    importance: Mapping[str, float]
+    """Share of each parameter in what made trials differ, the largest first; empty if nothing can be said."""
+    stopped: bool
+    """Whether it was ended early: only whole batches are in it."""
+
+    @property
+    def changed(self) -> dict[str, tuple[Setting, Setting]]:
+        """The parameters whose best value is another than that to start from: both."""
+        pairs = {}
+        for name in self.trials[0].values:
+            path = tuple(name.split("."))
+            pairs[name] = (get_setting(self.start, path), get_setting(self.best, path))
+        return {name: pair for name, pair in pairs.items() if pair[0] != pair[1]}
+
+    @property
+    def better_held_out(self) -> bool:
+        """Whether the best config is also better where nothing was tuned."""
+        return self.trials[self.best_trial].held_out.objective > self.trials[0].held_out.objective
+
+
+def tune(
+    objective: Objective,
+    method: str,
+    start: DetectorConfig,
+    parameters: Sequence[Parameter],
+    config: TuningConfig | None = None,
+    *,
+    jobs: int = 1,
+    progress: Callable[[TuningProgress], None] = lambda state: None,
+    cancelled: Cancelled = lambda: False,
+) -> TuningResult | None:
+    """Search for values of the parameters with which the method is worth most, on the side of the split that is tuned.
+
+    Trials are proposed in batches and answered in their order, so that the result depends on the seed and not on how
+    many processes score them. When `cancelled()` becomes true, it is that of the batches so far; None before the first.
+
+    Raises:
+        CommandError: without optuna, or if a process dies.
+        ConfigError: without parameters.
+    """
+    if not parameters:
+        raise ConfigError("no parameters to tune")
+    config, first = config or TuningConfig(), method_config(method, start)
+    search = _search(parameters, first, config.seed)
+    run = _Run(search, first, config.trials, progress)
+    stopped = False
+    try:
+        with evaluating(objective, min(jobs, config.batch), cancelled) as evaluate:
+            run.batch(1, evaluate)
+            while len(run.trials) < config.trials:
+                run.batch(min(config.batch, config.trials - len(run.trials)), evaluate)
+    except TuningStoppedError:
+        stopped = True
+    if not run.trials:
+        return None
+    number, trials = run.best, tuple(run.trials)
+    best = first if number == 0 else config_with(first, trials[number].values)
+    return TuningResult(first, best, number, trials, search.importance(), stopped)
+
+
+class _Run:
+    """The trials of one search so far."""
+
+    def __init__(
+        self, search: Search, start: DetectorConfig, count: int, progress: Callable[[TuningProgress], None]
+    ) -> None:
+        self.trials: list[TuningTrial] = []
+        self._search = search
+        self._start = start
+        self._count = count
+        self._progress = progress
+        self._known: dict[DetectorConfig, tuple[Figures, Figures]] = {}
+
+    @property
+    def best(self) -> int:
+        """The number of the best trial, the first of equals."""
+        return max(range(len(self.trials)), key=lambda number: self.trials[number].tuned.objective)
+
+    def batch(self, size: int, evaluate: Evaluate) -> None:
+        """Propose, score and tell so many trials. The first of all is the config to start from, exactly as it is."""
+        proposals = self._search.ask(size)
+        configs = [self._config(values) for values in proposals] if self.trials else [self._start]
+        new = [config for config in dict.fromkeys(configs) if config is not None and config not in self._known]
+        done, known = len(self.trials), size - len(new)
+        best = self.trials[self.best] if self.trials else None
+        scores = evaluate(new, lambda ready: self._progress(TuningProgress(done + known + ready, self._count, best)))
+        for config, score in zip(new, scores, strict=True):
+            self._known[config] = figures_of(score.tuned), figures_of(score.held_out)
+        for values, config in zip(proposals, configs, strict=True):
+            figures = (_IMPOSSIBLE, _IMPOSSIBLE) if config is None else self._known[config]
+            self.trials.append(TuningTrial(values, *figures, possible=config is not None))
+        self._search.tell([trial.tuned.objective for trial in self.trials[done:]])
+        self._progress(TuningProgress(len(self.trials), self._count, self.trials[self.best]))
+
+    def _config(self, values: Mapping[str, Setting]) -> DetectorConfig | None:
+        """None if the values do not go together."""
+        try:
+            return config_with(self._start, values)
+        except ConfigError:
+            return None
+
+
+def _search(parameters: Sequence[Parameter], start: DetectorConfig, seed: int) -> Search:
+    try:
+        from core.tuning.search import Search
+    except ImportError as error:
+        raise CommandError("tuning needs optuna", remedy="pip install 'rallyscope[tune]'") from error
+    return Search(parameters, start, seed)
