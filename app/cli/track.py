@@ -33,7 +33,7 @@ def run(arguments: TrackArguments) -> None:
     """Track, write, and say what came out."""
     method, (detector, window_us) = arguments.detector.method, arguments.detector.settings()
     check_folder(arguments.out)
-    config = ChainConfig(method=method, detector=detector)
+    config = ChainConfig.of_method(method, detector)
     with closing(open_recording(arguments.recording)) as recording:
         with progress_bar("Tracking") as progress:
             track = follow_recording(recording, config, window_us, progress=progress)

@@ -147,16 +147,11 @@ def _log_odds(one: BallFilter) -> float:
 
 
 def _add_bias(spread: Array, state: Array, bias_m: float) -> None:
-    """Add to the covariance (22, 22) of what is touched that all points may be off aside or in height.
-
-    By an error in height a ball meets the table earlier or later, not the hitting plane.
-    """
-    late_s = bias_m / max(abs(state[5]), SLOWEST_MPS)
-    for first in (0, 4, 8, 12):
-        for axis in (first + 2, first + 3):
+    """Add to the covariance (22, 22) of what is touched that all points may be off: so are place and time."""
+    for first, velocity_mps in ((0, state[5]), (4, state[5]), (8, state[5]), (12, state[3])):
+        spread[first, first] += (bias_m / max(abs(velocity_mps), SLOWEST_MPS)) ** 2
+        for axis in range(first + 1, first + 4):
             spread[axis, axis] += bias_m**2
-        if first < 12:
-            spread[first, first] += late_s**2
 
 
 def _describe(found: Array, spread: Array, newest_us: int, stage: Stage, paths: Paths) -> Prediction:

@@ -32,8 +32,8 @@ class FilterConfig:
     noise_m: float = setting(0.0, 0.0, 0.1, step=0.0005)
     """Added to the covariance that an observation brings."""
     bias_m: float = setting(0.0, 0.0, 0.1, step=0.0001)
-    """By which the observations of a flight may all be off, aside or in height (standard deviation): more of them do not
-    make it less, so it is added to what is predicted."""
+    """By which the observations of a flight may all be off along each axis (standard deviation): more do not make it
+    less, so it is added to what is predicted."""
     adapt_points: int = setting(8, 0, 10_000)
     """The scale of the noise is learnt from the innovations, as if so many points had spoken for what was said of it;
     0 takes it for granted."""

@@ -1,12 +1,13 @@
 """How well the flight is predicted from what two event cameras see: the filter, the chain's fit and the paper's rule.
 
-Profile `real`, serves with spin, the serve speeds in turn, cameras of the `side` placement, windows of 2 ms. Balls are
-seen once and kept: an interrupted bench goes on where it was, and predictors can be tried again on the same points.
+Profile `real` with air and table drawn anew for every ball, serves with spin, the serve speeds in turn, cameras of the
+`side` placement, windows of 2 ms. The same balls are seen with the detectors `refined` and `auto`. Balls are seen once
+and kept: an interrupted bench goes on where it was, and predictors can be tried again on the same points.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -15,20 +16,22 @@ import numpy as np
 
 from core.bench.machine import describe_machine
 from core.bench.prediction import bench_prediction
-from core.bench.prediction.perceived_balls import SEED, PerceivedBall, perceived_ball
+from core.bench.prediction.perceived_balls import SEED, PerceivedBall, chain_of, perceived_ball
 from core.bench.prediction.prediction_errors import PredictionErrors, rounded
 from core.bench.prediction.prediction_report import PerceivedFigures, write_prediction_report
+from core.detection.methods import Method
 from core.physics.task import STAGE_SPEEDS_MPS
-from core.rally.chain.config import ChainConfig
-from core.rally.chain.physics import chain_for_physics
 from core.trajectory import PaperPredictor, Predictor, predictor_for
 
 Progress = Callable[[float], None]
+SeenBalls = Mapping[Method, dict[float, list[PerceivedBall]]]
+"""By detector and speed, in m/s."""
 
 FOLDER: Final = Path("rallyscope-data/bench-prediction")
 REPORT: Final = Path("docs/prediction-report.md")
 PER_SPEED: Final = 30
 """210 balls over the seven speeds."""
+METHODS: Final[tuple[Method, ...]] = ("refined", "auto")
 FEWEST_POINTS: Final = 5
 """A ball counts as seen from so many points on."""
 
@@ -37,10 +40,11 @@ def run(
     progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, count: int = PER_SPEED
 ) -> dict[str, object]:
     """A row per method and speed for `count` balls of each speed, the report's place, and the machine."""
-    balls: dict[float, list[PerceivedBall]] = {speed: [] for speed in STAGE_SPEEDS_MPS}
+    balls: SeenBalls = {method: {speed: [] for speed in STAGE_SPEEDS_MPS} for method in METHODS}
     for number in range(count):  # all speeds in turn: whatever there is, each has its share
-        for speed in STAGE_SPEEDS_MPS:
-            balls[speed].append(perceived_ball(folder / "balls", speed, number))
+        for method, by_speed in balls.items():
+            for speed, seen in by_speed.items():
+                seen.append(perceived_ball(folder / "balls", speed, number, method))
         progress(0.9 * (number + 1) / count)
     perceived = evaluate(balls)
     exact = bench_prediction.measure_prediction(bench_prediction.PER_SPEED, lambda share: progress(0.9 + 0.1 * share))
@@ -49,34 +53,38 @@ def run(
     return {"rows": perceived.rows, "leads": perceived.leads, "report": str(report), "machine": machine}
 
 
-def evaluate(balls: dict[float, list[PerceivedBall]]) -> PerceivedFigures:
-    """What each method says while it is told the points."""
-    config = chain_for_physics(ChainConfig(), bench_prediction.spinning_task().physics)
+def evaluate(balls: SeenBalls) -> PerceivedFigures:
+    """What each method says while it is told the points of its detector."""
     rows: list[dict[str, object]] = []
-    whole = {name: PredictionErrors() for name in _predictors(config)}
-    for speed, seen in balls.items():
-        for name, predictor in _predictors(config).items():
-            errors = PredictionErrors()
-            for ball in seen:
-                predictor.reset()
-                said = ball.predict(predictor)
-                errors.score(said, ball.truth)
-                whole[name].score(said, ball.truth)
-            rows.append({"speed_mps": speed, "method": name, "balls": len(seen)} | errors.row() | _seen(seen))
-    everything = [ball for seen in balls.values() for ball in seen]
-    total = [
-        {"speed_mps": "all", "method": name, "balls": len(everything)} | errors.row() | _seen(everything)
-        for name, errors in whole.items()
-    ]
-    leads = [{"method": name} | lead for name, errors in whole.items() for lead in errors.leads()]
+    total: list[dict[str, object]] = []
+    leads: list[dict[str, object]] = []
+    for detector, by_speed in balls.items():
+        whole = {name: PredictionErrors() for name in _predictors(detector)}
+        for speed, seen in by_speed.items():
+            for name, predictor in _predictors(detector).items():
+                errors = PredictionErrors()
+                for ball in seen:
+                    predictor.reset()
+                    said = ball.predict(predictor)
+                    errors.score(said, ball.truth)
+                    whole[name].score(said, ball.truth)
+                rows.append({"speed_mps": speed, "method": name, "balls": len(seen)} | errors.row() | _seen(seen))
+        everything = [ball for seen in by_speed.values() for ball in seen]
+        for name, errors in whole.items():
+            total.append({"speed_mps": "all", "method": name, "balls": len(everything)} | errors.row())
+            total[-1] |= _seen(everything)
+            leads += [{"method": name} | lead for lead in errors.leads()]
     return PerceivedFigures([*rows, *total], leads)
 
 
-def _predictors(config: ChainConfig) -> dict[str, Predictor]:
+def _predictors(detector: Method) -> dict[str, Predictor]:
     """By name; the paper's rule has the medians of recorded bounces, which its profile has too."""
+    config = chain_of(detector)
+    if detector == "auto":
+        return {"filter-auto": config.make_predictor()}
     paper = PaperPredictor(predictor_for("real", hit_x_m=config.predictor.hit_x_m))
     fit = replace(config, prediction="fit").make_predictor()
-    return {"filter": replace(config, prediction="filter").make_predictor(), "fit": fit, "paper": paper}
+    return {"filter": config.make_predictor(), "fit": fit, "paper": paper}
 
 
 def _seen(balls: Sequence[PerceivedBall]) -> dict[str, object]:

@@ -1,18 +1,24 @@
-"""Balls of the physics `real` as two event cameras and the chain see them: points in space, kept for later trials."""
+"""Balls of the physics `real` as two event cameras and the chain see them: points in space, kept for later trials.
+
+No two balls have the same air and table: their constants are drawn as far about the fitted ones as the filter expects.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+import math
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.bench.prediction.bench_prediction import spinning_task, truth_of
+from core.bench.prediction.bench_prediction import SPIN_RADPS, spinning_task, truth_of
 from core.bench.prediction.prediction_errors import FlightTruth, PredictionSeries
 from core.cameras import stereo_preset
+from core.detection.methods import Method
 from core.files import replacing
+from core.physics.config import PhysicsConfig
 from core.rally.chain.block_windows import block_windows
 from core.rally.chain.chain import RallyChain
 from core.rally.chain.config import ChainConfig
@@ -21,7 +27,7 @@ from core.rally.simulated.world import SimulatedWorld, WorldConfig
 from core.simulation.episodes import draw_serves, fly_serves
 from core.simulation.episodes.closed_form import sample_serves
 from core.simulation.event_cameras.event_camera import BLOCK_US
-from core.trajectory import Predictor
+from core.trajectory import FilterConfig, Predictor
 
 Array = NDArray[np.float64]
 
@@ -63,11 +69,11 @@ class PerceivedBall:
         return series
 
 
-def perceived_ball(folder: Path, speed_mps: float, number: int) -> PerceivedBall:
-    """The ball of a speed with a number: from its file, or seen now and kept."""
-    path = folder / f"{speed_mps:g}mps-{number:03d}.npz"
+def perceived_ball(folder: Path, speed_mps: float, number: int, method: Method) -> PerceivedBall:
+    """The ball of a speed with a number as a detector sees it: from its file, or seen now and kept."""
+    path = folder / f"{method}-{speed_mps:g}mps-{number:03d}.npz"
     if not path.exists():
-        columns = asdict(perceive_ball(speed_mps, number))
+        columns = asdict(perceive_ball(speed_mps, number, method))
         columns["truth"] = np.hstack(list(columns["truth"].values()))
         with replacing(path, durable=False) as partial, partial.open("wb") as file:
             np.savez(file, **columns)
@@ -77,15 +83,34 @@ def perceived_ball(folder: Path, speed_mps: float, number: int) -> PerceivedBall
     return PerceivedBall(**columns, truth=FlightTruth(float(t[0]), t[1:4], float(t[4]), t[5:8]))
 
 
-def perceive_ball(speed_mps: float, number: int) -> PerceivedBall:
+def chain_of(method: Method) -> ChainConfig:
+    """A chain that knows of the physics how these balls are drawn: the fitted constants, and how much serves spin."""
+    chain = chain_for_physics(ChainConfig.of_method(method), spinning_task().physics)
+    return replace(chain, filter=replace(chain.filter, spin_sigma_radps=SPIN_RADPS / math.sqrt(3.0)))
+
+
+def draw_physics(physics: PhysicsConfig, rng: np.random.Generator) -> PhysicsConfig:
+    """Other air and another table, spread as `FilterConfig` says of what it does not know."""
+    spread = FilterConfig()
+    air = replace(physics.air, drag_coefficient=physics.air.drag_coefficient + rng.normal(0.0, spread.drag_sigma))
+    table = replace(
+        physics.table,
+        restitution=min(0.995, physics.table.restitution + rng.normal(0.0, spread.restitution_sigma)),
+        friction=max(0.05, physics.table.friction + rng.normal(0.0, spread.friction_sigma)),
+    )
+    return replace(physics, air=air, table=table)
+
+
+def perceive_ball(speed_mps: float, number: int, method: Method) -> PerceivedBall:
     """Serve the ball in a world of its own and watch it."""
-    task, cameras = spinning_task(), stereo_preset()
     seed = [SEED, round(1000 * speed_mps), number]
+    task, cameras = spinning_task(), stereo_preset()
+    task = replace(task, physics=draw_physics(task.physics, np.random.default_rng([*seed, 1])))
     serve = draw_serves(speed_mps, 1, task, np.random.default_rng(seed))
     arrivals = fly_serves(serve, task)
     truth = truth_of(arrivals)
     world = SimulatedWorld(WorldConfig(task=task), cameras, int(np.random.SeedSequence(seed).generate_state(1)[0]))
-    chain = RallyChain(cameras, chain_for_physics(ChainConfig(), task.physics))
+    chain = RallyChain(cameras, chain_of(method))
     rows: list[tuple[int, int, bool, Array, Array]] = []
     try:
         for _ in range(QUIET_BLOCKS):

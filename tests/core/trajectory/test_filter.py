@@ -274,6 +274,20 @@ def test_the_first_spread_is_what_the_configuration_says() -> None:
     np.testing.assert_array_equal(one.state, expected)
 
 
+def test_a_bias_of_all_points_widens_what_is_predicted_and_moves_nothing() -> None:
+    t_s = np.arange(0, 200) * 1e-3
+    ps = path(np.concatenate([START, REAL]), t_s)[:, :3]
+    sure, doubtful = (feed(FilterPredictor(FilterConfig(bias_m=bias)), t_s, ps).predict() for bias in (0.0, 0.005))
+    assert sure is not None and doubtful is not None
+    for a, b in ((sure.landing, doubtful.landing), (sure.hit_plane, doubtful.hit_plane)):
+        assert a is not None and b is not None
+        np.testing.assert_array_equal(a.p_world_m, b.p_world_m)
+        np.testing.assert_allclose(b.sigma_m**2 - a.sigma_m**2, 0.005**2, rtol=1e-6)
+    assert doubtful.hit_plane is not None and sure.hit_plane is not None
+    later = doubtful.hit_plane.sigma_t_s**2 - sure.hit_plane.sigma_t_s**2
+    assert later == pytest.approx((0.005 / abs(sure.hit_plane.v_world_mps[0])) ** 2, rel=0.2)
+
+
 def test_strays_are_left_out_and_a_ball_elsewhere_begins_anew() -> None:
     t_s = np.arange(0, 200) * 1e-3
     truth = path(np.concatenate([START, REAL]), t_s)[:, :3]

@@ -6,7 +6,7 @@ from core.bench.prediction.prediction_errors import LEADS_MS, PredictionErrors
 from core.bench.prediction.prediction_report import PerceivedFigures, draw_leads, write_prediction_report
 from core.errors import RecordingError
 
-METHODS = ("filter", "fit", "paper")
+METHODS = ("filter", "fit", "paper", "filter-auto")
 
 
 def errors(value: float) -> PredictionErrors:
@@ -45,8 +45,8 @@ def test_the_page_has_every_method_and_says_what_is_missing(perceived, exact, tm
     page = path.read_text()
     assert "4 balls" in page and "cpu slow" in page and "seed 5" in page
     assert "| 5.0 | filter | 4 | 7 / 7 | 7 / 7 | 7 / 7 |" in page
-    assert "| 25 | 7 / 7 (7) | 8 / 8 (8) | 9 / 9 (9) |" in page
-    assert "| 400 | - / - (-) | - / - (-) | - / - (-) |" in page
+    assert "| 25 | 7 / 7 (7) | 8 / 8 (8) | 9 / 9 (9) | 10 / 10 (10) |" in page
+    assert "| 400 | - / - (-) | - / - (-) | - / - (-) | - / - (-) |" in page
     assert "with its prediction 0.1 ms" in page and "0.9 80 ms before" in page
     assert "Recorded flights" not in page and "{" not in page
     assert (tmp_path / "docs" / "images" / "prediction-lead.svg").read_text().endswith("</svg>\n")
