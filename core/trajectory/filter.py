@@ -126,7 +126,7 @@ class FilterPredictor:
         rows, spread = np.empty((ROWS, STATE)), np.empty((TOUCHES, TOUCHES))
         now_s, lift = ball.t_us * 1e-6, ball.unrest.lift
         found = foresee(ball.state, ball.covariance, now_s, self._hit_x_m, lift, rows, spread)
-        _add_bias(spread, ball.state, self.config.bias_m)
+        _add_bias(spread, float(ball.state[5]), float(found[16]), self.config.bias_m)
         self.latest = _describe(found, spread, ball.t_us, self.stage, Paths(now_s, rows, lift))
         return self.latest
 
@@ -146,9 +146,12 @@ def _log_odds(one: BallFilter) -> float:
     return one.log_odds
 
 
-def _add_bias(spread: Array, state: Array, bias_m: float) -> None:
-    """Add to the covariance (22, 22) of what is touched that all points may be off: so are place and time."""
-    for first, velocity_mps in ((0, state[5]), (4, state[5]), (8, state[5]), (12, state[3])):
+def _add_bias(spread: Array, falling_mps: float, hit_mps: float, bias_m: float) -> None:
+    """Add to the covariance (22, 22) of what is touched that all points may be off: so are place and time.
+
+    By the velocities down onto the table, and through the hitting plane.
+    """
+    for first, velocity_mps in ((0, falling_mps), (4, falling_mps), (8, falling_mps), (12, hit_mps)):
         spread[first, first] += (bias_m / max(abs(velocity_mps), SLOWEST_MPS)) ** 2
         for axis in range(first + 1, first + 4):
             spread[axis, axis] += bias_m**2

@@ -90,7 +90,8 @@ class Reach(NamedTuple):
 def blank_work() -> Work:
     """Room for one fit after the other."""
     columns = np.zeros((6, MOST_POINTS))
-    fit = Fit(*np.zeros((3, UNKNOWNS)), np.zeros(2), np.zeros((UNKNOWNS, UNKNOWNS)))
+    estimate, prior, information = np.zeros((3, UNKNOWNS))
+    fit = Fit(estimate, prior, information, np.zeros(2), np.zeros((UNKNOWNS, UNKNOWNS)))
     return Work(
         blank_patch(), EdgePoints(*columns), fit, np.zeros(len(Quality._fields)), np.zeros((UNKNOWNS, UNKNOWNS))
     )
