@@ -1,7 +1,10 @@
+import dataclasses
+
 import pytest
 
 from core.config import config_to_mapping, field_specs, load_config, replace_setting, save_config
-from core.detection import DetectorConfig, auto_config, paper_config
+from core.detection import DetectorConfig, TrackState, auto_config, paper_config, trace_window
+from core.detection.config import OF_ONE_METHOD
 from core.errors import ConfigError
 
 
@@ -15,6 +18,16 @@ def test_a_saved_config_loads_as_the_same(tmp_path) -> None:
     config = replace_setting(auto_config(), ("geometry", "circularity_min"), 0.71)
     save_config(config, tmp_path / "mine.toml")
     assert load_config(DetectorConfig, tmp_path / "mine.toml") == config
+
+
+def test_every_section_is_of_a_stage_or_of_one_method(make_scene) -> None:
+    config = replace_setting(auto_config(), ("hot_pixels", "enabled"), True)
+    config = replace_setting(config, ("flicker", "enabled"), True)
+    trace = trace_window(make_scene(duration_us=2000).windows()[0], TrackState(), config)
+    sections = [field.name for field in dataclasses.fields(DetectorConfig)]
+    assert sections[0] == "window"
+    assert sections[1:] == [stage.name for stage in trace.stages] + [s for s in sections if s in OF_ONE_METHOD]
+    assert len(OF_ONE_METHOD) == 3
 
 
 def test_paper_takes_only_what_the_paper_does_and_keeps_the_rest() -> None:
