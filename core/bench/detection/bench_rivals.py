@@ -30,6 +30,7 @@ FIRST: Final = 50_000
 """The rivals were tuned on flights from 1000 on; ours on others below `SCORED_FROM`, some of these perhaps."""
 COUNT: Final = 20
 """Flights of each row; those with a ball only draw their noise, about a third of them each."""
+RESAMPLES: Final = 1000
 ANY_SPEED: Final = (0.0, 1e9)
 FAST: Final = (SLOW_PX_PER_MS, 1e9)
 
@@ -62,16 +63,16 @@ class TimedDetector:
 class Tally:
     """What one method did on the flights of one kind."""
 
-    flights: int = 0
-    every: GridScore = field(default_factory=GridScore)
+    flights: list[GridScore] = field(default_factory=list)
+    """Of balls at any speed, both cameras of each flight."""
     fast: GridScore = field(default_factory=GridScore)
-    """Of balls above `SLOW_PX_PER_MS`."""
+    """Of balls above `SLOW_PX_PER_MS`, all flights."""
     seconds: list[float] = field(default_factory=list)
 
 
 def run(progress: Callable[[float], None], *, count: int = COUNT) -> dict[str, object]:
     """A row per kind of scene, noise and method, and the machine."""
-    cases = [(row, number) for row in ROWS for number in range(FIRST, FIRST + count)]
+    cases: list[tuple[Row, int]] = [(row, number) for row in ROWS for number in range(FIRST, FIRST + count)]
     tallies: dict[tuple[Row, float, Method], Tally] = {}
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)  # what it computes in threads of its own would not be counted
@@ -98,36 +99,51 @@ def _fly_past(flight: DrawnFlight, tallies: dict[tuple[Row, float, Method], Tall
         streams = list(open_recording(path).cameras.values())
         for method in METHODS:
             tally = tallies[flight.row, flight.stereo.sensor.noise_hz, method]
-            tally.flights += 1
-            for stream in streams:
-                _add(stream, method, tally)
+            tally.flights.append(sum((_add(stream, method, tally) for stream in streams), GridScore()))
 
 
-def _add(stream: CameraStream, method: Method, tally: Tally) -> None:
+def _add(stream: CameraStream, method: Method, tally: Tally) -> GridScore:
+    """Note everything of one camera but its score at any speed, which is returned."""
     assert stream.truth is not None
     window_us = method_config(method).window.window_us
     detector = TimedDetector(make_detector(method, stream.sensor))
     answers = run_detector(stream, detector, window_us)
-    tally.every += score_on_grid(answers, stream.truth, stream.sensor, ANY_SPEED, window_us=window_us)
     tally.fast += score_on_grid(answers, stream.truth, stream.sensor, FAST, window_us=window_us)
     tally.seconds += detector.seconds
+    return score_on_grid(answers, stream.truth, stream.sensor, ANY_SPEED, window_us=window_us)
 
 
 def summarise(row: Row, noise_hz: float, method: Method, tally: Tally) -> dict[str, object]:
-    """One row of the table; `fast` is of balls above 2 px/ms."""
+    """One row of the table: `fast` is of balls above 2 px/ms, `low` and `high` are the 95 % interval over flights."""
+    every = sum(tally.flights, GridScore())
+    precision_low, precision_high = interval_95(tally.flights, lambda score: score.precision)
+    recall_low, recall_high = interval_95(tally.flights, lambda score: score.recall)
     p50_ms, p99_ms = (1e3 * np.percentile(tally.seconds, (50, 99))).tolist()
     return {
         "row": row,
         "noise_hz": noise_hz,
         "method": method,
         "window_us": method_config(method).window.window_us,
-        "flights": tally.flights,
-        "asked": tally.every.asked,
-        "precision": tally.every.precision,
-        "recall": tally.every.recall,
+        "flights": len(tally.flights),
+        "asked": every.asked,
+        "precision": every.precision,
+        "precision_low": precision_low,
+        "precision_high": precision_high,
+        "recall": every.recall,
+        "recall_low": recall_low,
+        "recall_high": recall_high,
         "recall_fast": tally.fast.recall,
-        "median_px": tally.every.error_at(50),
-        "p95_px": tally.every.error_at(95),
+        "median_px": every.error_at(50),
+        "p95_px": every.error_at(95),
         "p50_ms": p50_ms,
         "p99_ms": p99_ms,
     }
+
+
+def interval_95(flights: list[GridScore], figure: Callable[[GridScore], float]) -> tuple[float, float]:
+    """Between what a figure lies in 95 % of the cases when as many flights are drawn from these with replacement."""
+    rng = np.random.default_rng(0)
+    chosen = rng.integers(0, len(flights), (RESAMPLES, len(flights)))
+    counts = np.array([(one.asked, one.found, one.answers, one.false) for one in flights])[chosen].sum(axis=1)
+    low, high = np.nanpercentile([figure(GridScore(*row)) for row in counts.tolist()], (2.5, 97.5)).tolist()
+    return low, high

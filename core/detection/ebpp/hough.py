@@ -35,4 +35,4 @@ def find_circles(picture: NDArray[np.uint8], roi: Roi | None, config: EbppConfig
     )
     if found is None:
         return np.empty((0, 3))
-    return found[0, :, :3] + np.array([u0, v0, 0.0])
+    return found[0, :, :3].astype(np.float64) + np.array([u0, v0, 0.0])
