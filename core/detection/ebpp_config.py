@@ -10,7 +10,7 @@ from core.errors import ConfigError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EbppConfig:
-    """EROS surface and circular Hough transform (Ziegler et al. 2025, arXiv 2502.00749), which gives no numbers.
+    """EROS surface and circular Hough transform (Ziegler et al. 2025, arXiv 2502.00749); the numbers are ours.
 
     The defaults were tuned on simulated flights that no score is taken of; docs/detector.md has both.
     """

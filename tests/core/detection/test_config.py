@@ -53,6 +53,12 @@ def test_auto_and_paper_differ_in_the_leading_polarity_alone() -> None:
         (("flicker", "frequency_max_hz"), 50.0),
         (("window", "window_us"), 0),
         (("polarity", "leading_polarity"), "up"),
+        (("ebpp", "kernel_px"), 4),
+        (("ebpp", "blur_px"), 6),
+        (("ebpp", "radius_max_px"), 6),
+        (("fe_fusion", "kernel_px"), 4),
+        (("fe_fusion", "radius_max_px"), 3.5),
+        (("fe_fusion", "eps_px"), 0.0),
     ],
 )
 def test_impossible_settings_are_refused_with_the_name_of_the_field(path: tuple[str, str], value: object) -> None:

@@ -9,7 +9,6 @@ from core.config import replace_setting
 from core.detection import Detection, fe_fusion_config, make_detector
 from core.detection.fe_fusion.detector import ROOM, FeFusionDetector
 from core.detection.fe_fusion_config import FeFusionConfig
-from core.errors import ConfigError
 from core.events import Events, SensorSize, Window
 
 SENSOR = SensorSize(320, 240)
@@ -65,9 +64,3 @@ def test_a_window_with_more_events_than_there_is_room_for(make_scene, make_fligh
     assert len(many) > ROOM
     found = make_detector("fe-fusion", SENSOR).step(Window(many, 0, 4000))
     assert found is None or 0 <= found.u_px < SENSOR.width_px
-
-
-@pytest.mark.parametrize(("name", "value"), [("kernel_px", 4), ("radius_max_px", 1.5), ("eps_px", 0.0)])
-def test_impossible_settings_are_refused_with_the_name_of_the_field(name: str, value: float) -> None:
-    with pytest.raises(ConfigError, match=name):
-        replace_setting(FeFusionConfig(), (name,), value)
