@@ -20,6 +20,7 @@ BENCHES = {
     "import": "core.bench.recordings.bench_import",
     "detection": "core.bench.detection.bench_detection",
     "drawn-scenes": "core.bench.detection.bench_drawn_scenes",
+    "rivals": "core.bench.detection.bench_rivals",
     "simulation": "core.bench.simulation.bench_simulation",
     "sensor": "core.bench.simulation.bench_sensor",
     "calibration": "core.bench.calibration.bench_calibration",
@@ -42,7 +43,7 @@ class BenchArguments:
     """Measure speed and quality on this machine."""
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
-    count: PositiveInt | None = flag("balls of each speed (perceived-prediction), flights (drawn-scenes)", "N")
+    count: PositiveInt | None = flag("balls of each speed (perceived-prediction), flights (drawn-scenes, rivals)", "N")
     folder: Path | None = flag("what is measured is kept here (learning, perceived-prediction, drawn-scenes)")
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     json: bool = flag("print the figures as JSON")

@@ -1,6 +1,13 @@
 """Ball detection in event windows: one file per stage, the readable pipeline, the fast path, the adaptive ROI."""
 
-from core.detection.config import DetectorConfig, auto_config, paper_config, refined_config
+from core.detection.config import (
+    DetectorConfig,
+    auto_config,
+    ebpp_config,
+    fe_fusion_config,
+    paper_config,
+    refined_config,
+)
 from core.detection.detector import Detection, Detector
 from core.detection.fast.detector import FastDetector
 from core.detection.methods import make_detector
@@ -21,6 +28,8 @@ __all__ = [
     "StageTrace",
     "TrackState",
     "auto_config",
+    "ebpp_config",
+    "fe_fusion_config",
     "make_detector",
     "paper_config",
     "refined_config",

@@ -1,4 +1,4 @@
-"""All thresholds: one section for each stage of the paper's detector, in its own file, and `refined`."""
+"""All thresholds: one section for each stage of the paper's detector, and for each method without stages."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Final
 
+from core.detection.ebpp_config import EbppConfig
+from core.detection.fe_fusion_config import FeFusionConfig
 from core.detection.refined_config import RefinedConfig
 from core.detection.stages.cluster import ClusterConfig
 from core.detection.stages.denoise import DenoiseConfig
@@ -18,6 +20,10 @@ from core.detection.stages.roi import RoiConfig
 from core.detection.window import WindowConfig
 
 REFINED_WINDOW_US: Final = 1000
+EBPP_WINDOW_US: Final = 2000
+FE_FUSION_WINDOW_US: Final = 1500
+OF_ONE_METHOD: Final = frozenset({"refined", "ebpp", "fe_fusion"})
+"""Sections of methods without stages; each has nothing else of a config but the window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +41,10 @@ class DetectorConfig:
     localise: LocaliseConfig = field(default_factory=LocaliseConfig)
     refined: RefinedConfig = field(default_factory=RefinedConfig)
     """Of the method `refined`, which has nothing else of these but the window."""
+    ebpp: EbppConfig = field(default_factory=EbppConfig)
+    """Of the rival `ebpp`, likewise."""
+    fe_fusion: FeFusionConfig = field(default_factory=FeFusionConfig)
+    """Of the rival `fe-fusion`, likewise."""
 
 
 def auto_config() -> DetectorConfig:
@@ -45,6 +55,16 @@ def auto_config() -> DetectorConfig:
 def refined_config() -> DetectorConfig:
     """The settings of `refined`: it looks every millisecond, however far back it then looks."""
     return DetectorConfig(window=WindowConfig(window_us=REFINED_WINDOW_US))
+
+
+def ebpp_config() -> DetectorConfig:
+    """The settings of the rival `ebpp`, tuned with windows of this length."""
+    return DetectorConfig(window=WindowConfig(window_us=EBPP_WINDOW_US))
+
+
+def fe_fusion_config() -> DetectorConfig:
+    """The settings of the rival `fe-fusion`, tuned with windows of this length."""
+    return DetectorConfig(window=WindowConfig(window_us=FE_FUSION_WINDOW_US))
 
 
 def paper_config(config: DetectorConfig | None = None) -> DetectorConfig:

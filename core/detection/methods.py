@@ -5,19 +5,30 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, Literal, get_args
 
-from core.detection.config import DetectorConfig, auto_config, paper_config, refined_config
+from core.detection.config import (
+    DetectorConfig,
+    auto_config,
+    ebpp_config,
+    fe_fusion_config,
+    paper_config,
+    refined_config,
+)
 from core.detection.detector import Detector
+from core.detection.ebpp.detector import EbppDetector
 from core.detection.fast.detector import FastDetector
+from core.detection.fe_fusion.detector import FeFusionDetector
 from core.detection.refined.detector import RefinedDetector
 from core.detection.stage_trace import TrackState
 from core.errors import CommandError, NotBuiltError
 from core.events import SensorSize
 
-Method = Literal["auto", "paper", "refined"]
+Method = Literal["auto", "paper", "refined", "ebpp", "fe-fusion"]
 METHODS: Final[dict[Method, str]] = {
     "auto": "the paper's stages, the leading polarity decided from the data",
     "paper": "the paper's stages, ON always leads",
     "refined": "both edges as one moving circle, every millisecond",
+    "ebpp": "a rival: circles in a surface of the latest edges",
+    "fe-fusion": "a rival: the centroid of one cluster of events",
 }
 """Those that work, with what they are."""
 _STAGES: Final = (
@@ -27,11 +38,13 @@ SECTIONS: Final[dict[Method, tuple[str, ...]]] = {
     "auto": _STAGES,
     "paper": _STAGES,
     "refined": ("window", "refined"),
+    "ebpp": ("window", "ebpp"),
+    "fe-fusion": ("window", "fe_fusion"),
 }
 """The sections of `DetectorConfig` that each takes its settings from."""
 STAGED: Final = frozenset({"auto", "paper"})
 """Those whose stages the readable pipeline shows."""
-PLANNED: Final = ("ebpp", "fe-fusion", "yolo")
+PLANNED: Final = ("yolo",)
 
 
 def method_named(name: str) -> Method:
@@ -53,7 +66,7 @@ def method_named(name: str) -> Method:
 def method_config(method: str, config: DetectorConfig | None = None) -> DetectorConfig:
     """What `make_detector` runs: `paper` takes a config without what the paper does not do, the others as it is.
 
-    Without one, each has its own; the windows of `refined` are shorter.
+    Without one, each has its own: the methods without stages have windows of their own length.
 
     Raises:
         NotBuiltError: for a method that is planned.
@@ -64,6 +77,10 @@ def method_config(method: str, config: DetectorConfig | None = None) -> Detector
             return paper_config(config)
         case "refined":
             return config or refined_config()
+        case "ebpp":
+            return config or ebpp_config()
+        case "fe-fusion":
+            return config or fe_fusion_config()
         case "auto":
             return config or auto_config()
 
@@ -76,7 +93,15 @@ def make_detector(method: str, sensor: SensorSize, config: DetectorConfig | None
         CommandError: for any other name.
     """
     chosen = method_config(method, config)
-    return RefinedDetector(chosen.refined, sensor) if method == "refined" else FastDetector(chosen, sensor)
+    match method_named(method):
+        case "refined":
+            return RefinedDetector(chosen.refined, sensor)
+        case "ebpp":
+            return EbppDetector(chosen.ebpp, sensor)
+        case "fe-fusion":
+            return FeFusionDetector(chosen.fe_fusion, sensor)
+        case "auto" | "paper":
+            return FastDetector(chosen, sensor)
 
 
 def states_of(detectors: Mapping[str, Detector]) -> dict[str, TrackState]:

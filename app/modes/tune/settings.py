@@ -13,6 +13,7 @@ from app.state.commands import Command, CopyToOther, EditSetting, Redo, Undo, Us
 from app.widgets import when_changed
 from core.config import field_specs, get_setting
 from core.detection import DetectorConfig, PipelineTrace
+from core.detection.config import OF_ONE_METHOD
 
 OPEN_STAGES = ("window", "denoise", "cluster", "polarity", "geometry", "localise")
 """The stages of the method; the optional ones start folded."""
@@ -31,7 +32,7 @@ class SettingsPanel:
                 ("Undo", "Redo", "Reset", "Copy"),
                 hint="Z undoes, R redoes; Copy gives A's values to B or B's to A",
             )
-            specs = [spec for spec in field_specs(DetectorConfig) if spec.path[0] != "refined"]  # Tune shows stages
+            specs = [spec for spec in field_specs(DetectorConfig) if spec.path[0] not in OF_ONE_METHOD]
             for stage in dict.fromkeys(spec.path[0] for spec in specs):
                 with gui.add_folder(section_title((stage,)), expand_by_default=stage in OPEN_STAGES):
                     self._counts[stage] = gui.add_html("")

@@ -9,6 +9,7 @@ from app.cli import main
 from core.bench.detection.simulated_streams import simulate_flights
 from core.config import replace_setting, save_config
 from core.detection import auto_config
+from core.detection.methods import method_config
 from core.recordings import RecordingWriter
 
 
@@ -48,6 +49,16 @@ def test_the_table_has_a_row_per_detection_with_the_columns_of_the_contract(reco
     assert summary["method"] == "auto" and summary["camera"] == "left" and summary["window_us"] == 2000
 
 
+@pytest.mark.parametrize("method", ["ebpp", "fe-fusion"])
+def test_a_rival_finds_the_ball_with_the_settings_that_ship(recording, tmp_path, capsys, method: str) -> None:
+    out = tmp_path / "det.csv"
+    assert detect(recording, out, "--camera", "left", "--method", method, "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["method"] == method and summary["window_us"] == method_config(method).window.window_us
+    assert summary["score"]["precision"] > 0.8 and summary["score"]["recall"] > 0.8
+    assert len(rows_of(out)) == summary["detections"] > 50
+
+
 def test_without_json_a_person_reads_the_same_figures(recording, tmp_path, capsys) -> None:
     assert detect(recording, tmp_path / "det.csv", "--camera", "right", "--method", "paper") == 0
     text = capsys.readouterr().out
@@ -71,7 +82,7 @@ def test_the_config_and_the_window_of_the_command_line_count(recording, tmp_path
     [
         ([], "left, right"),
         (["--camera", "middle"], "middle"),
-        (["--camera", "left", "--method", "ebpp"], "not built yet"),
+        (["--camera", "left", "--method", "yolo"], "not built yet"),
         (["--camera", "left", "--method", "magic"], "auto | paper"),
         (["--camera", "left", "--config", "no-such.toml"], "no-such.toml"),
         (["--camera", "left", "--window-us", "0"], "window-us"),

@@ -38,6 +38,15 @@ def test_the_refined_detector_is_asked_twice_as_often_and_is_within_a_millimetre
     assert summary["residual_px"]["median"] < 0.2
 
 
+@pytest.mark.parametrize("method", ["ebpp", "fe-fusion"])
+def test_the_answers_of_a_rival_meet_in_space(serve_recording, tmp_path, capsys, method: str) -> None:
+    arguments = ["track", str(serve_recording), "--method", method, "--out", str(tmp_path / "track.csv"), "--json"]
+    assert main(arguments) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["method"] == method and summary["points"] > 30
+    assert summary["error_mm"]["median"] < 20
+
+
 def test_without_json_a_person_reads_the_same_figures(serve_recording: Path, tmp_path, capsys) -> None:
     assert main(["track", str(serve_recording), "--method", "paper", "--out", str(tmp_path / "track.csv")]) == 0
     text = capsys.readouterr().out
@@ -59,7 +68,7 @@ def test_the_config_and_the_window_count(serve_recording: Path, tmp_path, capsys
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--method", "ebpp"], "not built yet"),
+        (["--method", "yolo"], "not built yet"),
         (["--method", "magic"], "auto | paper"),
         (["--config", "no-such.toml"], "no-such.toml"),
         (["--window-us", "0"], "window-us"),

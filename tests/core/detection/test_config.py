@@ -1,7 +1,10 @@
+import dataclasses
+
 import pytest
 
 from core.config import config_to_mapping, field_specs, load_config, replace_setting, save_config
-from core.detection import DetectorConfig, auto_config, paper_config
+from core.detection import DetectorConfig, TrackState, auto_config, paper_config, trace_window
+from core.detection.config import OF_ONE_METHOD
 from core.errors import ConfigError
 
 
@@ -15,6 +18,16 @@ def test_a_saved_config_loads_as_the_same(tmp_path) -> None:
     config = replace_setting(auto_config(), ("geometry", "circularity_min"), 0.71)
     save_config(config, tmp_path / "mine.toml")
     assert load_config(DetectorConfig, tmp_path / "mine.toml") == config
+
+
+def test_every_section_is_of_a_stage_or_of_one_method(make_scene) -> None:
+    config = replace_setting(auto_config(), ("hot_pixels", "enabled"), True)
+    config = replace_setting(config, ("flicker", "enabled"), True)
+    trace = trace_window(make_scene(duration_us=2000).windows()[0], TrackState(), config)
+    sections = [field.name for field in dataclasses.fields(DetectorConfig)]
+    assert sections[0] == "window"
+    assert sections[1:] == [stage.name for stage in trace.stages] + [s for s in sections if s in OF_ONE_METHOD]
+    assert len(OF_ONE_METHOD) == 3
 
 
 def test_paper_takes_only_what_the_paper_does_and_keeps_the_rest() -> None:
@@ -40,6 +53,12 @@ def test_auto_and_paper_differ_in_the_leading_polarity_alone() -> None:
         (("flicker", "frequency_max_hz"), 50.0),
         (("window", "window_us"), 0),
         (("polarity", "leading_polarity"), "up"),
+        (("ebpp", "kernel_px"), 4),
+        (("ebpp", "blur_px"), 6),
+        (("ebpp", "radius_max_px"), 6),
+        (("fe_fusion", "kernel_px"), 4),
+        (("fe_fusion", "radius_max_px"), 3.5),
+        (("fe_fusion", "eps_px"), 0.0),
     ],
 )
 def test_impossible_settings_are_refused_with_the_name_of_the_field(path: tuple[str, str], value: object) -> None:

@@ -1,7 +1,9 @@
 import pytest
 
 from core.config import replace_setting
-from core.detection import FastDetector, auto_config, make_detector
+from core.detection import FastDetector, RefinedDetector, auto_config, make_detector
+from core.detection.ebpp.detector import EbppDetector
+from core.detection.fe_fusion.detector import FeFusionDetector
 from core.detection.methods import PLANNED
 from core.errors import CommandError, NotBuiltError
 from core.events import SensorSize
@@ -14,6 +16,15 @@ def test_paper_overrules_what_a_config_says_about_polarity_and_auto_does_not() -
     for method, leading in (("auto", "off"), ("paper", "on")):
         detector = make_detector(method, SENSOR, mine)
         assert isinstance(detector, FastDetector) and detector.config.polarity.leading_polarity == leading
+
+
+@pytest.mark.parametrize(("method", "section"), [("refined", "refined"), ("ebpp", "ebpp"), ("fe-fusion", "fe_fusion")])
+def test_a_method_without_stages_runs_with_its_own_section(method: str, section: str) -> None:
+    name = {"refined": "radius_max_px", "ebpp": "roi_expand_px", "fe-fusion": "size_min"}[method]
+    mine = replace_setting(auto_config(), (section, name), 77)
+    detector = make_detector(method, SENSOR, mine)
+    assert isinstance(detector, RefinedDetector | EbppDetector | FeFusionDetector)
+    assert detector.config is getattr(mine, section)
 
 
 @pytest.mark.parametrize("method", PLANNED)

@@ -1,0 +1,58 @@
+"""Settings of the rival EBPP."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from core.config import check_settings, setting
+from core.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EbppConfig:
+    """EROS surface and circular Hough transform (Ziegler et al. 2025, arXiv 2502.00749); the numbers are ours.
+
+    The defaults were tuned on simulated flights that no score is taken of; docs/detector.md has both.
+    """
+
+    kernel_px: int = setting(5, 3, 21, step=2)
+    """Side of the square round an event in which the surface decays, odd."""
+    decay: float = setting(0.3, 0.01, 0.99, step=0.01)
+    """What so many events in a row as the kernel is wide leave of a pixel (robotology/event-driven: 0.3)."""
+    support_us: int = setting(1000, 0, 50_000, step=500)
+    """An event counts only if one of its eight neighbours had one so long before it, at most; 0 counts all, and recall
+    falls from 1.00 to 0.90 at 5 noise events a second and pixel."""
+    blur_px: int = setting(5, 1, 15, step=2)
+    """Side of the Gaussian kernel before the Hough transform, odd; 1 does not blur."""
+    cell_px: float = setting(1.0, 0.5, 4.0, step=0.1)
+    """A cell of the Hough transform's accumulator (OpenCV's dp)."""
+    canny_high: float = setting(300.0, 10.0, 1000.0, step=5.0)
+    """Upper threshold of the Canny edges that vote (OpenCV's param1), the lower one is half of it. Lone pixels of noise
+    stay below 300 once they are blurred; at 200 they vote, and precision falls from 0.99 to 0.93."""
+    votes_full: float = setting(20.0, 2.0, 100.0, step=0.5)
+    """Of a circle on the whole sensor, at least (OpenCV's param2)."""
+    votes_roi: float = setting(8.0, 2.0, 100.0, step=0.5)
+    """Of a circle in the region of interest, at least."""
+    radius_min_px: int = setting(6, 1, 100)
+    """Smaller circles are not looked for."""
+    radius_max_px: int = setting(20, 3, 300)
+    """Nor are larger ones."""
+    roi_expand_px: float = setting(30.0, 5.0, 400.0, step=1.0)
+    """Half the side of the square around the last centre, in which the ball is looked for."""
+    misses_to_reset: int = setting(3, 1, 50)
+    """Windows in a row without a circle before the whole sensor is searched again."""
+    delay_us: int = setting(250, 0, 5000, step=10)
+    """Of the sensor: the surface shows the ball as it was so long before the end of the window."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        for name in ("kernel_px", "blur_px"):
+            if getattr(self, name) % 2 == 0:
+                raise ConfigError(
+                    "kernel has no middle", expected="odd", got=getattr(self, name), where=f"EbppConfig.{name}"
+                )
+        if self.radius_max_px <= self.radius_min_px:
+            expected = f"more than radius_min_px, {self.radius_min_px}"
+            raise ConfigError(
+                "no radius is allowed", expected=expected, got=self.radius_max_px, where="EbppConfig.radius_max_px"
+            )
