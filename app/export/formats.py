@@ -55,7 +55,7 @@ class ExportRequest:
     pictures: bool = True
     stages: bool = True
     plots: bool = True
-    chain: ChainConfig = field(default_factory=ChainConfig)
+    chain: ChainConfig = field(default_factory=lambda: ChainConfig.of_method("auto"))
     overwrite: bool = False
     seed: int | None = None
     """Whose actor; None: the run's first."""

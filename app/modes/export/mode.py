@@ -151,7 +151,7 @@ def _recording_work(
             pictures=plan.pictures,
             stages=plan.stages,
             plots=plan.plots,
-            chain=ChainConfig(detector=detector),
+            chain=ChainConfig.of_method("auto", detector),
         )
         mine = [layer for layer in find_layers(labels, source.uuid) if layer.annotator == plan.annotator]
         shown = {layer.camera: LabelStore.read(labels, layer).labels() for layer in mine if not layer.blind}

@@ -8,7 +8,7 @@ from typing import Final, Literal
 
 from core.cameras import TriangulationConfig
 from core.config import check_settings, setting
-from core.detection import DetectorConfig
+from core.detection import DetectorConfig, refined_config
 from core.detection.methods import Method, method_config
 from core.trajectory import (
     FilterConfig,
@@ -102,11 +102,11 @@ class SizeCheckConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainConfig:
-    """Detector, triangulation, flight, prediction."""
+    """Detector, triangulation, flight, prediction; `of_method` has what goes with another detector."""
 
-    method: Method = "auto"
+    method: Method = "refined"
     """The detector."""
-    detector: DetectorConfig = field(default_factory=DetectorConfig)
+    detector: DetectorConfig = field(default_factory=refined_config)
     triangulation: TriangulationConfig = field(default_factory=TriangulationConfig)
     size: SizeCheckConfig = field(default_factory=SizeCheckConfig)
     flight: TrackGateConfig = field(default_factory=TrackGateConfig)
@@ -114,7 +114,7 @@ class ChainConfig:
     """`filter`: every point counts, as `filter` says; `fit`: gravity through the newest points, as `predictor` says."""
     predictor: PaperPredictorConfig = field(default_factory=chain_predictor)
     """Its hitting plane is that of the filter too."""
-    filter: FilterConfig = field(default_factory=chain_filter)
+    filter: FilterConfig = field(default_factory=refined_filter)
     max_lag_ms: float = setting(6.0, 0.1, 100.0)
     """A camera is read between two of its detections only if they are no farther apart: three windows of 2 ms."""
 

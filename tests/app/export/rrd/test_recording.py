@@ -150,7 +150,7 @@ def test_a_small_png_is_the_picture(shape) -> None:
 def test_the_stages_of_a_picture_are_those_that_the_chain_ran(serve_recording: Path) -> None:
     detections = 0
     with open_recording(serve_recording) as recording:
-        for step in follow_span(recording, SPAN, ChainConfig(), picture_every=1):
+        for step in follow_span(recording, SPAN, ChainConfig.of_method("auto"), picture_every=1):
             assert step.before is not None
             found = step.detections["left"]
             picture = make_picture(PictureJob(step.windows["left"], step.before["left"], DetectorConfig(), True))

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -94,8 +96,9 @@ def test_the_limits_of_a_size_are_shares_of_the_radius_that_a_ball_has_there(cam
 
 def test_the_ball_s_shadow_is_not_taken_for_the_ball(cameras, shadowed) -> None:
     path, windows = shadowed
-    without = errors_m(path, follow(cameras, windows, ChainConfig(size=SizeCheckConfig(enabled=False))))
-    checked = errors_m(path, follow(cameras, windows, ChainConfig()))
+    chain = ChainConfig.of_method("auto")
+    without = errors_m(path, follow(cameras, windows, replace(chain, size=SizeCheckConfig(enabled=False))))
+    checked = errors_m(path, follow(cameras, windows, chain))
     assert np.percentile(without, 95) > 0.05, "otherwise this serve tests nothing"
     assert checked.max() < 0.04 and np.median(checked) < 0.006
     assert len(checked) > 0.85 * len(without)
@@ -103,7 +106,7 @@ def test_the_ball_s_shadow_is_not_taken_for_the_ball(cameras, shadowed) -> None:
 
 def test_a_corrected_circle_is_the_one_that_is_shown(cameras, shadowed) -> None:
     _, windows = shadowed
-    for state in follow(cameras, windows, ChainConfig()):
+    for state in follow(cameras, windows, ChainConfig.of_method("auto")):
         if state.point is not None:
             for name, found in state.detections.items():
                 if found is not None and found.t_us == state.point.t_us:
@@ -112,6 +115,6 @@ def test_a_corrected_circle_is_the_one_that_is_shown(cameras, shadowed) -> None:
 
 def test_the_paper_s_detector_runs_without_it(cameras, shadowed) -> None:
     _, windows = shadowed
-    on = follow(cameras, windows, ChainConfig(method="paper"))
-    off = follow(cameras, windows, ChainConfig(method="paper", size=SizeCheckConfig(enabled=False)))
+    on = follow(cameras, windows, ChainConfig.of_method("paper"))
+    off = follow(cameras, windows, replace(ChainConfig.of_method("paper"), size=SizeCheckConfig(enabled=False)))
     assert [state.detections for state in on] == [state.detections for state in off]

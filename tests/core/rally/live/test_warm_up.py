@@ -8,7 +8,7 @@ from core.events import SensorSize
 from core.rally import RallyChain
 from core.rally.control.controller import BuiltInController
 from core.rally.control.player import Player
-from core.rally.live.warm_up import _painted, warm_up
+from core.rally.live.warm_up import Table, _painted, warm_up
 
 
 @pytest.mark.parametrize("placement", ["side", "ceiling", "behind"])
@@ -30,14 +30,16 @@ def test_the_painted_ball_flies_a_parabola_and_bounces_off_the_table() -> None:
         fall = 0.12 - 1.5 * t - 9.81 / 2 * t * t
         assert (fall < 0.02) == bounced
         p = np.array([[0.4 - 4.0 * t, 0.05, 0.04 - fall if bounced else fall]])
-        window = _painted(camera, end_us, 2000)
+        window = _painted(camera, end_us, 2000, Table(1.0, 0.0))
         assert (window.start_us, window.end_us) == (end_us - 2000, end_us)
-        events = window.events
-        assert events.t_us[0] == end_us - 2000 and events.t_us[-1] == end_us - 1
-        middle = np.array([events.x_px.mean(), events.y_px.mean()])
-        np.testing.assert_allclose(middle, camera.project(p)[0], atol=0.5)
+        events, centre = window.events, camera.project(p)[0]
+        assert window.start_us <= events.t_us[0] and events.t_us[-1] < end_us
         radius = camera.K[0, 0] * 0.02 / camera.to_camera(p)[0, 2]
-        assert len(events) == pytest.approx(np.pi * radius**2, rel=0.1)
+        late = events.between(end_us - 400, end_us)
+        off = np.stack([late.x_px.astype(float), late.y_px.astype(float)], axis=1) - centre
+        assert len(late) > 10 and np.abs(np.hypot(*off.T) - radius).max() < 2.5, "on its rim"
+        ahead = camera.project(p + np.array([-0.004, 0, 0]))[0] - centre
+        assert ((off @ ahead > 0) == late.on)[np.abs(off @ ahead) > 0.3 * radius * np.hypot(*ahead)].all()
 
 
 def _quiet(cameras):
