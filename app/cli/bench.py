@@ -9,8 +9,9 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
-from app.cli.arguments import PositiveInt, flag, given, positional
+from app.cli.arguments import Numbers, PositiveInt, flag, given, positional
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.cli.tables import format_table
@@ -38,6 +39,10 @@ BENCHES = {
 """The module that measures each."""
 
 
+OPTIONS = ("count", "folder", "report", "chain", "balls", "speeds")
+"""That only some of them have."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchArguments:
     """Measure speed and quality on this machine."""
@@ -46,6 +51,9 @@ class BenchArguments:
     count: PositiveInt | None = flag("balls of each speed (perceived-prediction), flights (drawn-scenes, rivals)", "N")
     folder: Path | None = flag("what is measured is kept here (learning, perceived-prediction, drawn-scenes)")
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
+    chain: Literal["filter", "fit", "paper"] | None = flag("which chain plays (rally)", "filter|fit|paper", "all three")
+    balls: PositiveInt | None = flag("of each chain and speed (rally)", "N", 20)
+    speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
     json: bool = flag("print the figures as JSON")
 
 
@@ -56,7 +64,7 @@ def run(arguments: BenchArguments) -> None:
         built = ", ".join(name for name in BENCHES if find_bench(name))
         raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
     measure: Callable[..., dict[str, object]] = importlib.import_module(module).run
-    options = given({name: getattr(arguments, name) for name in ("count", "folder", "report")})
+    options = given({name: getattr(arguments, name) for name in OPTIONS})
     for name in options.keys() - inspect.signature(measure).parameters.keys():
         raise CommandError(f"`bench {arguments.name}` has no such option", got=f"--{name}")
     silence_viser()

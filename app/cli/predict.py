@@ -33,10 +33,10 @@ from core.trajectory import (
 class PredictArguments:
     """Predict a flight from its first points: where it bounces and where it crosses the hitting plane."""
 
-    points: Path = positional("columns t_s,x_m,y_m,z_m (world)", "POINTS.csv")
+    points: Path = positional("columns t_s,x_m,y_m,z_m (world), or what `track` writes", "POINTS.csv")
     observe_ms: float = flag("how much of the flight is seen", "MS", 150.0)
     method: Literal["paper", "filter"] = flag(
-        "paper: five points, gravity, one reflection; filter: every point, drag, spin", default="paper"
+        "filter: every point, drag, spin; paper: five points, gravity, one reflection", default="filter"
     )
     physics: Profile | None = flag(
         "how balls fly and bounce: as simulated after the paper, or as measured on real flights "

@@ -10,13 +10,14 @@ from core.bench.learning.charts import CHARTS, draw_learning_charts
 from core.bench.learning.contests import against_rivals, variants
 from core.bench.learning.plan import REWARDS, RULES, Counts, Experiment
 from core.bench.learning.runs import Results, values_at
-from core.bench.learning.tables import at, binomial_interval, five_best, paired
+from core.bench.learning.tables import at, five_best, paired
 from core.bench.learning.targets import targets_table
 from core.bench.learning.verdicts import noise_floor, verdicts
 from core.learning.config import EnvironmentConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
 from core.learning.runs.summary import baseline_row
 from core.markdown import markdown_table
+from core.metrics.intervals import binomial_interval
 
 PAPER_RETURNS = {
     ("3", 350): (46, 70, 78),

@@ -70,11 +70,3 @@ def paired_spread(a: Sequence[SeedResult], b: Sequence[SeedResult], episode: int
     pairs = [(one.at(episode), other.at(episode)) for one in a for other in b if one.seed == other.seed]
     scale = 100 if what == "returned" else 1
     return spread_of([scale * (getattr(x, what) - getattr(y, what)) for x, y in pairs if x and y])
-
-
-def binomial_interval(share: float, count: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share seen in `count` balls."""
-    z = 1.96
-    middle = (share + z * z / (2 * count)) / (1 + z * z / count)
-    half = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count)) / (1 + z * z / count)
-    return max(0.0, middle - half), min(1.0, middle + half)

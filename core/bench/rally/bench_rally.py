@@ -1,8 +1,10 @@
 """The rally through perception: how exactly the ball is seen, how many balls come back, how long a step takes.
 
 Balls of one speed follow one another in a simulated world with two cameras of the `side` placement and the racket in
-their picture; the built-in controller plays. The world goes on in blocks of 10 ms and waits for the chain: that block
-is the delay of perception, and how busy the machine is changes no outcome. Seeds are fixed.
+their picture; the built-in controller plays. Three chains: `filter` is the live rally's; `fit` has its detector, and
+gravity through twelve points; `paper` has nothing that the paper has not. The world goes on in blocks of 10 ms and
+waits for the chain: that block is the delay of perception, and how busy the machine is changes no outcome. Seeds are
+fixed.
 """
 
 from __future__ import annotations
@@ -11,16 +13,19 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Final
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.bench.machine import describe_machine
+from core.bench.rally.rally_report import write_rally_report
 from core.cameras import stereo_preset
-from core.cameras.presets import SENSOR_720, SENSOR_1280
+from core.cameras.presets import SENSOR_720
 from core.events import SensorSize
+from core.files import replace_file
 from core.physics.episode import Case
 from core.physics.task import STAGE_SPEEDS_MPS
 from core.rally.chain.config import ChainConfig
@@ -30,11 +35,14 @@ from core.rally.control.player import PlayerState
 from core.rally.simulated.closed_loop import ClosedLoop, PlayedBall
 from core.rally.simulated.world import Block, WorldConfig
 from core.recordings import BallTruth
+from core.trajectory import PaperPredictorConfig
 
 Array = NDArray[np.float64]
 
-BALLS: Final = 30
-"""Per speed and sensor."""
+ChainName = Literal["filter", "fit", "paper"]
+CHAINS: Final[tuple[ChainName, ...]] = get_args(ChainName)
+BALLS: Final = 20
+"""Per chain and speed."""
 SEED: Final = 2026
 FEWEST_POINTS: Final = 5
 """A ball counts as seen from so many points in space on: what a prediction needs."""
@@ -69,15 +77,38 @@ class Watched:
         return errors[np.isfinite(errors)]
 
 
-def run(progress: Callable[[float], None]) -> dict[str, object]:
-    """A row per sensor and speed, and the machine."""
-    cases = [(sensor, speed) for sensor in (SENSOR_720, SENSOR_1280) for speed in STAGE_SPEEDS_MPS]
+def chain_named(name: ChainName) -> ChainConfig:
+    """`filter`: the live rally's; `fit`: its detector, gravity through twelve points; `paper`: as published."""
+    match name:
+        case "filter":
+            return ChainConfig()
+        case "fit":
+            return ChainConfig(prediction="fit")
+        case "paper":
+            published = PaperPredictorConfig(hurry_ms=0.0, bounce_guard_ms=0.0, bounce_wait_ms=0.0)
+            return replace(ChainConfig.of_method("paper"), prediction="fit", predictor=published)
+
+
+def run(
+    progress: Callable[[float], None],
+    *,
+    chain: ChainName | None = None,
+    balls: int = BALLS,
+    speeds: tuple[float, ...] = STAGE_SPEEDS_MPS,
+    report: Path | None = None,
+) -> dict[str, object]:
+    """A row per chain and speed, and the machine; by default all chains. `report` is a page for the rows."""
+    chains: tuple[ChainName, ...] = CHAINS if chain is None else (chain,)
+    cases = [(name, speed) for name in chains for speed in speeds]
     rows: list[dict[str, object]] = []
-    for sensor, speed in cases:
-        rows.append(measure_rally(sensor, speed, BALLS))
+    for name, speed in cases:
+        rows.append({"chain": name} | measure_rally(SENSOR_720, speed, balls, chain=chain_named(name)))
         progress(len(rows) / len(cases))
     clock = "wall time per step of chain and controller; `chain_cores` is time of steps per simulated time"
-    return {"rows": rows, "machine": describe_machine("numba", "numpy", "mujoco", clock=clock)}
+    machine = describe_machine("numba", "numpy", "mujoco", clock=clock)
+    if report is not None:
+        replace_file(report, write_rally_report(rows, machine, SEED).encode(), durable=False)
+    return {"rows": rows, "machine": machine}
 
 
 def measure_rally(

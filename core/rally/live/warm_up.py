@@ -56,8 +56,8 @@ def _painted(camera: Camera, end_us: int, window_us: int, table: Table) -> Windo
     entered = inside[1:][look, row, column]
     t_us = (times_us[look] + (times_us[1] - times_us[0]) * np.random.default_rng(0).random(len(look))).astype(np.int64)
     order = np.argsort(t_us, kind="stable")
-    columns = (t_us, x[column].astype(np.uint16), y[row].astype(np.uint16), entered)
-    return Window(Events.from_columns(*(one[order] for one in columns), camera.sensor), start_us, end_us)
+    x_px, y_px = x[column[order]].astype(np.uint16), y[row[order]].astype(np.uint16)
+    return Window(Events.from_columns(t_us[order], x_px, y_px, entered[order], camera.sensor), start_us, end_us)
 
 
 def _place(t_s: float, table: Table) -> NDArray[np.float64]:

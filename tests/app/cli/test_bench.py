@@ -6,13 +6,17 @@ import pytest
 from app.cli import bench, main
 
 
+def arguments(*, json: bool) -> bench.BenchArguments:
+    return bench.BenchArguments(name="detection", **dict.fromkeys(bench.OPTIONS), json=json)  # type: ignore[arg-type]
+
+
 def test_json_is_what_the_bench_returns(monkeypatch, capsys) -> None:
     report = {"rows": [{"a": 1.5}], "machine": {"cpu": "x"}}
     module = types.SimpleNamespace(run=lambda progress: progress(1.0) or report)
     monkeypatch.setattr(bench.importlib, "import_module", lambda name: module)
-    bench.run(bench.BenchArguments(name="detection", count=None, folder=None, report=None, json=True))
+    bench.run(arguments(json=True))
     assert json.loads(capsys.readouterr().out) == report
-    bench.run(bench.BenchArguments(name="detection", count=None, folder=None, report=None, json=False))
+    bench.run(arguments(json=False))
     assert capsys.readouterr().out.splitlines() == ["    a", "1.500", 'machine: {"cpu": "x"}']
 
 

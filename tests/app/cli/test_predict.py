@@ -39,7 +39,7 @@ def points(tmp_path) -> Path:
 
 def test_the_file_has_exactly_the_keys_of_the_contract_and_comes_true(points, tmp_path, capsys) -> None:
     out = tmp_path / "pred.json"
-    assert main(["predict", str(points), "--out", str(out), "--json"]) == 0
+    assert main(["predict", str(points), "--method", "paper", "--out", str(out), "--json"]) == 0
     found = json.loads(out.read_text())
     assert list(found) == ["positions", "bounces", "landing", "hit_plane"]
     later = np.arange(0.15, 0.6, 0.005)
@@ -82,7 +82,7 @@ def test_the_physics_changes_the_bounce(points, tmp_path) -> None:
     crossings = {}
     for physics in ("paper", "real"):
         out = tmp_path / f"{physics}.json"
-        assert main(["predict", str(points), "--physics", physics, "--out", str(out)]) == 0
+        assert main(["predict", str(points), "--method", "paper", "--physics", physics, "--out", str(out)]) == 0
         found = json.loads(out.read_text())
         crossings[physics] = (found["bounces"][0]["p_world_m"], found["hit_plane"]["p_world_m"][2])
     assert crossings["paper"][0] == crossings["real"][0], "the flight before it is the same"
@@ -96,6 +96,22 @@ def test_a_ball_that_flies_away_has_no_hitting_plane(tmp_path, capsys) -> None:
     found = json.loads((tmp_path / "pred.json").read_text())
     assert found["hit_plane"] is None and found["landing"] is not None and len(found["positions"]) == 30
     assert "does not come" in capsys.readouterr().out
+
+
+def test_the_filter_is_what_predicts_by_default_and_it_reads_what_track_writes(points, tmp_path) -> None:
+    """The times of `track` are whole microseconds."""
+    header, *rows = points.read_text().splitlines()
+    tracked = tmp_path / "track.csv"
+    cells = [row.split(",") for row in rows]
+    lines = [",".join([str(round(1e6 * float(t))), *ps]) for t, *ps in cells]
+    tracked.write_text("\n".join([header.replace("t_s", "t_us"), *lines]) + "\n")
+    found = {}
+    for name, path, arguments in (("a", points, []), ("b", tracked, []), ("c", points, ["--method", "filter"])):
+        assert main(["predict", str(path), *arguments, "--out", str(tmp_path / name)]) == 0
+        found[name] = json.loads((tmp_path / name).read_text())
+    assert found["a"] == found["c"]
+    for key in ("t_s", "p_world_m"):
+        np.testing.assert_allclose(found["b"]["hit_plane"][key], found["a"]["hit_plane"][key], atol=1e-6)
 
 
 def test_the_filter_writes_the_same_contract_and_knows_the_flight(points, tmp_path) -> None:

@@ -10,10 +10,11 @@ from core.bench.learning import bench_learning
 from core.bench.learning import runs as learning_runs
 from core.bench.learning.beyond import event_cameras
 from core.bench.learning.plan import EXPLORATIONS, RIVALS, Counts, plan, rival_training
-from core.bench.learning.tables import binomial_interval, paired
+from core.bench.learning.tables import paired
 from core.bench.learning.targets import TARGETS
 from core.bench.learning.verdicts import CLAIMS, judge
 from core.learning.runs.summary import SeedSpread
+from core.metrics.intervals import binomial_interval
 
 TINY = Counts(seeds=2, minor_seeds=1, rival_seeds=1, balls=10, shorten=50)
 

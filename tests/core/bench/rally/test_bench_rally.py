@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from core.bench.rally.bench_rally import Watched, measure_rally
+from core.bench.rally.bench_rally import Watched, chain_named, measure_rally, run
 from core.cameras.presets import SENSOR_720
 from core.rally.chain.config import ChainConfig
 from core.recordings import BallTruth
+from core.trajectory import PaperPredictorConfig
 
 
 def test_two_balls_give_a_row_whose_parts_agree() -> None:
@@ -22,6 +23,24 @@ def test_another_prediction_plays_another_rally() -> None:
     )
     assert fit["point_mm_median"] == pytest.approx(filtered["point_mm_median"], rel=0.2)
     assert fit["aim_mm_median"] != filtered["aim_mm_median"]
+
+
+def test_the_paper_s_chain_has_nothing_better_than_the_paper() -> None:
+    published = chain_named("paper")
+    assert published.method == "paper" and published.prediction == "fit"
+    assert published.predictor == PaperPredictorConfig(hurry_ms=0.0, bounce_guard_ms=0.0, bounce_wait_ms=0.0)
+    assert published.predictor.observations == 5 and published.predictor.friction == 0.0
+    assert chain_named("fit").method == chain_named("filter").method == "refined"
+
+
+def test_the_page_has_a_table_for_each_chain_that_played(tmp_path) -> None:
+    page = tmp_path / "rally.md"
+    found = run(lambda share: None, chain="filter", balls=1, speeds=(9.0,), report=page)
+    (row,) = found["rows"]  # type: ignore[misc]
+    assert row["chain"] == "filter" and row["speed_mps"] == 9.0 and row["balls"] == 1
+    text = page.read_text()
+    assert "## `filter`" in text and "`paper`" not in text.partition("## ")[2]
+    assert f"| 9 | 1 | {100 * row['returned']:.0f} (" in text and "21-100" in text, "one ball proves little"
 
 
 def test_errors_are_distances_to_the_truth_at_the_points_own_times() -> None:
