@@ -13,7 +13,8 @@ from app.cli.arguments import flag, positional
 from app.cli.detector_arguments import DetectorArguments
 from app.cli.files import check_folder, write_csv
 from app.cli.progress import progress_bar
-from core.detection import make_detector
+from core.detection import RefinedDetection, make_detector
+from core.detection.refined.sensor_delay import estimate_delay
 from core.errors import CommandError
 from core.metrics import WindowAnswers, run_detector, score_answers
 from core.recordings import CameraStream, Recording, open_recording
@@ -92,4 +93,21 @@ def _summarise(
         "extra_circles": int(answers.extra_circles.sum()),
         "score": score,
         "out": str(arguments.out),
+        **_motion([one for one in answers.detections if isinstance(one, RefinedDetection)]),
+    }
+
+
+def _motion(balls: list[RefinedDetection]) -> dict[str, object]:
+    """What `refined` says beside the columns of the file, in its order, and of the sensor."""
+    if not balls:
+        return {}
+    delay = estimate_delay(balls)
+    return {
+        "motion": {
+            "t_us": [one.t_us for one in balls],
+            "vu_px_per_ms": [round(one.vu_px_per_ms, 4) for one in balls],
+            "vv_px_per_ms": [round(one.vv_px_per_ms, 4) for one in balls],
+            "covariance": [np.round(one.covariance, 6).tolist() for one in balls],
+        },
+        "sensor_delay": None if delay is None else delay._asdict(),
     }

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.detection import Detector
+from core.detection import Detection, Detector
 from core.detection.window import windows_between
 from core.recordings import CameraStream
 
@@ -30,6 +30,8 @@ class WindowAnswers:
     r_px: NDArray[np.float64]
     extra_circles: NDArray[np.int32]
     """Further circles of the window that passed every test."""
+    detections: tuple[Detection, ...] = ()
+    """Those that were found, with all that the method says of them."""
 
     @property
     def detected(self) -> NDArray[np.bool_]:
@@ -54,11 +56,13 @@ def run_detector(
     end_us = duration_of(stream)
     detector.reset()
     rows: list[tuple[int, int, float, float, float, int]] = []
+    detections: list[Detection] = []
     for number, window in enumerate(windows_between(stream, 0, end_us, window_us)):
         found = detector.step(window)
         place = (window.end_us, np.nan, np.nan, np.nan)
         if found is not None:
             place = (found.t_us, found.u_px, found.v_px, found.r_px)
+            detections.append(found)
         rows.append((window.end_us, *place, detector.extra_circles))
         if number % REPORT_EVERY == 0:
             if cancelled is not None and cancelled():
@@ -73,4 +77,5 @@ def run_detector(
         v_px=np.array(v, np.float64),
         r_px=np.array(r, np.float64),
         extra_circles=np.array(extra, np.int32),
+        detections=tuple(detections),
     )

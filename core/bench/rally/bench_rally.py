@@ -99,7 +99,7 @@ def run(
 ) -> dict[str, object]:
     """A row per chain and speed, and the machine; by default all chains. `report` is a page for the rows."""
     chains: tuple[ChainName, ...] = CHAINS if chain is None else (chain,)
-    cases = [(name, speed) for name in chains for speed in speeds]
+    cases: list[tuple[ChainName, float]] = [(name, speed) for name in chains for speed in speeds]
     rows: list[dict[str, object]] = []
     for name, speed in cases:
         rows.append({"chain": name} | measure_rally(SENSOR_720, speed, balls, chain=chain_named(name)))

@@ -68,6 +68,11 @@ class RefinedDetection(Detection):
     fit: Quality
 
     @property
+    def velocity_px_per_ms(self) -> tuple[float, float]:
+        """Along u and v."""
+        return self.vu_px_per_ms, self.vv_px_per_ms
+
+    @property
     def centre_covariance_px2(self) -> NDArray[np.float64]:
         """(2, 2)."""
         return self.covariance[:2, :2]

@@ -49,6 +49,25 @@ def test_the_table_has_a_row_per_detection_with_the_columns_of_the_contract(reco
     assert summary["method"] == "auto" and summary["camera"] == "left" and summary["window_us"] == 2000
 
 
+def test_refined_says_more_as_json_and_the_same_in_the_table(recording, tmp_path, capsys) -> None:
+    out = tmp_path / "det.csv"
+    assert detect(recording, out, "--camera", "left", "--method", "refined", "--json") == 0
+    summary = json.loads(capsys.readouterr().out)
+    rows = rows_of(out)
+    motion = summary["motion"]
+    assert out.read_text().splitlines()[0] == "t_us,u_px,v_px,r_px"
+    assert motion["t_us"] == [int(row["t_us"]) for row in rows]
+    u, t_ms = np.array([float(row["u_px"]) for row in rows]), 1e-3 * np.array(motion["t_us"])
+    together = np.diff(t_ms) == 1.0
+    speeds = np.array(motion["vu_px_per_ms"])
+    assert np.median(np.abs(np.diff(u)[together] - 0.5 * (speeds[1:] + speeds[:-1])[together])) < 0.1
+    assert np.array(motion["covariance"]).shape == (len(rows), 5, 5)
+    assert np.linalg.eigvalsh(motion["covariance"]).min() > 0
+    assert abs(summary["sensor_delay"]["delay_us"] - 250) < 3 * summary["sensor_delay"]["sigma_us"]
+    assert detect(recording, out, "--camera", "left", "--json") == 0
+    assert "motion" not in json.loads(capsys.readouterr().out), "auto knows none"
+
+
 @pytest.mark.parametrize("method", ["ebpp", "fe-fusion"])
 def test_a_rival_finds_the_ball_with_the_settings_that_ship(recording, tmp_path, capsys, method: str) -> None:
     out = tmp_path / "det.csv"
