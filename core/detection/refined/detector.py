@@ -21,7 +21,7 @@ from core.detection.refined_config import RefinedConfig
 from core.events import SensorSize, Window
 
 MOST_TRACKS: Final = 6
-MOST_TRIALS: Final = 8
+MOST_TRIALS: Final = 4
 """Blobs that are fitted after one window."""
 SEARCH_EVERY: Final = (1, 2, 4)
 """Windows between two looks at the blobs of each span of the search."""
@@ -214,12 +214,14 @@ class RefinedDetector:
                 largest_px = 4.0 * self.config.radius_max_px
                 found = find_blobs(self._maps, span, end_us, self._floods, largest_px, self._blobs, found)
         trials = 0
-        for box, span in zip(self._blobs.boxes[:found], self._blobs.span[:found].tolist(), strict=True):
+        for turn in range(found):
             if len(self.tracks) >= MOST_TRACKS or trials >= MOST_TRIALS:
                 break
+            blob = (self._windows * MOST_TRIALS + turn) % found  # where there are many, each has its turn
+            box = self._blobs.boxes[blob]
             if not any(_covers(track, box, end_us) for track in self.tracks):
                 trials += 1
-                self._examine(box, int(SPANS_US[span]), end_us)
+                self._examine(box, int(SPANS_US[self._blobs.span[blob]]), end_us)
 
     def _examine(self, box: NDArray[np.float64], span_us: int, end_us: int) -> None:
         """Make a track of the blob in a box, if it can be a ball."""
