@@ -16,9 +16,11 @@ from app.modes.tune.settings import SettingsPanel
 from app.modes.tune.tune_view import TuneViewPanel
 from app.state.client_state import ClientState
 from app.state.commands import Command, LookAt, UseConfig
+from app.views.answer_cache import AnswerCache
 from app.views.requests import PictureAnswer, TuneRequest, answer_request
 from core.config import load_config, save_config
 from core.detection import DetectorConfig
+from core.detection.methods import make_detector
 from core.metrics import Score, score_recording
 from core.recordings import Recording
 
@@ -39,6 +41,7 @@ class TuneMode:
         self._requested: object = None
         self._progress_s = self._offered_s = float("-inf")
         self._score: Job[Score | LabelScore] | None = None
+        self._answers = AnswerCache()
         self._pictures = LatestWins(host.pool, answer_request, self._picture_done, self._failed)
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
@@ -74,6 +77,7 @@ class TuneMode:
         """What is computed of the recording before is not wanted any more."""
         self._cancel_score()
         self._auto.cancel()
+        self._answers.clear()
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
         """Make the controls follow the state, and ask for the picture that belongs to it."""
@@ -82,6 +86,7 @@ class TuneMode:
             with self._host.client.atomic():
                 self._view.show(state)
                 self._settings.show(state)
+                self._auto.panel.use_method(state.tune.method)
         if wall_s - self._offered_s > OFFER_EVERY_S:
             self._offered_s = wall_s
             self._files.show(self._host.services.workspace.config_names())
@@ -126,11 +131,12 @@ class TuneMode:
         if recording is None:
             return
         slots = ("A", "B") if view.compare else (view.slot,)
-        configs = tuple((slot, state.configs.present.of(slot)) for slot in slots)
+        configs = tuple((slot, state.history.present.of(slot)) for slot in slots)
         key = (recording.uuid, state.camera, now_us, state.look, view, configs)
         if key != self._requested:
             self._requested = key
-            self._pictures.submit(TuneRequest(recording.cameras[state.camera], now_us, state.look, view, configs))
+            stream = recording.cameras[state.camera]
+            self._pictures.submit(TuneRequest(stream, now_us, state.look, view, configs, self._answers))
 
     def _picture_done(self, request: TuneRequest, answer: PictureAnswer) -> None:
         self._host.later(lambda: self._show_answer(request, answer))
@@ -141,8 +147,11 @@ class TuneMode:
         self._host.plane.show(answer.sheet)
         names = tuple(name for name, _ in request.configs)
         with self._host.client.atomic():
-            self._settings.show_trace(answer.traces[names.index(request.view.slot)])
-            self._results.candidates.show(tuple(zip(names, answer.traces, strict=True)), answer.seconds)
+            if answer.traces:
+                self._settings.show_trace(answer.traces[names.index(request.view.slot)])
+                self._results.candidates.show(tuple(zip(names, answer.traces, strict=True)), answer.seconds)
+            else:
+                self._results.candidates.show_answers(tuple(zip(names, answer.found, strict=True)), answer.seconds)
 
     # Config files -------------------------------------------------------------------------------------------------
 
@@ -166,14 +175,16 @@ class TuneMode:
         if state is None or recording is None or self._score is not None:
             return
         stream, config = recording.cameras[state.camera], state.config
-        title = f"{state.recording}, {state.camera}, config {state.tune.slot}"
+        method = state.tune.method
+        title = f"{state.recording}, {state.camera}, {method}, config {state.tune.slot}"
         folder, uuid, later = self._host.services.workspace.labels, recording.uuid, self._host.later
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> Score | LabelScore:
             reference = find_reference(folder, uuid, stream.name)  # what a person said, else what the simulation knows
             if reference is None:
-                return score_recording(stream, config, progress=progress, cancelled=cancelled)
-            return score_with_labels(folder, reference, stream, config, progress=progress, cancelled=cancelled)
+                detector, window_us = make_detector(method, stream.sensor, config), config.window.window_us
+                return score_recording(stream, detector, window_us=window_us, progress=progress, cancelled=cancelled)
+            return score_with_labels(folder, reference, stream, method, config, progress=progress, cancelled=cancelled)
 
         self._score = Job(
             work,

@@ -1,5 +1,7 @@
 """Tune, in a real browser. The screenshots are kept under test-artifacts/."""
 
+import re
+
 import pytest
 
 from core.config import get_setting, load_config
@@ -82,7 +84,7 @@ def test_a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, w
 def test_a_config_is_scored_over_the_recording(tune) -> None:
     tune.page.get_by_role("tab", name="Score").click()
     tune.press("Score this config on the whole recording")
-    tune.page.get_by_text("serve, left, config A").first.wait_for(timeout=60_000)
+    tune.page.get_by_text("serve, left, auto, config A").first.wait_for(timeout=60_000)
     tune.screenshot("score")
 
 
@@ -128,3 +130,29 @@ def test_tuning_against_labels_that_there_are_not_says_so(tune) -> None:
     tune.press("Tune automatically")
     tune.page.get_by_text("nobody has labelled this camera").wait_for()
     tune.page.get_by_role("button", name="Tune automatically").wait_for()
+
+
+def choose(tune, label: str, option: str) -> None:
+    """Choose in the dropdown of that label."""
+    labelled = tune.page.locator("label").filter(has_text=re.compile(f"^{label}$"))
+    labelled.locator("xpath=ancestor::*[.//input][1]").locator("input").first.click()
+    tune.page.get_by_role("option", name=option, exact=True).click()
+
+
+def test_a_method_without_stages_shows_its_ball_and_its_own_sliders(tune, wait_for, count_like) -> None:
+    choose(tune, "Method", "refined")
+    wait_for(lambda: tune.state.tune.method == "refined", "the method")
+    tune.page.get_by_text("moves (").first.wait_for()
+    tune.wait_for_pixels("tune-refined", lambda canvas: count_like(canvas, YELLOW) > 40)
+    motion = tune.field("motion [px]")
+    assert motion.is_visible() and tune.page.get_by_text("circularity min").count() == 0
+    assert tune.page.get_by_text("Stage", exact=True).count() == 0
+    motion.fill("5")
+    wait_for(lambda: tune.state.config.refined.motion_px == 5.0, "the setting")
+    assert tune.state.staged_config == DetectorConfig()
+    tune.field("radius max [px]").fill("4")
+    tune.page.get_by_text("no ball").first.wait_for()
+    choose(tune, "Method", "paper")
+    tune.page.get_by_text("circularity min").first.wait_for()
+    assert tune.page.get_by_text("leading polarity").count() == 0, "the paper decides that itself"
+    tune.wait_for_pixels("tune-paper", lambda canvas: count_like(canvas, YELLOW) > 40)
