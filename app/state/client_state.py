@@ -49,6 +49,10 @@ class TuneView:
     """Both configs side by side on the same window."""
     method: Method = "auto"
     """The one that the sliders, the picture and the scores are of."""
+    compared: tuple[Method, ...] = ("auto", "refined")
+    """Those that are compared, in their usual order."""
+    side_by_side: bool = False
+    """The compared methods beside each other on the same window, instead of one method's configs."""
     show_truth: bool = True
 
 

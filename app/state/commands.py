@@ -193,6 +193,37 @@ class SetMethod:
 
 
 @dataclass(frozen=True, slots=True)
+class CompareMethod:
+    """Let a method take part in comparisons, or not."""
+
+    method: Method
+    takes_part: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        chosen = {*state.tune.compared, self.method} if self.takes_part else {*state.tune.compared} - {self.method}
+        compared = tuple(method for method in METHODS if method in chosen)
+        return replace(state, tune=replace(state.tune, compared=compared))
+
+
+@dataclass(frozen=True, slots=True)
+class SetSideBySide:
+    side_by_side: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, tune=replace(state.tune, side_by_side=self.side_by_side))
+
+
+@dataclass(frozen=True, slots=True)
+class StopAt:
+    """Go to a time and stay there."""
+
+    t_us: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, playhead=state.playhead.pause(wall_s).seek(self.t_us, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
 class ShowTruth:
     show: bool
 

@@ -9,6 +9,7 @@ from app.background.jobs import Job, Progress
 from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
 from app.modes.tune.auto.auto_tune import AutoTune
+from app.modes.tune.compare.over_time import CompareOverTime
 from app.modes.tune.config_files import ConfigFilesPanel
 from app.modes.tune.label_score import LabelScore, find_reference, score_with_labels
 from app.modes.tune.results_panel import ResultsPanel
@@ -47,6 +48,7 @@ class TuneMode:
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
         self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._cancel_score))
+        self._compare = CompareOverTime(host, self._send)
         self._auto = AutoTune(host, self._results.show_tuned)
         self._files = ConfigFilesPanel(
             gui,
@@ -62,14 +64,15 @@ class TuneMode:
 
     @property
     def restless(self) -> bool:
-        """The progress of a score or a search moves."""
-        return self._score is not None or self._auto.running
+        """The progress of a score, a search or a comparison moves."""
+        return self._score is not None or self._auto.running or self._compare.running
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
         self._active = active
         self._show_folders(active)
         self._results.panel.visible = active
+        self._compare.show(active)
         self._shown = self._requested = None
         self._progress_s = self._offered_s = float("-inf")
 
@@ -77,6 +80,7 @@ class TuneMode:
         """What is computed of the recording before is not wanted any more."""
         self._cancel_score()
         self._auto.cancel()
+        self._compare.forget()
         self._answers.clear()
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
@@ -87,6 +91,7 @@ class TuneMode:
                 self._view.show(state)
                 self._settings.show(state)
                 self._auto.panel.use_method(state.tune.method)
+                self._compare.show_state(state)
         if wall_s - self._offered_s > OFFER_EVERY_S:
             self._offered_s = wall_s
             self._files.show(self._host.services.workspace.config_names())
@@ -94,6 +99,7 @@ class TuneMode:
             self._progress_s = wall_s
             self._results.score.show_progress(self._score.share)
         self._auto.tick(wall_s)
+        self._compare.tick(wall_s)
         self._request_picture(state, now_us)
 
     def clicked(self, x: float, y: float) -> None:
@@ -107,6 +113,7 @@ class TuneMode:
         if self._score is not None:
             self._score.cancel()
         self._auto.close()
+        self._compare.close()
 
     def _send(self, command: Command) -> None:
         """What a control asks for; if it is refused, the control shows the old value again."""
@@ -115,7 +122,7 @@ class TuneMode:
 
     def _show_folders(self, visible: bool) -> None:
         """No folder round them: each one deeper makes the column of the labels narrower."""
-        for panel in (self._view, self._settings, self._auto.panel, self._files):
+        for panel in (self._view, self._settings, self._compare.panel, self._auto.panel, self._files):
             panel.folder.visible = visible
 
     def _show_anew(self) -> None:

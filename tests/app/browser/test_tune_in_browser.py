@@ -156,3 +156,37 @@ def test_a_method_without_stages_shows_its_ball_and_its_own_sliders(tune, wait_f
     tune.page.get_by_text("circularity min").first.wait_for()
     assert tune.page.get_by_text("leading polarity").count() == 0, "the paper decides that itself"
     tune.wait_for_pixels("tune-paper", lambda canvas: count_like(canvas, YELLOW) > 40)
+
+
+def test_methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tune, wait_for, count_like) -> None:
+    tune.page.get_by_text("Compare methods", exact=True).click()
+    tune.field("paper").click()
+    wait_for(lambda: tune.state.tune.compared == ("auto", "paper", "refined"), "the third method")
+    tune.screenshot("compare-form")
+    tune.press("Compare over time")
+    tune.page.get_by_text("against the truth").wait_for(timeout=60_000)
+    wait_for(lambda: tune.page.locator("canvas").count() >= 4, "three charts")
+    tune.page.wait_for_timeout(1000)
+    tune.screenshot("compare-over-time")
+    misses = tune.page.get_by_role("button", name=re.compile(r"^0\.\d{4} s"))
+    misses.first.wait_for()
+    first = misses.first.inner_text()
+    misses.first.click()
+    start_us = round(float(first.split(" ")[0]) * 1e6)
+    wait_for(lambda: 0 <= tune.state.playhead.anchor_us - start_us <= 4000, "the cursor to be at the miss")
+    choose(tune, "Answers of", "refined")
+    tune.page.get_by_text("times asked are missed").wait_for()
+    tune.press("false")
+    tune.page.get_by_text("answers are false").wait_for()
+    tune.screenshot("compare-false")
+    tune.field("Show the result").click()
+    tune.page.get_by_text("against the truth").wait_for(state="hidden")
+
+
+def test_without_truth_it_says_that_it_is_agreement(tune) -> None:
+    tune.page.get_by_text("Compare methods", exact=True).click()
+    choose(tune, "Against", "fe-fusion")
+    choose(tune, "Over", "0.4 s round the cursor")
+    tune.press("Compare over time")
+    tune.page.get_by_text("agreement with fe-fusion, not error").wait_for(timeout=60_000)
+    tune.screenshot("compare-agreement")
