@@ -53,7 +53,7 @@ class Ink(IntEnum):
 CLUSTER_COLOURS: Final = 12
 RAMP_COLOURS: Final = 64
 METHOD_RGB: Final[dict[Method, tuple[int, int, int]]] = {
-    "auto": (255, 225, 60),
+    "auto": (255, 240, 90),
     "paper": (255, 130, 210),
     "refined": (110, 235, 130),
     "ebpp": (185, 140, 255),

@@ -29,15 +29,15 @@ class CandidatesTable:
         )
 
     def show_answers(self, answers: tuple[tuple[str, WindowAnswer], ...], seconds: float) -> None:
-        """What a method without stages says with each config."""
-        self._table.content = "".join(answer_html(name if len(answers) > 1 else "", a) for name, a in answers) + (
+        """What methods say, or one without stages with each config; each with its title."""
+        self._table.content = "".join(answer_html(title if len(answers) > 1 else "", a) for title, a in answers) + (
             stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
         )
 
 
-def answer_html(name: str, answer: WindowAnswer) -> str:
-    """One config's answer, of a method that has no clusters to show."""
-    label = f"Config {html.escape(name)}: " if name else ""
+def answer_html(title: str, answer: WindowAnswer) -> str:
+    """One answer, of a method that has no clusters to show, or whose clusters are not looked at."""
+    label = f"{html.escape(title)}: " if title else ""
     window = answer.window
     length_ms = (window.end_us - window.start_us) / 1e3
     lines = [f"{label}{_verdict(answer.detection)} &middot; {len(window.events)} events in {length_ms:g} ms"]

@@ -76,12 +76,12 @@ class SettingsPanel:
             handle.visible = path in taken
 
     def show_trace(self, trace: PipelineTrace | None) -> None:
-        """Events in and out and the time of every stage."""
+        """Events in and out and the time of every stage; nothing without a trace."""
         stages = {stage.name: stage for stage in trace.stages} if trace else {}
         for name, html in self._counts.items():
             stage = stages.get(name)
             if stage is None:
-                html.content = stage_counts_html("off")
+                html.content = stage_counts_html("off") if trace else ""
             else:
                 share = f" ({stage.count_out / stage.count_in:.0%})" if stage.count_in else ""
                 html.content = stage_counts_html(

@@ -38,7 +38,8 @@ class TuneViewPanel:
         """Follow the state."""
         self._camera.offer(state.cameras)
         self._camera.show(state.camera)
-        self._overlay.visible = state.tune.method in STAGED
+        self._overlay.visible = state.tune.method in STAGED and not state.tune.side_by_side
+        self._compare.visible = not state.tune.side_by_side
         self._overlay.show(state.tune.overlay)
         self._zoom.value = state.tune.zoom
         self._slot.show(state.tune.slot)

@@ -190,3 +190,17 @@ def test_without_truth_it_says_that_it_is_agreement(tune) -> None:
     tune.press("Compare over time")
     tune.page.get_by_text("agreement with fe-fusion, not error").wait_for(timeout=60_000)
     tune.screenshot("compare-agreement")
+
+
+def test_methods_stand_beside_each_other_on_the_same_window(tune, wait_for, count_like) -> None:
+    tune.page.get_by_text("Compare methods", exact=True).click()
+    tune.field("ebpp").click()
+    tune.field("Side by side").click()
+    wait_for(lambda: len(tune.session.sheet.pictures) == 3, "three pictures")
+    assert len({picture.region for picture in tune.session.sheet.pictures}) == 1
+    tune.page.get_by_text("refined: ").first.wait_for()
+    tune.wait_for_pixels("side-by-side", lambda canvas: count_like(canvas, GREEN) > 40 < count_like(canvas, YELLOW))
+    for method in ("paper", "fe-fusion"):
+        tune.field(method).click()
+    wait_for(lambda: len(tune.session.sheet.pictures) == 5, "five pictures")
+    tune.wait_for_pixels("side-by-side-all", lambda canvas: count_like(canvas, (255, 130, 210), 30) > 40)

@@ -124,3 +124,18 @@ def test_what_was_found_for_a_method_chooses_that_method(state: ClientState) -> 
     found = replace_setting(refined_config(), REFINED_RADIUS, 20.0)
     beside = c.UseBeside("refined", refined_config(), found).apply(state, 0.0)
     assert beside.tune.method == "refined" and beside.config == found and beside.configs == state.configs
+
+
+def test_methods_that_take_part_are_in_their_usual_order(state: ClientState) -> None:
+    more = c.CompareMethod("paper", True).apply(state, 0.0)
+    assert more.tune.compared == ("auto", "paper", "refined")
+    assert c.CompareMethod("auto", False).apply(more, 0.0).tune.compared == ("paper", "refined")
+    assert c.CompareMethod("yolo", True).apply(state, 0.0) == state
+    assert c.SetSideBySide(True).apply(state, 0.0).tune.side_by_side
+
+
+def test_a_jump_ends_the_playing(state: ClientState) -> None:
+    playing = c.TogglePlay().apply(state, 0.0)
+    stopped = c.StopAt(300_000).apply(playing, 1.0)
+    assert not stopped.playhead.playing and stopped.playhead.position_us(9.0) == 300_000
+    assert c.StopAt(10**9).apply(playing, 1.0).playhead.position_us(9.0) == 1_000_000

@@ -15,11 +15,13 @@ from app.modes.tune.compare.run import CompareAnswer
 from core.detection.methods import METHODS
 
 Array = NDArray[np.float64]
-HEIGHT_PX: Final = 104
+HEIGHT_PX: Final = 94
 AXIS: Final = "#9aa0aa"
 GRID: Final = "#32363e"
 STEP_RANGE_MS: Final = (0.01, 30.0)
 """Of the logarithmic scale: from `auto` in a region to EBPP on the whole sensor."""
+WIDTHS_PX: Final = (5, 4, 3, 2, 1)
+"""The later ones are thinner: where curves are the same, all are seen."""
 ERROR_TOPS_PX: Final = (1.0, 2.0, 4.0, 8.0)
 """The error's scale ends at one of these; the last is the match radius."""
 
@@ -49,7 +51,7 @@ class MethodCharts:
                     (answer.axis_s, *columns[name]),
                     _series(),
                     scales=scales,
-                    axes=(_axis(22), _axis(38)),
+                    axes=(_axis(22), _axis(38, grid=name != "step")),
                     legend=uplot.Legend(show=False),
                     height=HEIGHT_PX,
                     padding=(6, 14, 0, 2),
@@ -95,19 +97,20 @@ def _scales(name: str, axis_s: Array, curves: list[Array]) -> dict[str, uplot.Sc
 
 def _series() -> tuple[uplot.Series, ...]:
     lines = (
-        uplot.Series(label=method, stroke=method_css(method), width=2, points={"show": True, "size": 4})
-        for method in METHODS
+        uplot.Series(label=method, stroke=method_css(method), width=width, points={"show": True, "size": 3})
+        for method, width in zip(METHODS, WIDTHS_PX, strict=True)
     )
     return (uplot.Series(label="s"), *lines)
 
 
-def _axis(size: int) -> uplot.Axis:
+def _axis(size: int, *, grid: bool = True) -> uplot.Axis:
+    """A logarithmic scale has too many lines for a grid."""
     return uplot.Axis(
         stroke=AXIS,
         size=size,
         font="11px sans-serif",
-        grid={"stroke": GRID, "width": 1},
-        ticks={"stroke": GRID, "width": 1, "size": 4},
+        grid={"show": grid, "stroke": GRID, "width": 1},
+        ticks={"show": grid, "stroke": GRID, "width": 1, "size": 4},
     )
 
 

@@ -9,7 +9,7 @@ from app.background.jobs import Job, Progress
 from app.modes.mode import ModeHost
 from app.modes.tune.compare.panel import ComparePanel
 from app.modes.tune.compare.run import CompareAnswer, CompareRequest, run_comparison
-from app.modes.tune.compare.side_panel import CompareSidePanel
+from app.modes.tune.compare.side_panel import WIDTH_PX, CompareSidePanel
 from app.state.client_state import ClientState
 from app.state.commands import Command, LookAt, SetCamera, SetMethod, StopAt
 from core.detection.methods import Method
@@ -20,10 +20,11 @@ PROGRESS_EVERY_S: Final = 0.1
 
 
 class CompareOverTime:
-    """Methods are called in the loop."""
+    """Methods are called in the loop. `make_room(width_px)` is told how much of the window it takes at the left."""
 
-    def __init__(self, host: ModeHost, send: Callable[[Command], None]) -> None:
+    def __init__(self, host: ModeHost, send: Callable[[Command], None], make_room: Callable[[int], None]) -> None:
         self._host = host
+        self._make_room = make_room
         self._job: Job[CompareAnswer] | None = None
         self._request: CompareRequest | None = None
         self._answer: CompareAnswer | None = None
@@ -47,7 +48,9 @@ class CompareOverTime:
     def show(self, active: bool) -> None:
         """Show its outcome or hide it."""
         self._active = active
-        self._side.panel.visible = active and self._wanted and self._answer is not None
+        visible = active and self._wanted and self._answer is not None
+        self._side.panel.visible = visible
+        self._make_room(WIDTH_PX if visible else 0)
 
     def show_state(self, state: ClientState) -> None:
         """Let the controls follow the state."""

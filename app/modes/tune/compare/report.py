@@ -69,7 +69,8 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
         what += f", if {html.escape(answer.reference)} is right"
     more = len(stretches) - MOST_STRETCHES
     rest = f", the {MOST_STRETCHES} longest of them" if more > 0 else ""
-    places = f", in {len(stretches)} stretches{rest}: choose one to look at it" if stretches else ""
+    where = "in one stretch" if len(stretches) == 1 else f"in {len(stretches)} stretches"
+    places = f", {where}{rest}: choose one to look at it" if stretches else ""
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:0 12px'>{what}{places}</div>"
 
 

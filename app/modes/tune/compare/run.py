@@ -93,6 +93,24 @@ def known_reference(labels: Path, uuid: str, stream: CameraStream) -> PixelRefer
     return labels_reference(places, f"{len(said)} labels by {store.layer.annotator}")
 
 
+class KnownReferences:
+    """What is known of each camera, kept until somebody might have labelled more; from any thread."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, str], PixelReference | None] = {}
+
+    def find(self, labels: Path, uuid: str, stream: CameraStream) -> PixelReference | None:
+        """What `known_reference` gives."""
+        key = (uuid, stream.name)
+        if key not in self._kept:
+            self._kept[key] = known_reference(labels, uuid, stream)
+        return self._kept.get(key)
+
+    def clear(self) -> None:
+        """Read again from now on."""
+        self._kept = {}
+
+
 def run_comparison(
     request: CompareRequest, *, progress: Callable[[float], None], cancelled: Callable[[], bool]
 ) -> CompareAnswer:
