@@ -277,7 +277,7 @@ class UseBeside:
     b: DetectorConfig
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        state = replace(state, tune=replace(state.tune, method=self.method, slot="B", compare=True))
+        state = replace(state, tune=replace(state.tune, method=self.method, slot="B", compare=True, side_by_side=False))
         return state.with_history(state.history.change(Configs(self.a, self.b), topic=None, wall_s=wall_s))
 
 

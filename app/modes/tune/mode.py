@@ -191,7 +191,8 @@ class TuneMode:
             path = workspace.config_path(name)
             save_config(state.config, path)
             self._files.show(workspace.config_names())
-            self._host.note("Config saved", f"{path.stem}: `rallyscope detect --config {path}` takes it", "green")
+            options = f"--method {state.tune.method} --config {path}"
+            self._host.note("Config saved", f"{path.stem}: `rallyscope detect {options}` takes it", "green")
 
     def _load_config(self, name: str) -> None:
         workspace = self._host.services.workspace

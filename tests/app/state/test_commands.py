@@ -124,6 +124,8 @@ def test_what_was_found_for_a_method_chooses_that_method(state: ClientState) -> 
     found = replace_setting(refined_config(), REFINED_RADIUS, 20.0)
     beside = c.UseBeside("refined", refined_config(), found).apply(state, 0.0)
     assert beside.tune.method == "refined" and beside.config == found and beside.configs == state.configs
+    apart = c.UseBeside("refined", refined_config(), found).apply(c.SetSideBySide(True).apply(state, 0.0), 0.0)
+    assert apart == beside, "methods beside each other make room for the two configs"
 
 
 def test_methods_that_take_part_are_in_their_usual_order(state: ClientState) -> None:

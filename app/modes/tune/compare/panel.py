@@ -39,7 +39,7 @@ class ComparePanel:
                 self._ticks[method] = gui.add_checkbox(method, False, hint=what)
             self._side_by_side = gui.add_checkbox("Side by side", False, hint="The same window through each method")
             self._against = gui.add_dropdown(
-                "Against", (KNOWN, *METHODS), hint="What is right; of a method, how far the others agree with it"
+                "Reference", (KNOWN, *METHODS), hint="What is right; of a method, how far the others agree with it"
             )
             self._span = gui.add_dropdown("Over", tuple(SPANS))
             hint = "Recall, error and time over the recording, and where each fails"

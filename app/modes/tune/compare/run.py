@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from app.modes.tune.label_score import find_reference
 from core.detection import DetectorConfig
 from core.detection.methods import Method
+from core.errors import CommandError
 from core.metrics.compare import (
     CurvesOverTime,
     JudgedRun,
@@ -94,13 +95,16 @@ def known_reference(labels: Path, uuid: str, stream: CameraStream) -> PixelRefer
 
 
 class KnownReferences:
-    """What is known of each camera, kept until somebody might have labelled more; from any thread."""
+    """Where the ball of each camera is; labels are kept until somebody might have made more. From any thread."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[str, str], PixelReference | None] = {}
 
     def find(self, labels: Path, uuid: str, stream: CameraStream) -> PixelReference | None:
-        """What `known_reference` gives."""
+        """What `known_reference` gives, but for the times that are asked where the truth is known."""
+        truth = stream.truth
+        if truth is not None:  # not kept: that of a live recording grows
+            return PixelReference("truth", "the truth", truth, truth.t_us[:0])
         key = (uuid, stream.name)
         if key not in self._kept:
             self._kept[key] = known_reference(labels, uuid, stream)
@@ -114,9 +118,15 @@ class KnownReferences:
 def run_comparison(
     request: CompareRequest, *, progress: Callable[[float], None], cancelled: Callable[[], bool]
 ) -> CompareAnswer:
-    """Run the methods, and prepare what is shown; of no use if it was cancelled meanwhile."""
+    """Run the methods, and prepare what is shown; of no use if it was cancelled meanwhile.
+
+    Raises:
+        CommandError: if there are no events in the part that is asked for.
+    """
     stream = request.stream
     end_us = min(request.end_us, duration_of(stream))
+    if end_us <= request.start_us:
+        raise CommandError("no events in this part of the recording", remedy="move the cursor, or compare all of it")
     against: PixelReference | Method | None = request.agree_with
     if against is None:
         against = known_reference(request.labels, request.uuid, stream)

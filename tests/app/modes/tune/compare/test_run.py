@@ -1,5 +1,6 @@
 """A comparison of methods, and what is said of it."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from app.modes.tune.compare.charts import chart_titles, method_columns
 from app.modes.tune.compare.report import MOST_STRETCHES, comparison_html, stretch_names, stretches_html
 from app.modes.tune.compare.run import CompareRequest, KnownReferences, known_reference, run_comparison
 from core.detection.methods import METHODS, method_config
+from core.errors import CommandError
 from core.metrics.compare import Stretch
 from core.recordings import CameraStream, open_recording
 from labels.model import Label, LabelState
@@ -96,6 +98,12 @@ def test_without_truth_the_labels_of_whoever_made_most_are_right_but_for_hidden_
     assert [one.judged.recall for one in answer.methods] == [1.0, 1.0]
 
 
+def test_a_part_without_events_is_refused(stream, tmp_path: Path) -> None:
+    late = dataclasses.replace(request_of(stream, tmp_path), start_us=700_000)
+    with pytest.raises(CommandError, match="no events"):
+        run(late)
+
+
 def test_names_of_stretches_are_in_order_and_not_too_many() -> None:
     many = tuple(Stretch(1000 * k, 1000 * k + 500, 1 + k % 3, 1000 * k, (0.0, 0.0)) for k in range(MOST_STRETCHES + 9))
     names = stretch_names(many)
@@ -114,9 +122,14 @@ def test_buttons_are_said_to_be_what_they_are(stream, tmp_path: Path) -> None:
         assert f"{false} of {len(one.judged.t_us)} answers" in stretches_html(answer, one.method, missed=False)
 
 
-def test_what_is_known_is_read_once_until_it_is_cleared(stream, tmp_path: Path) -> None:
-    known = KnownReferences()
-    first = known.find(tmp_path, "u", stream)
-    assert first is not None and known.find(tmp_path, "u", stream) is first
+def test_labels_are_read_once_until_somebody_may_have_made_more(stream, tmp_path: Path) -> None:
+    known, unknown = KnownReferences(), WithoutTruth(stream)
+    assert known.find(tmp_path, "u", unknown) is None
+    with LabelStore.open(tmp_path, "u", "left", "ann") as store:
+        store.put(Label(t_us=300_000, state=LabelState.VISIBLE, x_px=7.0, y_px=8.0))
+    assert known.find(tmp_path, "u", unknown) is None
     known.clear()
-    assert known.find(tmp_path, "u", stream) is not first
+    found = known.find(tmp_path, "u", unknown)
+    assert found is not None and found.places.u_px.tolist() == [7.0]
+    truth = known.find(tmp_path, "u", stream)
+    assert truth is not None and truth.kind == "truth" and truth.places is stream.truth
