@@ -96,6 +96,7 @@ class CompareOverTime:
             labels=self._host.services.workspace.labels,
             start_us=start_us,
             end_us=end_us,
+            live=state.playhead.live,
         )
         later = self._host.later
 

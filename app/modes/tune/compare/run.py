@@ -24,9 +24,11 @@ from core.metrics.compare import (
     false_stretches,
     missed_stretches,
 )
+from core.metrics.one_window import LEAD_IN_US
 from core.metrics.reference import PixelReference, ReferenceKind, labels_reference, truth_reference
 from core.metrics.run import duration_of
 from core.recordings import CameraStream, PixelTruth
+from core.recordings.frozen import freeze_camera
 from labels.arrays import STATES
 from labels.model import LabelState
 
@@ -48,6 +50,8 @@ class CompareRequest:
     """The folder of the label stores."""
     start_us: int
     end_us: int
+    live: bool
+    """The camera forgets: its events are held first, so that every method sees the same ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,6 +131,8 @@ def run_comparison(
     end_us = min(request.end_us, duration_of(stream))
     if end_us <= request.start_us:
         raise CommandError("no events in this part of the recording", remedy="move the cursor, or compare all of it")
+    if request.live:
+        stream = freeze_camera(stream, request.start_us - LEAD_IN_US, end_us)
     against: PixelReference | Method | None = request.agree_with
     if against is None:
         against = known_reference(request.labels, request.uuid, stream)

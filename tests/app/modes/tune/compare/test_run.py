@@ -45,6 +45,7 @@ def request_of(stream, labels: Path, *, agree_with=None, methods=("auto", "refin
         labels=labels,
         start_us=200_000,
         end_us=10_000_000,
+        live=False,
     )
 
 
@@ -96,6 +97,27 @@ def test_without_truth_the_labels_of_whoever_made_most_are_right_but_for_hidden_
     answer = run(request_of(WithoutTruth(stream), tmp_path))
     assert "against 4 labels by ann" in comparison_html(answer)
     assert [one.judged.recall for one in answer.methods] == [1.0, 1.0]
+
+
+class Forgets(WithoutTruth):
+    """A camera whose events can be read once."""
+
+    def __init__(self, stream: CameraStream) -> None:
+        super().__init__(stream)
+        self.slices: list[tuple[int, int]] = []
+
+    def slice(self, start_us: int, end_us: int) -> object:
+        self.slices.append((start_us, end_us))
+        assert len(self.slices) == 1
+        return self._stream.slice(start_us, end_us)
+
+
+def test_every_method_sees_the_events_that_a_live_camera_had_at_first(stream, tmp_path: Path) -> None:
+    kept = request_of(stream, tmp_path, agree_with="auto")
+    forgets = Forgets(stream)
+    live = run(dataclasses.replace(kept, stream=forgets, live=True))
+    assert forgets.slices == [(140_000, 600_000)]
+    assert [one.judged.recall for one in live.methods] == [one.judged.recall for one in run(kept).methods]
 
 
 def test_a_part_without_events_is_refused(stream, tmp_path: Path) -> None:
