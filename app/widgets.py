@@ -26,6 +26,15 @@ class Choice:
             if event.client is not None:
                 choose(str(event.target.value).removeprefix(MARK))
 
+    @property
+    def visible(self) -> bool:
+        """Whether it is shown."""
+        return self._group.visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._group.visible = visible
+
     def show(self, chosen: str) -> None:
         """Mark the chosen one."""
         if chosen != self._shown:

@@ -130,7 +130,7 @@ def score_groups(answers: WindowAnswers, labels: LabelArrays) -> tuple[GroupScor
     for name, sources in GROUPS.items():
         rows = np.flatnonzero(np.isin(labels.source, [SOURCES.index(source) for source in sources]))
         if len(rows):
-            scores.append(_score_group(name, _answers_rows(answers, rows), labels.rows(rows), motion[rows]))
+            scores.append(_score_group(name, answers.rows(rows), labels.rows(rows), motion[rows]))
     return tuple(scores)
 
 
@@ -175,17 +175,6 @@ def motion_of(labels: LabelArrays) -> Array:
     with np.errstate(invalid="ignore", divide="ignore"):
         motion[rows] = np.where(length[:, None] > 1.0, step / length[:, None], np.nan)
     return motion
-
-
-def _answers_rows(answers: WindowAnswers, rows: NDArray[np.intp]) -> WindowAnswers:
-    return WindowAnswers(
-        answers.end_us[rows],
-        answers.t_us[rows],
-        answers.u_px[rows],
-        answers.v_px[rows],
-        answers.r_px[rows],
-        answers.extra_circles[rows],
-    )
 
 
 def _of(statistic: Callable[[Array], np.floating], values: Array) -> float:

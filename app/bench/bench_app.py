@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from app.state.client_state import RenderSettings, TuneView
+from app.views.answer_cache import AnswerCache
 from app.views.requests import TuneRequest, WatchRequest, answer_request
 from core.bench.machine import describe_machine
 from core.cameras import stereo_preset
@@ -46,12 +47,14 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
 
 def _views(recording: Recording) -> dict[str, Callable[[int, DetectorConfig], TuneRequest | WatchRequest]]:
     stream, look = recording.cameras["left"], RenderSettings()
-    other = DetectorConfig()
+    other, kept = DetectorConfig(), AnswerCache()
     return {
         "watch, both cameras": lambda t, config: WatchRequest(recording, t, look, config, True),
-        "tune": lambda t, config: TuneRequest(stream, t, look, TuneView(), (("A", config),)),
-        "tune, zoom 8": lambda t, config: TuneRequest(stream, t, look, TuneView(zoom=8.0), (("A", config),)),
-        "tune, A and B": lambda t, config: TuneRequest(stream, t, look, TuneView(), (("A", config), ("B", other))),
+        "tune": lambda t, config: TuneRequest(stream, t, look, TuneView(), (("A", config),), kept),
+        "tune, zoom 8": lambda t, config: TuneRequest(stream, t, look, TuneView(zoom=8.0), (("A", config),), kept),
+        "tune, A and B": lambda t, config: TuneRequest(
+            stream, t, look, TuneView(), (("A", config), ("B", other)), kept
+        ),
     }
 
 

@@ -18,4 +18,9 @@ def place_below_pictures(gui: viser.GuiApi, panel: viser.PanelHandle) -> None:
     """Add the list of keys as the last tab, and let the panel float in its place."""
     with panel.add_tab("Keys", viser.Icon.KEYBOARD):
         gui.add_html(keys_html())
-    panel.float(x=X_PX, y=Y_PX, width=WIDTH_PX, height=HEIGHT_PX)
+    float_below_pictures(panel)
+
+
+def float_below_pictures(panel: viser.PanelHandle, *, narrower_px: int = 0) -> None:
+    """Let a panel float in its place, narrower while something stands at the left."""
+    panel.float(x=X_PX, y=Y_PX, width=WIDTH_PX - narrower_px, height=HEIGHT_PX)

@@ -104,10 +104,10 @@ class Canvas:
         x, y = (self._fixed([(u_px, v_px)])[0] / 2**SUB_PIXEL_BITS).round().astype(int).tolist()
         self.write_at(x, y, text, ink, size=self._text_size())
 
-    def caption(self, text: str) -> None:
+    def caption(self, text: str, ink: int = Ink.TEXT) -> None:
         """A title in the upper left corner."""
         size = self._text_size()
-        self.write_at(round(16 * size), round(36 * size), text, Ink.TEXT, size=size)
+        self.write_at(round(16 * size), round(36 * size), text, ink, size=size)
 
     def write_at(self, x: int, y: int, text: str, ink: int, *, size: float = 0.5) -> None:
         """Text whose lower left corner stands at a picture pixel, on a dark ground so that it can be read."""

@@ -8,6 +8,8 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from core.detection.methods import METHODS, Method
+
 PolarityColours = Literal["orange / blue", "red / green", "white / grey"]
 POLARITY_COLOURS: Final[tuple[PolarityColours, ...]] = get_args(PolarityColours)
 """Colours of ON / OFF events."""
@@ -42,12 +44,22 @@ class Ink(IntEnum):
     NO_BALL = 33
     UNCHECKED = 34
     CURSOR = 35
+    METHOD = 36
+    """First of one entry for each method, see `method_ink`."""
     RAMP = 64
     """First of RAMP_COLOURS entries, dark to bright."""
 
 
 CLUSTER_COLOURS: Final = 12
 RAMP_COLOURS: Final = 64
+METHOD_RGB: Final[dict[Method, tuple[int, int, int]]] = {
+    "auto": (255, 240, 90),
+    "paper": (255, 130, 210),
+    "refined": (110, 235, 130),
+    "ebpp": (185, 140, 255),
+    "fe-fusion": (255, 110, 85),
+}
+"""Of circles and curves where methods are beside each other; cyan is the truth's."""
 
 _POLARITY_RGB: Final = {
     "orange / blue": ((255, 150, 50), (80, 150, 255)),
@@ -82,6 +94,11 @@ _CLUSTER_RGB: Final = (
 )  # fmt: skip
 
 
+def method_ink(method: Method) -> int:
+    """The colour of a method."""
+    return Ink.METHOD + list(METHODS).index(method)
+
+
 def palette(colours: PolarityColours) -> NDArray[np.uint8]:
     """(256, 3) RGB."""
     rgb = np.zeros((256, 3), np.uint8)
@@ -93,6 +110,8 @@ def palette(colours: PolarityColours) -> NDArray[np.uint8]:
     rgb[Ink.ON_DIM] = background + 0.5 * (np.array(on) - background)
     rgb[Ink.OFF_DIM] = background + 0.5 * (np.array(off) - background)
     rgb[Ink.CLUSTER : Ink.CLUSTER + CLUSTER_COLOURS] = _CLUSTER_RGB
+    for method in METHODS:
+        rgb[method_ink(method)] = METHOD_RGB[method]
     steps = np.linspace(0.0, 1.0, RAMP_COLOURS)[:, None]
     stops = np.array([_NAMED_RGB[Ink.BACKGROUND], (150, 45, 90), (255, 140, 40), (255, 250, 210)], np.float64)
     ramp = [np.interp(steps[:, 0], np.linspace(0, 1, len(stops)), stops[:, channel]) for channel in range(3)]

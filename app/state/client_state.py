@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal, get_args
 
@@ -10,6 +11,7 @@ from app.pictures.palette import PolarityColours
 from app.state.playback import Playhead
 from app.state.undo import History
 from core.detection import DetectorConfig
+from core.detection.methods import STAGED, Method, method_config
 
 ModeName = Literal["Watch", "Tune", "Label", "Train", "Export"]
 MODES: Final[tuple[ModeName, ...]] = get_args(ModeName)
@@ -45,6 +47,12 @@ class TuneView:
     """The config that the sliders change."""
     compare: bool = False
     """Both configs side by side on the same window."""
+    method: Method = "auto"
+    """The one that the sliders, the picture and the scores are of."""
+    compared: tuple[Method, ...] = ("auto", "refined")
+    """Those that are compared, in their usual order."""
+    side_by_side: bool = False
+    """The compared methods beside each other on the same window, instead of one method's configs."""
     show_truth: bool = True
 
 
@@ -82,6 +90,9 @@ class ClientState:
     """The one that Tune looks at."""
     playhead: Playhead
     configs: History[Configs]
+    """Of the methods with stages, which share them. Watch and Label detect with them whatever Tune looks at."""
+    own_configs: Mapping[Method, History[Configs]] = field(default_factory=dict)
+    """Of each other method that was edited: they see windows of another length."""
     mode: ModeName = "Watch"
     step_us: int = 1_000
     look: RenderSettings = field(default_factory=RenderSettings)
@@ -91,7 +102,36 @@ class ClientState:
     @property
     def config(self) -> DetectorConfig:
         """The config that the sliders change."""
+        return self.config_of(self.tune.method)
+
+    @property
+    def staged_config(self) -> DetectorConfig:
+        """The chosen slot of the methods with stages."""
         return self.configs.present.of(self.tune.slot)
+
+    @property
+    def history(self) -> History[Configs]:
+        """The configs of the chosen method, with what was edited."""
+        return self.history_of(self.tune.method)
+
+    def config_of(self, method: Method) -> DetectorConfig:
+        """What a method runs with in the chosen slot."""
+        return self.history_of(method).present.of(self.tune.slot)
+
+    def history_of(self, method: Method) -> History[Configs]:
+        """The configs of a method; one without stages begins with those there are, in windows of its own length."""
+        if method in STAGED:
+            return self.configs
+        if method in self.own_configs:
+            return self.own_configs[method]
+        window, present = method_config(method).window, self.configs.present
+        return History(Configs(replace(present.a, window=window), replace(present.b, window=window)))
+
+    def with_history(self, history: History[Configs]) -> ClientState:
+        """The same with other configs of the chosen method."""
+        if self.tune.method in STAGED:
+            return replace(self, configs=history)
+        return replace(self, own_configs={**self.own_configs, self.tune.method: history})
 
     def without_growth(self) -> ClientState:
         """The state but for how far a live recording has grown: that alone changes no control."""

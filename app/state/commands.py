@@ -27,6 +27,7 @@ from app.state.client_state import (
 from app.state.playback import STEPS_US
 from core.config import replace_setting
 from core.detection import DetectorConfig
+from core.detection.methods import METHODS, STAGED, Method, method_config
 
 WINDOW_RANGE_US = (100, 100_000)
 ZOOM_RANGE = (1.0, 20.0)
@@ -184,6 +185,45 @@ class SetCompare:
 
 
 @dataclass(frozen=True, slots=True)
+class SetMethod:
+    method: Method
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, tune=replace(state.tune, method=self.method)) if self.method in METHODS else state
+
+
+@dataclass(frozen=True, slots=True)
+class CompareMethod:
+    """Let a method take part in comparisons, or not."""
+
+    method: Method
+    takes_part: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        chosen = {*state.tune.compared, self.method} if self.takes_part else {*state.tune.compared} - {self.method}
+        compared = tuple(method for method in METHODS if method in chosen)
+        return replace(state, tune=replace(state.tune, compared=compared))
+
+
+@dataclass(frozen=True, slots=True)
+class SetSideBySide:
+    side_by_side: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, tune=replace(state.tune, side_by_side=self.side_by_side))
+
+
+@dataclass(frozen=True, slots=True)
+class StopAt:
+    """Go to a time and stay there."""
+
+    t_us: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, playhead=state.playhead.pause(wall_s).seek(self.t_us, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
 class ShowTruth:
     show: bool
 
@@ -218,15 +258,27 @@ class UseConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class ResetConfig:
+    """Put the method's defaults into the slot that is being edited."""
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        method = state.tune.method
+        config = DetectorConfig() if method in STAGED else method_config(method)
+        return _with_config(state, config, topic=None, wall_s=wall_s)
+
+
+@dataclass(frozen=True, slots=True)
 class UseBeside:
     """Put a config that was found into B, and what it was found from into A, and show both on the same window."""
 
+    method: Method
+    """That both are of; it becomes the chosen one."""
     a: DetectorConfig
     b: DetectorConfig
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        configs = state.configs.change(Configs(self.a, self.b), topic=None, wall_s=wall_s)
-        return replace(state, configs=configs, tune=replace(state.tune, slot="B", compare=True))
+        state = replace(state, tune=replace(state.tune, method=self.method, slot="B", compare=True, side_by_side=False))
+        return state.with_history(state.history.change(Configs(self.a, self.b), topic=None, wall_s=wall_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,21 +287,23 @@ class CopyToOther:
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         configs = Configs(state.config, state.config)
-        return replace(state, configs=state.configs.change(configs, topic=None, wall_s=wall_s))
+        return state.with_history(state.history.change(configs, topic=None, wall_s=wall_s))
 
 
 @dataclass(frozen=True, slots=True)
 class Undo:
+    """Take back the last change of the chosen method's configs."""
+
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        return replace(state, configs=state.configs.undo())
+        return state.with_history(state.history.undo())
 
 
 @dataclass(frozen=True, slots=True)
 class Redo:
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        return replace(state, configs=state.configs.redo())
+        return state.with_history(state.history.redo())
 
 
 def _with_config(state: ClientState, config: DetectorConfig, *, topic: object, wall_s: float) -> ClientState:
-    configs = replace(state.configs.present, **{state.tune.slot.lower(): config})
-    return replace(state, configs=state.configs.change(configs, topic=topic, wall_s=wall_s))
+    configs = replace(state.history.present, **{state.tune.slot.lower(): config})
+    return state.with_history(state.history.change(configs, topic=topic, wall_s=wall_s))

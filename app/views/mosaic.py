@@ -55,14 +55,19 @@ class Mosaic:
 
 def lay_out(canvases: Sequence[Canvas], colours: PolarityColours, arrangement: Arrangement) -> Mosaic:
     """Encode drawn canvases and place them beside or below each other."""
+    return lay_out_grid(canvases, colours, len(canvases) if arrangement == "side by side" else 1)
+
+
+def lay_out_grid(canvases: Sequence[Canvas], colours: PolarityColours, columns: int) -> Mosaic:
+    """Encode drawn canvases and place so many beside each other, the next ones below."""
     pictures: list[MosaicTile] = []
-    x = y = 0
-    for canvas in canvases:
+    x = y = below = 0
+    for number, canvas in enumerate(canvases):
         height, width = canvas.image.shape
+        if number % columns == 0:
+            x, y = 0, below
         pictures.append(MosaicTile(encode_png(canvas.image, colours), canvas.region, x, y, width, height))
-        if arrangement == "side by side":
-            x += width + GAP_PX
-        else:
-            y += height + GAP_PX
+        x += width + GAP_PX
+        below = max(below, y + height + GAP_PX)
     corners: NDArray[np.int64] = np.array([(p.x + p.width, p.y + p.height) for p in pictures] or [(1, 1)])
     return Mosaic(tuple(pictures), *map(int, corners.max(axis=0)))

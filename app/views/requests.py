@@ -8,11 +8,15 @@ from dataclasses import dataclass
 from app.pictures.canvas import Canvas, Region
 from app.pictures.event_picture import event_picture
 from app.state.client_state import RenderSettings, TuneView
+from app.views.answer_cache import AnswerCache
 from app.views.mosaic import Mosaic, lay_out
-from app.views.stage_picture import draw_detection, draw_stages, draw_truth
-from core.detection import DetectorConfig, FastDetector, PipelineTrace, trace_window
+from app.views.stage_picture import draw_answer, draw_detection, draw_stages, draw_truth
+from core.detection import Detection, DetectorConfig, FastDetector, PipelineTrace, trace_window
 from core.detection.fast.cluster import grid_labels
+from core.detection.methods import STAGED, method_config
+from core.detection.stages.roi import Roi
 from core.events import Window
+from core.metrics.one_window import WindowAnswer
 from core.recordings import CameraStream, Recording
 
 WARM_UP_WINDOWS = 25
@@ -35,7 +39,7 @@ class WatchRequest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TuneRequest:
-    """One window of one camera through one config or two."""
+    """One window of one camera through one config or two of the method that `view` names."""
 
     stream: CameraStream
     t_us: int
@@ -43,6 +47,8 @@ class TuneRequest:
     view: TuneView
     configs: tuple[tuple[str, DetectorConfig], ...]
     """Name and config of each picture."""
+    answers: AnswerCache
+    """Where the answers of methods without stages are kept."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +57,9 @@ class PictureAnswer:
 
     sheet: Mosaic
     traces: tuple[PipelineTrace, ...]
-    """Of Tune, one for each config."""
+    """Of Tune with a method that has stages, one for each config;"""
+    found: tuple[WindowAnswer, ...]
+    """with another method this instead."""
     seconds: float
 
 
@@ -59,10 +67,12 @@ def answer_request(request: WatchRequest | TuneRequest) -> PictureAnswer:
     """The pictures of either request."""
     start_s = time.perf_counter()
     if isinstance(request, WatchRequest):
-        sheet, traces = render_watch(request), ()
+        sheet, traces, found = render_watch(request), (), ()
+    elif request.view.method in STAGED:
+        (sheet, traces), found = render_tune(request), ()
     else:
-        sheet, traces = render_tune(request)
-    return PictureAnswer(sheet, traces, time.perf_counter() - start_s)
+        (sheet, found), traces = render_answers(request), ()
+    return PictureAnswer(sheet, traces, found, time.perf_counter() - start_s)
 
 
 def render_watch(request: WatchRequest) -> Mosaic:
@@ -97,11 +107,13 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[PipelineTrace, ...]
     across = len(request.configs) if request.look.arrangement == "side by side" else 1
     canvases: list[Canvas] = []
     traces: list[PipelineTrace] = []
-    for name, config in request.configs:
+    for name, chosen in request.configs:
+        config = method_config(view.method, chosen)
         window = window_before(request.stream, request.t_us, config.window.window_us)
         state = _detector_before(request.stream, window.start_us, config).state
         trace = trace_window(window, state, config, label_clusters=grid_labels)
-        canvas = Canvas(_region(request, traces[0] if traces else trace), across=across)
+        first = traces[0] if traces else trace
+        canvas = Canvas(_region(request, first.detection, first.roi), across=across)
         draw_stages(canvas, window, trace, view.overlay, request.look.rendering)
         if view.show_truth:
             draw_truth(canvas, request.stream.truth, window.end_us)
@@ -109,6 +121,24 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[PipelineTrace, ...]
         canvases.append(canvas)
         traces.append(trace)
     return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(traces)
+
+
+def render_answers(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]:
+    """The same time through each config of a method without stages: its window's events and what it says of them."""
+    view = request.view
+    across = len(request.configs) if request.look.arrangement == "side by side" else 1
+    found = [request.answers.find(request.stream, view.method, config, request.t_us) for _, config in request.configs]
+    region = _region(request, found[0].detection, None)
+    canvases: list[Canvas] = []
+    for (name, _), answer in zip(request.configs, found, strict=True):
+        canvas = Canvas(region, across=across)
+        draw_answer(canvas, answer, request.look.rendering)
+        if view.show_truth:
+            draw_truth(canvas, request.stream.truth, answer.valid_us)
+        events = len(answer.window.events)
+        canvas.caption(f"{request.stream.name}, {view.method}, config {name}: {events} events")
+        canvases.append(canvas)
+    return lay_out(canvases, request.look.colours, request.look.arrangement), tuple(found)
 
 
 def window_before(stream: CameraStream, t_us: int, window_us: int) -> Window:
@@ -128,17 +158,17 @@ def _detector_before(stream: CameraStream, t_us: int, config: DetectorConfig) ->
     return detector
 
 
-def _region(request: TuneRequest, trace: PipelineTrace) -> Region:
+def _region(request: TuneRequest, found: Detection | None, roi: Roi | None) -> Region:
     """What a zoomed view shows: the chosen point, else the ball, else where it is looked for, else the middle."""
     sensor, view = request.stream.sensor, request.view
     if view.zoom <= 1.0:
         return Region.of_sensor(sensor)
     if view.centre_px is not None:
         centre = view.centre_px
-    elif trace.detection is not None:
-        centre = (trace.detection.u_px, trace.detection.v_px)
-    elif trace.roi is not None:
-        centre = ((trace.roi.x_min + trace.roi.x_max) / 2, (trace.roi.y_min + trace.roi.y_max) / 2)
+    elif found is not None:
+        centre = (found.u_px, found.v_px)
+    elif roi is not None:
+        centre = ((roi.x_min + roi.x_max) / 2, (roi.y_min + roi.y_max) / 2)
     else:
         centre = (sensor.width_px / 2, sensor.height_px / 2)
     return Region.around(*centre, sensor, view.zoom)

@@ -1,4 +1,4 @@
-"""What each stage of the detector saw, drawn over the events of its window."""
+"""What each stage of the detector saw, or what a method without stages answered, drawn over the window's events."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ from app.pictures.canvas import Canvas
 from app.pictures.event_picture import Rendering, event_picture
 from app.pictures.palette import CLUSTER_COLOURS, Ink
 from app.state.client_state import Overlay
-from core.detection import Candidate, Detection, PipelineTrace
+from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
 from core.events import Events, Window, polarity_image
+from core.metrics.one_window import WindowAnswer
 from core.recordings import PixelTruth
 
 LABELLED_CANDIDATES = 12
 """Figures are written beside the largest ones only; a person's picture can hold a hundred clusters."""
+
+VELOCITY_MS = 10.0
+"""The line from a ball's centre is the way it goes in this time: longer than its radius, unless it is slow."""
 
 
 def draw_stages(canvas: Canvas, window: Window, trace: PipelineTrace, overlay: Overlay, rendering: Rendering) -> None:
@@ -33,10 +37,22 @@ def draw_stages(canvas: Canvas, window: Window, trace: PipelineTrace, overlay: O
         _write_figures(canvas, trace, overlay)
 
 
-def draw_detection(canvas: Canvas, detection: Detection) -> None:
+def draw_answer(canvas: Canvas, answer: WindowAnswer, rendering: Rendering, ink: int = Ink.CIRCLE) -> None:
+    """A window's events, the ball that a method found in it, and how it moves if the method says so."""
+    canvas.paint_pixels(event_picture(answer.window, rendering))
+    ball = answer.detection
+    if ball is None:
+        return
+    draw_detection(canvas, ball, ink)
+    if isinstance(ball, RefinedDetection):
+        ahead = (ball.u_px + VELOCITY_MS * ball.vu_px_per_ms, ball.v_px + VELOCITY_MS * ball.vv_px_per_ms)
+        canvas.draw_polygon([(ball.u_px, ball.v_px), ahead], ink, thickness=2, closed=False)
+
+
+def draw_detection(canvas: Canvas, detection: Detection, ink: int = Ink.CIRCLE) -> None:
     """The circle of a ball that was found."""
     thickness = 2 if canvas.scale >= 1 else 1  # a binned picture's ball is only a few pixels wide
-    canvas.draw_circle(detection.u_px, detection.v_px, detection.r_px, Ink.CIRCLE, thickness=thickness)
+    canvas.draw_circle(detection.u_px, detection.v_px, detection.r_px, ink, thickness=thickness)
 
 
 def draw_truth(canvas: Canvas, truth: PixelTruth | None, t_us: int) -> None:

@@ -22,8 +22,6 @@ from core.detection.window import WindowConfig
 REFINED_WINDOW_US: Final = 1000
 EBPP_WINDOW_US: Final = 2000
 FE_FUSION_WINDOW_US: Final = 1500
-OF_ONE_METHOD: Final = frozenset({"refined", "ebpp", "fe_fusion"})
-"""Sections of methods without stages; each has nothing else of a config but the window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -83,7 +83,7 @@ def score_on_grid(
     """
     low, high = speeds_px_per_ms
     grid = np.arange(truth.t_us[0], truth.t_us[-1], GRID_US) if len(truth.t_us) else np.empty(0, np.int64)
-    wanted = _askable(grid, truth, sensor)
+    wanted = askable(grid, truth, sensor)
     speed = image_velocity(truth, grid)
     speed = np.hypot(speed[:, 0], speed[:, 1])
     wanted &= (low <= speed) & (speed < high)
@@ -98,7 +98,7 @@ def score_on_grid(
     off_u, off_v = u - there.u_px, v - there.v_px
     error = np.hypot(off_u, off_v)
     match = there.visible & (np.nan_to_num(error, nan=np.inf) <= match_radius_px)
-    nearest = _distance_us(grid, t_us[match])
+    nearest = distance_us(grid, t_us[match])
     if counts is not None:
         mine = counts(t_us)
         t_us, match, error, off_u, off_v = t_us[mine], match[mine], error[mine], off_u[mine], off_v[mine]
@@ -118,7 +118,7 @@ def score_on_grid(
     )
 
 
-def _distance_us(grid: NDArray[np.int64], t_us: NDArray[np.int64]) -> NDArray[np.int64]:
+def distance_us(grid: NDArray[np.int64], t_us: NDArray[np.int64]) -> NDArray[np.int64]:
     """From each time of the grid to the nearest of some others; very far without any."""
     if not len(t_us):
         return np.full(len(grid), np.iinfo(np.int64).max)
@@ -136,8 +136,8 @@ def image_velocity(truth: PixelTruth, t_us: NDArray[np.int64], *, over_us: int =
     return np.nan_to_num(np.where(before.visible[:, None], back, on) * (1000.0 / over_us))
 
 
-def _askable(grid: NDArray[np.int64], truth: PixelTruth, sensor: SensorSize) -> NDArray[np.bool_]:
-    """Times (N,) at which the whole disc is in view and has been for a while."""
+def askable(grid: NDArray[np.int64], truth: PixelTruth, sensor: SensorSize) -> NDArray[np.bool_]:
+    """(N,) whether a detector can be asked at times (N,): the whole disc is in view and has been for a while."""
     fine = np.arange(truth.t_us[0], truth.t_us[-1] + 1, GRID_US // 4) if len(truth.t_us) else grid
     at = truth.at(fine)
     with np.errstate(invalid="ignore"):

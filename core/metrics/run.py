@@ -38,6 +38,17 @@ class WindowAnswers:
         """(N,) where a ball was found."""
         return ~np.isnan(self.u_px)
 
+    def rows(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> WindowAnswers:
+        """Some of them in the same order."""
+        return WindowAnswers(
+            self.end_us[rows],
+            self.t_us[rows],
+            self.u_px[rows],
+            self.v_px[rows],
+            self.r_px[rows],
+            self.extra_circles[rows],
+        )
+
 
 def duration_of(stream: CameraStream) -> int:
     """Microseconds from 0 to the end of the last millisecond with events."""
@@ -49,15 +60,20 @@ def run_detector(
     detector: Detector,
     window_us: int,
     *,
+    start_us: int = 0,
+    end_us: int | None = None,
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> WindowAnswers:
-    """The detector's answers to all whole windows of a camera; those so far when `cancelled()` becomes true."""
-    end_us = duration_of(stream)
+    """The detector's answers to the whole windows of a camera, those in [start_us, end_us) if given.
+
+    Those so far when `cancelled()` becomes true.
+    """
+    end_us = duration_of(stream) if end_us is None else end_us
     detector.reset()
     rows: list[tuple[int, int, float, float, float, int]] = []
     detections: list[Detection] = []
-    for number, window in enumerate(windows_between(stream, 0, end_us, window_us)):
+    for number, window in enumerate(windows_between(stream, start_us, end_us, window_us)):
         found = detector.step(window)
         place = (window.end_us, np.nan, np.nan, np.nan)
         if found is not None:
@@ -68,7 +84,7 @@ def run_detector(
             if cancelled is not None and cancelled():
                 break
             if progress is not None:
-                progress(window.end_us / end_us)
+                progress((window.end_us - start_us) / (end_us - start_us))
     end, t, u, v, r, extra = zip(*rows, strict=True) if rows else ((),) * 6
     return WindowAnswers(
         end_us=np.array(end, np.int64),

@@ -5,40 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from app.export.selection import Span
-from core.cameras import Camera
 from core.errors import RecordingError
-from core.events import Events, SensorSize
-from core.recordings import BallTruth, CameraStream, PixelTruth, Recording, Triggers
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FrozenCamera:
-    """One camera of it."""
-
-    name: str
-    sensor: SensorSize
-    calibration: Camera | None
-    truth: PixelTruth | None
-    triggers: Triggers
-    events: Events
-    counts: NDArray[np.int64]
-
-    @property
-    def event_count(self) -> int:
-        """Events that are held."""
-        return len(self.events)
-
-    def slice(self, start_us: int, end_us: int) -> Events:
-        """The held events with `start_us <= t < end_us`."""
-        return self.events.between(start_us, end_us)
-
-    def counts_per_ms(self) -> NDArray[np.int64]:
-        """Events in each whole millisecond, as they were counted."""
-        return self.counts
+from core.recordings import BallTruth, CameraStream, Recording
+from core.recordings.frozen import FrozenCamera, freeze_camera
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,13 +43,7 @@ def freeze(recording: Recording, span: Span) -> RecordingSnapshot:
         RecordingError: if another session of the simulation began meanwhile.
     """
     uuid = recording.uuid
-    streams = {
-        name: FrozenCamera(
-            name, one.sensor, one.calibration, one.truth, one.triggers, one.slice(span.start_us, span.end_us),
-            one.counts_per_ms(),
-        )
-        for name, one in recording.cameras.items()
-    }  # fmt: skip
+    streams = {name: freeze_camera(one, span.start_us, span.end_us) for name, one in recording.cameras.items()}
     frozen = RecordingSnapshot(uuid, span.end_us, streams, recording.ball, recording.notes)
     if recording.uuid != uuid:
         raise RecordingError("the live rally began anew while it was exported", remedy="export again")

@@ -184,7 +184,7 @@ class LabelMode:
             self._send(COMMANDS[name])
         elif assistant is not None and state is not None and self._active:
             acts: dict[str, Callable[[], None]] = {
-                "propose": lambda: assistant.toggle_propose(state.config),
+                "propose": lambda: assistant.toggle_propose(state.staged_config),
                 "suspicious": assistant.next_suspicious,
                 "blind": assistant.second_look,
                 "rendering": lambda: self._host.send(SetRendering(_next_name(RENDERINGS, state.look.rendering))),

@@ -1,4 +1,4 @@
-"""Below the picture in Tune: every cluster that was found, and why it is not a ball."""
+"""Below the picture in Tune: every cluster that was found and why it is not a ball, or what another method answers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from app import theme
 from app.modes.tune.settings import stage_counts_html
 from app.pictures.palette import palette
 from app.views.stage_picture import cluster_ink
-from core.detection import Candidate, PipelineTrace
+from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
+from core.metrics.one_window import WindowAnswer
 
 LISTED = 40
 
@@ -27,15 +28,40 @@ class CandidatesTable:
             stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
         )
 
+    def show_answers(self, answers: tuple[tuple[str, WindowAnswer], ...], seconds: float) -> None:
+        """What methods say, or one without stages with each config; each with its title."""
+        self._table.content = "".join(answer_html(title if len(answers) > 1 else "", a) for title, a in answers) + (
+            stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
+        )
+
+
+def answer_html(title: str, answer: WindowAnswer) -> str:
+    """One answer, of a method that has no clusters to show, or whose clusters are not looked at."""
+    label = f"{html.escape(title)}: " if title else ""
+    window = answer.window
+    length_ms = (window.end_us - window.start_us) / 1e3
+    lines = [f"{label}{_verdict(answer.detection)} &middot; {len(window.events)} events in {length_ms:g} ms"]
+    ball = answer.detection
+    if ball is not None:
+        lines.append(f"valid {(window.end_us - ball.t_us) / 1e3:.2f} ms before the end of the window")
+    if isinstance(ball, RefinedDetection):
+        sigma_px = float(ball.centre_covariance_px2.trace()) ** 0.5
+        lines.append(f"moves ({ball.vu_px_per_ms:+.2f}, {ball.vv_px_per_ms:+.2f}) px/ms")
+        lines.append(f"sure to {sigma_px:.2f} px by its own account, {ball.fit.points:.0f} edge points")
+    lines.append(f"{answer.method} has seen the {answer.lead_in_windows} windows before")
+    return "<div style='font-size:12.5px;padding:4px 12px'>" + "<br>".join(lines) + "</div>"
+
+
+def _verdict(found: Detection | None) -> str:
+    if found is None:
+        return f"<b style='color:{theme.BAD}'>no ball</b>"
+    where = f"({found.u_px:.1f}, {found.v_px:.1f})"
+    return f"<b style='color:{theme.GOOD}'>ball at {where}, radius {found.r_px:.1f} px</b>"
+
 
 def candidates_html(name: str, trace: PipelineTrace) -> str:
     """One config's clusters."""
-    found = trace.detection
-    verdict = (
-        f"<b style='color:{theme.GOOD}'>ball at ({found.u_px:.1f}, {found.v_px:.1f}), radius {found.r_px:.1f} px</b>"
-        if found
-        else f"<b style='color:{theme.BAD}'>no ball</b>"
-    )
+    verdict = _verdict(trace.detection)
     where = "searched in the ROI" if trace.roi else "searched on the whole sensor"
     ordered = sorted(trace.candidates, key=lambda one: (one.rejected is not None, -one.size))
     titles = ("", "cluster", "events", "leads", "circularity", "solidity", "radius [px]", "verdict")

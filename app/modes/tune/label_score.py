@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from core.detection import DetectorConfig, FastDetector
+from core.detection import DetectorConfig
+from core.detection.methods import Method, make_detector
 from core.recordings import CameraStream
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES
@@ -51,12 +52,13 @@ def score_with_labels(
     folder: Path,
     reference: LabelStore,
     stream: CameraStream,
+    method: Method,
     config: DetectorConfig,
     *,
     progress: Callable[[float], None],
     cancelled: Callable[[], bool],
 ) -> LabelScore:
-    """Run a config at every label and score it.
+    """Run a method with a config at every label and score it.
 
     Raises:
         ScoreCancelled: when `cancelled()` becomes true.
@@ -69,7 +71,7 @@ def score_with_labels(
             raise ScoreCancelledError
         progress(share)
 
-    detector = FastDetector(config, stream.sensor)
+    detector = make_detector(method, stream.sensor, config)
     answers = answers_at(stream, detector, asked.t_us, config.window.window_us, progress=report)
     groups = score_groups(answers, asked)
     noise = _own_noise(folder, reference)

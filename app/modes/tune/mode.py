@@ -9,16 +9,21 @@ from app.background.jobs import Job, Progress
 from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
 from app.modes.tune.auto.auto_tune import AutoTune
+from app.modes.tune.compare.over_time import CompareOverTime
+from app.modes.tune.compare.run import KnownReferences
 from app.modes.tune.config_files import ConfigFilesPanel
 from app.modes.tune.label_score import LabelScore, find_reference, score_with_labels
 from app.modes.tune.results_panel import ResultsPanel
 from app.modes.tune.settings import SettingsPanel
 from app.modes.tune.tune_view import TuneViewPanel
-from app.state.client_state import ClientState
+from app.state.client_state import SLOTS, ClientState, Slot
 from app.state.commands import Command, LookAt, UseConfig
+from app.views.answer_cache import AnswerCache
+from app.views.methods_picture import MethodsRequest, answer_methods
 from app.views.requests import PictureAnswer, TuneRequest, answer_request
 from core.config import load_config, save_config
 from core.detection import DetectorConfig
+from core.detection.methods import Method, make_detector
 from core.metrics import Score, score_recording
 from core.recordings import Recording
 
@@ -39,9 +44,12 @@ class TuneMode:
         self._requested: object = None
         self._progress_s = self._offered_s = float("-inf")
         self._score: Job[Score | LabelScore] | None = None
-        self._pictures = LatestWins(host.pool, answer_request, self._picture_done, self._failed)
+        self._answers = AnswerCache()
+        self._known = KnownReferences()
+        self._pictures = LatestWins(host.pool, _answer, self._picture_done, self._failed)
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
+        self._compare = CompareOverTime(host, self._send, lambda width_px: self._results.make_room(width_px))
         self._settings = SettingsPanel(gui, self._send)
         self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._cancel_score))
         self._auto = AutoTune(host, self._results.show_tuned)
@@ -59,14 +67,16 @@ class TuneMode:
 
     @property
     def restless(self) -> bool:
-        """The progress of a score or a search moves."""
-        return self._score is not None or self._auto.running
+        """The progress of a score, a search or a comparison moves."""
+        return self._score is not None or self._auto.running or self._compare.running
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
         self._active = active
         self._show_folders(active)
         self._results.panel.visible = active
+        self._compare.show(active)
+        self._known.clear()  # somebody may have labelled meanwhile
         self._shown = self._requested = None
         self._progress_s = self._offered_s = float("-inf")
 
@@ -74,6 +84,9 @@ class TuneMode:
         """What is computed of the recording before is not wanted any more."""
         self._cancel_score()
         self._auto.cancel()
+        self._compare.forget()
+        self._answers.clear()
+        self._known.clear()
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
         """Make the controls follow the state, and ask for the picture that belongs to it."""
@@ -82,6 +95,8 @@ class TuneMode:
             with self._host.client.atomic():
                 self._view.show(state)
                 self._settings.show(state)
+                self._auto.panel.use_method(state.tune.method)
+                self._compare.show_state(state)
         if wall_s - self._offered_s > OFFER_EVERY_S:
             self._offered_s = wall_s
             self._files.show(self._host.services.workspace.config_names())
@@ -89,6 +104,7 @@ class TuneMode:
             self._progress_s = wall_s
             self._results.score.show_progress(self._score.share)
         self._auto.tick(wall_s)
+        self._compare.tick(wall_s)
         self._request_picture(state, now_us)
 
     def clicked(self, x: float, y: float) -> None:
@@ -102,6 +118,7 @@ class TuneMode:
         if self._score is not None:
             self._score.cancel()
         self._auto.close()
+        self._compare.close()
 
     def _send(self, command: Command) -> None:
         """What a control asks for; if it is refused, the control shows the old value again."""
@@ -110,7 +127,7 @@ class TuneMode:
 
     def _show_folders(self, visible: bool) -> None:
         """No folder round them: each one deeper makes the column of the labels narrower."""
-        for panel in (self._view, self._settings, self._auto.panel, self._files):
+        for panel in (self._view, self._compare.panel, self._settings, self._auto.panel, self._files):
             panel.folder.visible = visible
 
     def _show_anew(self) -> None:
@@ -125,24 +142,46 @@ class TuneMode:
         recording, view = self._host.recording, state.tune
         if recording is None:
             return
-        slots = ("A", "B") if view.compare else (view.slot,)
-        configs = tuple((slot, state.configs.present.of(slot)) for slot in slots)
-        key = (recording.uuid, state.camera, now_us, state.look, view, configs)
+        slots: tuple[Slot, ...] = SLOTS if view.compare else (view.slot,)
+        configs: tuple[tuple[Slot, DetectorConfig], ...] = tuple(
+            (slot, state.history.present.of(slot)) for slot in slots
+        )
+        compared = tuple(state.config_of(method) for method in view.compared) if view.side_by_side else ()
+        key = (recording.uuid, state.camera, now_us, state.look, view, configs, compared)
         if key != self._requested:
             self._requested = key
-            self._pictures.submit(TuneRequest(recording.cameras[state.camera], now_us, state.look, view, configs))
+            self._pictures.submit(self._request(state, recording, now_us, configs))
 
-    def _picture_done(self, request: TuneRequest, answer: PictureAnswer) -> None:
+    def _request(
+        self, state: ClientState, recording: Recording, now_us: int, configs: tuple[tuple[Slot, DetectorConfig], ...]
+    ) -> TuneRequest | MethodsRequest:
+        stream, view = recording.cameras[state.camera], state.tune
+        if not view.side_by_side:
+            return TuneRequest(stream, now_us, state.look, view, configs, self._answers)
+        methods: tuple[tuple[Method, DetectorConfig], ...] = tuple(
+            (method, state.config_of(method)) for method in view.compared
+        )
+        known, uuid, folder = self._known, recording.uuid, self._host.services.workspace.labels
+        return MethodsRequest(
+            stream, now_us, state.look, view, methods, self._answers, lambda: known.find(folder, uuid, stream)
+        )
+
+    def _picture_done(self, request: TuneRequest | MethodsRequest, answer: PictureAnswer) -> None:
         self._host.later(lambda: self._show_answer(request, answer))
 
-    def _show_answer(self, request: TuneRequest, answer: PictureAnswer) -> None:
+    def _show_answer(self, request: TuneRequest | MethodsRequest, answer: PictureAnswer) -> None:
         if not self._active:
             return
         self._host.plane.show(answer.sheet)
         names = tuple(name for name, _ in request.configs)
         with self._host.client.atomic():
-            self._settings.show_trace(answer.traces[names.index(request.view.slot)])
-            self._results.candidates.show(tuple(zip(names, answer.traces, strict=True)), answer.seconds)
+            if isinstance(request, TuneRequest) and answer.traces:
+                self._settings.show_trace(answer.traces[names.index(request.view.slot)])
+                self._results.candidates.show(tuple(zip(names, answer.traces, strict=True)), answer.seconds)
+            else:
+                self._settings.show_trace(None)
+                titles = names if isinstance(request, MethodsRequest) else tuple(f"Config {name}" for name in names)
+                self._results.candidates.show_answers(tuple(zip(titles, answer.found, strict=True)), answer.seconds)
 
     # Config files -------------------------------------------------------------------------------------------------
 
@@ -152,7 +191,8 @@ class TuneMode:
             path = workspace.config_path(name)
             save_config(state.config, path)
             self._files.show(workspace.config_names())
-            self._host.note("Config saved", f"{path.stem}: `rallyscope detect --config {path}` takes it", "green")
+            options = f"--method {state.tune.method} --config {path}"
+            self._host.note("Config saved", f"{path.stem}: `rallyscope detect {options}` takes it", "green")
 
     def _load_config(self, name: str) -> None:
         workspace = self._host.services.workspace
@@ -166,14 +206,16 @@ class TuneMode:
         if state is None or recording is None or self._score is not None:
             return
         stream, config = recording.cameras[state.camera], state.config
-        title = f"{state.recording}, {state.camera}, config {state.tune.slot}"
+        method = state.tune.method
+        title = f"{state.recording}, {state.camera}, {method}, config {state.tune.slot}"
         folder, uuid, later = self._host.services.workspace.labels, recording.uuid, self._host.later
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> Score | LabelScore:
             reference = find_reference(folder, uuid, stream.name)  # what a person said, else what the simulation knows
             if reference is None:
-                return score_recording(stream, config, progress=progress, cancelled=cancelled)
-            return score_with_labels(folder, reference, stream, config, progress=progress, cancelled=cancelled)
+                detector, window_us = make_detector(method, stream.sensor, config), config.window.window_us
+                return score_recording(stream, detector, window_us=window_us, progress=progress, cancelled=cancelled)
+            return score_with_labels(folder, reference, stream, method, config, progress=progress, cancelled=cancelled)
 
         self._score = Job(
             work,
@@ -198,3 +240,8 @@ class TuneMode:
     def _end_score(self) -> None:
         self._score = None
         self._results.score.show_running(False)
+
+
+def _answer(request: TuneRequest | MethodsRequest) -> PictureAnswer:
+    """The pictures of either request."""
+    return answer_methods(request) if isinstance(request, MethodsRequest) else answer_request(request)

@@ -1,4 +1,4 @@
-"""The detector's settings: one folder per stage, made from the config's fields, with what the stage did above them."""
+"""The method and its settings: one folder per section, made from the config's fields, with what a stage did above."""
 
 from __future__ import annotations
 
@@ -9,57 +9,79 @@ import viser
 from app import theme
 from app.panels.field_control import add_field_control, section_title
 from app.state.client_state import ClientState
-from app.state.commands import Command, CopyToOther, EditSetting, Redo, Undo, UseConfig
+from app.state.commands import Command, CopyToOther, EditSetting, Redo, ResetConfig, SetMethod, Undo
 from app.widgets import when_changed
 from core.config import field_specs, get_setting
 from core.detection import DetectorConfig, PipelineTrace
-from core.detection.config import OF_ONE_METHOD
+from core.detection.methods import METHODS, SECTIONS, STAGED, Method
+from core.tuning.parameters import tunable_parameters
 
-OPEN_STAGES = ("window", "denoise", "cluster", "polarity", "geometry", "localise")
-"""The stages of the method; the optional ones start folded."""
+FOLDED = ("hot_pixels", "flicker", "roi")
+"""Sections that start folded: optional stages, and what rarely needs a change."""
+TITLES = {"ebpp": "EBPP", "fe_fusion": "F-E Fusion"}
 
 
 class SettingsPanel:
-    """Sliders of one browser for every field of the detector config."""
+    """Sliders of one browser for every field of the detector config; those that the chosen method takes are shown."""
 
     def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
         self._handles: dict[tuple[str, ...], viser.GuiInputHandle] = {}
         self._counts: dict[str, viser.GuiHtmlHandle] = {}
+        self._sections: dict[str, viser.GuiFolderHandle] = {}
+        self._shown: Method | None = None
         self.folder = gui.add_folder("Detector")
         with self.folder:
+            self._method = gui.add_dropdown("Method", tuple(METHODS), hint="The detector that is tuned")
+            self._what = gui.add_html("")
             edit = gui.add_button_group(
                 "Edit",
                 ("Undo", "Redo", "Reset", "Copy"),
                 hint="Z undoes, R redoes; Copy gives A's values to B or B's to A",
             )
-            specs = [spec for spec in field_specs(DetectorConfig) if spec.path[0] not in OF_ONE_METHOD]
+            specs = field_specs(DetectorConfig)
             for stage in dict.fromkeys(spec.path[0] for spec in specs):
-                with gui.add_folder(section_title((stage,)), expand_by_default=stage in OPEN_STAGES):
+                title = TITLES.get(stage) or section_title((stage,))
+                self._sections[stage] = gui.add_folder(title, expand_by_default=stage not in FOLDED)
+                with self._sections[stage]:
                     self._counts[stage] = gui.add_html("")
                     for spec in specs:
                         if spec.path[0] == stage:
                             handle = self._handles[spec.path] = add_field_control(gui, spec, slider=True)
                             when_changed(handle, lambda value, path=spec.path: send(EditSetting(path, value)))  # type: ignore[arg-type]
 
+        when_changed(self._method, lambda method: send(SetMethod(method)))  # type: ignore[arg-type]
+
         @edit.on_click
         async def _(event: viser.GuiEvent) -> None:
-            commands = {"Undo": Undo(), "Redo": Redo(), "Reset": UseConfig(DetectorConfig()), "Copy": CopyToOther()}
+            commands = {"Undo": Undo(), "Redo": Redo(), "Reset": ResetConfig(), "Copy": CopyToOther()}
             send(commands[str(event.target.value)])
 
     def show(self, state: ClientState) -> None:
-        """Put the sliders where the config of the chosen slot is."""
+        """Show the sliders of the chosen method, where the config of the chosen slot is."""
+        self._method.value = state.tune.method
+        if state.tune.method != self._shown:
+            self._shown = state.tune.method
+            self._offer(state.tune.method)
         for path, handle in self._handles.items():
             handle.value = get_setting(state.config, path)
 
+    def _offer(self, method: Method) -> None:
+        """Leave what this method takes from a config; what it decides itself has no slider."""
+        self._what.content = stage_counts_html(METHODS[method])
+        taken = {parameter.spec.path for parameter in tunable_parameters(method, DetectorConfig())}
+        for name, folder in self._sections.items():
+            folder.visible = name in SECTIONS[method] and any(path[0] == name for path in taken)
+            self._counts[name].visible = method in STAGED and name != "window"
+        for path, handle in self._handles.items():
+            handle.visible = path in taken
+
     def show_trace(self, trace: PipelineTrace | None) -> None:
-        """Events in and out and the time of every stage."""
+        """Events in and out and the time of every stage; nothing without a trace."""
         stages = {stage.name: stage for stage in trace.stages} if trace else {}
         for name, html in self._counts.items():
             stage = stages.get(name)
-            if name == "window":
-                html.visible = False
-            elif stage is None:
-                html.content = stage_counts_html("off")
+            if stage is None:
+                html.content = stage_counts_html("off") if trace else ""
             else:
                 share = f" ({stage.count_out / stage.count_in:.0%})" if stage.count_in else ""
                 html.content = stage_counts_html(

@@ -9,6 +9,7 @@ import viser
 from app.state.client_state import OVERLAYS, SLOTS, ClientState
 from app.state.commands import ZOOM_RANGE, Command, LookAt, SetCamera, SetCompare, SetOverlay, SetSlot, SetZoom
 from app.widgets import Choice, Listing, when_changed, when_clicked
+from core.detection.methods import STAGED
 
 
 class TuneViewPanel:
@@ -37,6 +38,8 @@ class TuneViewPanel:
         """Follow the state."""
         self._camera.offer(state.cameras)
         self._camera.show(state.camera)
+        self._overlay.visible = state.tune.method in STAGED and not state.tune.side_by_side
+        self._compare.visible = not state.tune.side_by_side
         self._overlay.show(state.tune.overlay)
         self._zoom.value = state.tune.zoom
         self._slot.show(state.tune.slot)

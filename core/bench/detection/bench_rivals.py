@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-import cv2
 import numpy as np
 
 from core.bench.detection.drawn_scenes import DrawnFlight, Row, draw_flight
 from core.bench.machine import describe_machine
 from core.cameras.presets import stereo_preset
-from core.detection import Detection, Detector
 from core.detection.methods import Method, make_detector, method_config
-from core.events import Window
 from core.metrics.grid_score import SLOW_PX_PER_MS, GridScore, score_on_grid
 from core.metrics.run import run_detector
+from core.metrics.timed import TimedDetector, one_opencv_thread
 from core.physics.config import physics_profile
 from core.recordings import CameraStream, open_recording
 from core.simulation import simulate_recording
@@ -33,30 +30,6 @@ COUNT: Final = 20
 RESAMPLES: Final = 1000
 ANY_SPEED: Final = (0.0, 1e9)
 FAST: Final = (SLOW_PX_PER_MS, 1e9)
-
-
-class TimedDetector:
-    """A detector that notes how long this thread computed for each window."""
-
-    def __init__(self, detector: Detector) -> None:
-        self._detector = detector
-        self.seconds: list[float] = []
-
-    @property
-    def extra_circles(self) -> int:
-        """As the detector says."""
-        return self._detector.extra_circles
-
-    def reset(self) -> None:
-        """Forget everything seen before; the times stay."""
-        self._detector.reset()
-
-    def step(self, window: Window) -> Detection | None:
-        """What the detector answers."""
-        began_s = time.thread_time()
-        found = self._detector.step(window)
-        self.seconds.append(time.thread_time() - began_s)
-        return found
 
 
 @dataclass(slots=True)
@@ -74,17 +47,13 @@ def run(progress: Callable[[float], None], *, count: int = COUNT) -> dict[str, o
     """A row per kind of scene, noise and method, and the machine."""
     cases: list[tuple[Row, int]] = [(row, number) for row in ROWS for number in range(FIRST, FIRST + count)]
     tallies: dict[tuple[Row, float, Method], Tally] = {}
-    threads = cv2.getNumThreads()
-    cv2.setNumThreads(1)  # what it computes in threads of its own would not be counted
-    try:
+    with one_opencv_thread():
         for done, (row, number) in enumerate(cases):
             flight = draw_flight(row, number, any_sensor=False)
             for method in METHODS:
                 tallies.setdefault((row, flight.stereo.sensor.noise_hz, method), Tally())
             _fly_past(flight, tallies)
             progress((done + 1) / len(cases))
-    finally:
-        cv2.setNumThreads(threads)
     rows = [summarise(*key, tally) for key, tally in sorted(tallies.items(), key=lambda one: one[0][:2])]
     machine = describe_machine("numba", "opencv-python-headless", clock="processor time of one thread, warm")
     return {"rows": rows, "machine": machine}

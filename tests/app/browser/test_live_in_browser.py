@@ -12,6 +12,7 @@ from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
+from app.state.commands import SetMethod
 from core.rally.link import messages as m
 from core.recordings import open_recording
 
@@ -111,6 +112,12 @@ def test_tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for
     live_window.press("Tune")
     wait_for(lambda: live_window.session.sheet.pictures, "the picture of Tune")
     assert live_window.state.recording == LIVE
+    live_window.session.send(SetMethod("refined"))
+    live_window.page.get_by_text("refined has seen the 60 windows before").wait_for()
+    live_window.page.get_by_text("Compare methods", exact=True).click()
+    live_window.press("Compare over time")
+    live_window.page.get_by_text("against the truth").wait_for(timeout=60_000)
+    live_window.screenshot("live-compare")
     live_window.press("Watch")
     wait_for(lambda: live_window.session.world.visible, "the 3D scene again")
     live_window.press("Pictures")

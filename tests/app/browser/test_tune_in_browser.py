@@ -1,5 +1,7 @@
 """Tune, in a real browser. The screenshots are kept under test-artifacts/."""
 
+import re
+
 import pytest
 
 from core.config import get_setting, load_config
@@ -82,7 +84,7 @@ def test_a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, w
 def test_a_config_is_scored_over_the_recording(tune) -> None:
     tune.page.get_by_role("tab", name="Score").click()
     tune.press("Score this config on the whole recording")
-    tune.page.get_by_text("serve, left, config A").first.wait_for(timeout=60_000)
+    tune.page.get_by_text("serve, left, auto, config A").first.wait_for(timeout=60_000)
     tune.screenshot("score")
 
 
@@ -128,3 +130,85 @@ def test_tuning_against_labels_that_there_are_not_says_so(tune) -> None:
     tune.press("Tune automatically")
     tune.page.get_by_text("nobody has labelled this camera").wait_for()
     tune.page.get_by_role("button", name="Tune automatically").wait_for()
+
+
+def choose(tune, label: str, option: str) -> None:
+    """Choose in the dropdown of that label."""
+    labelled = tune.page.locator("label").filter(has_text=re.compile(f"^{label}$"))
+    labelled.locator("xpath=ancestor::*[.//input][1]").locator("input").first.click()
+    tune.page.get_by_role("option", name=option, exact=True).click()
+
+
+def test_a_method_without_stages_shows_its_ball_and_its_own_sliders(tune, wait_for, count_like) -> None:
+    choose(tune, "Method", "refined")
+    wait_for(lambda: tune.state.tune.method == "refined", "the method")
+    tune.page.get_by_text("moves (").first.wait_for()
+    tune.wait_for_pixels("tune-refined", lambda canvas: count_like(canvas, YELLOW) > 40)
+    motion = tune.field("motion [px]")
+    assert motion.is_visible() and tune.page.get_by_text("circularity min").count() == 0
+    assert tune.page.get_by_text("Stage", exact=True).count() == 0
+    motion.fill("5")
+    wait_for(lambda: tune.state.config.refined.motion_px == 5.0, "the setting")
+    assert tune.state.staged_config == DetectorConfig()
+    tune.field("radius max [px]").fill("4")
+    tune.page.get_by_text("no ball").first.wait_for()
+    choose(tune, "Method", "paper")
+    tune.page.get_by_text("circularity min").first.wait_for()
+    assert tune.page.get_by_text("leading polarity").count() == 0, "the paper decides that itself"
+    tune.wait_for_pixels("tune-paper", lambda canvas: count_like(canvas, YELLOW) > 40)
+
+
+def test_methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tune, wait_for, count_like) -> None:
+    tune.page.get_by_text("Compare methods", exact=True).click()
+    tune.field("paper").click()
+    wait_for(lambda: tune.state.tune.compared == ("auto", "paper", "refined"), "the third method")
+    tune.screenshot("compare-form")
+    tune.press("Compare over time")
+    tune.page.get_by_text("against the truth").wait_for(timeout=60_000)
+    wait_for(lambda: tune.page.locator("canvas").count() >= 4, "three charts")
+    tune.page.wait_for_timeout(1000)
+    tune.screenshot("compare-over-time")
+    misses = tune.page.get_by_role("button", name=re.compile(r"^0\.\d{4} s"))
+    misses.first.wait_for()
+    first = misses.first.inner_text()
+    misses.first.click()
+    start_us = round(float(first.split(" ")[0]) * 1e6)
+    wait_for(lambda: 0 <= tune.state.playhead.anchor_us - start_us <= 4000, "the cursor to be at the miss")
+    choose(tune, "Answers of", "refined")
+    wait_for(lambda: misses.first.inner_text() != first, "the misses of refined")
+    misses.first.click()
+    wait_for(lambda: tune.state.tune.method == "refined", "the method whose miss it is")
+    tune.press("false")
+    tune.page.get_by_text("answers are false").wait_for()
+    tune.screenshot("compare-false")
+    tune.field("fe-fusion").click()
+    choose(tune, "Reference", "refined")
+    tune.press("Compare over time")
+    tune.page.get_by_text("agreement with refined, not error").wait_for(timeout=60_000)
+    tune.page.wait_for_timeout(1000)
+    tune.screenshot("compare-again")
+    tune.field("Show the result").click()
+    tune.page.get_by_text("agreement with refined").wait_for(state="hidden")
+
+
+def test_against_a_method_it_says_that_it_is_agreement(tune) -> None:
+    tune.page.get_by_text("Compare methods", exact=True).click()
+    choose(tune, "Reference", "fe-fusion")
+    choose(tune, "Over", "0.4 s round the cursor")
+    tune.press("Compare over time")
+    tune.page.get_by_text("agreement with fe-fusion, not error").wait_for(timeout=60_000)
+    tune.screenshot("compare-agreement")
+
+
+def test_methods_stand_beside_each_other_on_the_same_window(tune, wait_for, count_like) -> None:
+    tune.page.get_by_text("Compare methods", exact=True).click()
+    tune.field("ebpp").click()
+    tune.field("Side by side").click()
+    wait_for(lambda: len(tune.session.sheet.pictures) == 3, "three pictures")
+    assert len({picture.region for picture in tune.session.sheet.pictures}) == 1
+    tune.page.get_by_text("refined: ").first.wait_for()
+    tune.wait_for_pixels("side-by-side", lambda canvas: count_like(canvas, GREEN) > 40 < count_like(canvas, YELLOW))
+    for method in ("paper", "fe-fusion"):
+        tune.field(method).click()
+    wait_for(lambda: len(tune.session.sheet.pictures) == 5, "five pictures")
+    tune.wait_for_pixels("side-by-side-all", lambda canvas: count_like(canvas, (255, 130, 210), 30) > 40)

@@ -7,7 +7,7 @@ from app.state.client_state import ClientState, Configs
 from app.state.playback import Playhead
 from app.state.undo import History
 from core.config import get_setting, replace_setting
-from core.detection import DetectorConfig
+from core.detection import DetectorConfig, ebpp_config, refined_config
 from core.errors import ConfigError
 
 
@@ -26,6 +26,7 @@ def state() -> ClientState:
         c.SetArrangement("spiral"),
         c.SetOverlay(""),
         c.SetSlot("C"),
+        c.SetMethod("yolo"),
         c.SetZoom(float("nan")),
         c.LookAt((float("inf"), 0.0)),
         c.SetStep(7),
@@ -86,7 +87,57 @@ def test_a_config_that_was_found_stands_beside_the_one_it_was_found_from(state: 
     path = ("cluster", "eps_px")
     found = replace_setting(DetectorConfig(), path, 4.0)
     edited = c.EditSetting(path, 5.0).apply(state, 0.0)  # while it was searched for
-    beside = c.UseBeside(state.config, found).apply(edited, 1.0)
+    beside = c.UseBeside("auto", state.config, found).apply(edited, 1.0)
     assert beside.configs.present == Configs(state.config, found)
     assert beside.tune.compare and beside.tune.slot == "B" and beside.config == found
     assert c.Undo().apply(beside, 2.0).configs.present == edited.configs.present
+
+
+REFINED_RADIUS = ("refined", "radius_max_px")
+
+
+def test_a_method_without_stages_has_configs_of_its_own_in_windows_of_its_own(state: ClientState) -> None:
+    refined = c.SetMethod("refined").apply(state, 0.0)
+    assert refined.config == refined_config() and refined.own_configs == {}
+    edited = c.EditSetting(REFINED_RADIUS, 20.0).apply(refined, 0.0)
+    assert get_setting(edited.config, REFINED_RADIUS) == 20.0
+    assert edited.configs == state.configs == c.SetMethod("auto").apply(edited, 0.0).history
+    assert edited.staged_config == DetectorConfig(), "Watch and Label go on with what they had"
+    assert edited.config_of("ebpp") == ebpp_config()
+    assert c.Undo().apply(edited, 1.0).config == refined_config()
+    assert c.Redo().apply(c.Undo().apply(edited, 1.0), 2.0).config == edited.config
+    assert c.ResetConfig().apply(edited, 1.0).config == refined_config()
+
+
+def test_a_method_that_was_not_edited_takes_its_section_from_the_file_that_is_loaded(state: ClientState) -> None:
+    loaded = c.UseConfig(replace_setting(DetectorConfig(), REFINED_RADIUS, 20.0)).apply(state, 0.0)
+    assert loaded.config_of("refined") == replace_setting(refined_config(), REFINED_RADIUS, 20.0)
+
+
+def test_auto_and_paper_share_their_configs(state: ClientState) -> None:
+    paper = c.EditSetting(("cluster", "eps_px"), 5.0).apply(c.SetMethod("paper").apply(state, 0.0), 0.0)
+    assert c.SetMethod("auto").apply(paper, 0.0).config == paper.config != state.config
+    assert c.ResetConfig().apply(paper, 1.0).config == DetectorConfig()
+
+
+def test_what_was_found_for_a_method_chooses_that_method(state: ClientState) -> None:
+    found = replace_setting(refined_config(), REFINED_RADIUS, 20.0)
+    beside = c.UseBeside("refined", refined_config(), found).apply(state, 0.0)
+    assert beside.tune.method == "refined" and beside.config == found and beside.configs == state.configs
+    apart = c.UseBeside("refined", refined_config(), found).apply(c.SetSideBySide(True).apply(state, 0.0), 0.0)
+    assert apart == beside, "methods beside each other make room for the two configs"
+
+
+def test_methods_that_take_part_are_in_their_usual_order(state: ClientState) -> None:
+    more = c.CompareMethod("paper", True).apply(state, 0.0)
+    assert more.tune.compared == ("auto", "paper", "refined")
+    assert c.CompareMethod("auto", False).apply(more, 0.0).tune.compared == ("paper", "refined")
+    assert c.CompareMethod("yolo", True).apply(state, 0.0) == state
+    assert c.SetSideBySide(True).apply(state, 0.0).tune.side_by_side
+
+
+def test_a_jump_ends_the_playing(state: ClientState) -> None:
+    playing = c.TogglePlay().apply(state, 0.0)
+    stopped = c.StopAt(300_000).apply(playing, 1.0)
+    assert not stopped.playhead.playing and stopped.playhead.position_us(9.0) == 300_000
+    assert c.StopAt(10**9).apply(playing, 1.0).playhead.position_us(9.0) == 1_000_000

@@ -1,7 +1,7 @@
 import pytest
 
 from app.pictures.canvas import Canvas, Region
-from app.views.mosaic import GAP_PX, lay_out
+from app.views.mosaic import GAP_PX, lay_out, lay_out_grid
 
 
 @pytest.mark.parametrize("arrangement", ["side by side", "stacked"])
@@ -23,6 +23,16 @@ def test_pictures_do_not_overlap() -> None:
     assert beside.pictures[1].x == beside.pictures[0].width + GAP_PX and beside.width == beside.pictures[1].x + 1280
     below = lay_out(canvases, "orange / blue", "stacked")
     assert below.pictures[1].y == below.pictures[0].height + GAP_PX and below.width == 1280
+
+
+def test_a_grid_begins_a_row_below_the_highest_of_the_row_before() -> None:
+    canvases = [Canvas(Region(0, 0, 64, height)) for height in (48, 60, 30, 12, 20)]
+    sheet = lay_out_grid(canvases, "orange / blue", 2)
+    step = 1280 + GAP_PX
+    assert [picture.x for picture in sheet.pictures] == [0, step, 0, step, 0]
+    rows = 60 * 20 + GAP_PX, 90 * 20 + 2 * GAP_PX
+    assert [picture.y for picture in sheet.pictures] == [0, 0, rows[0], rows[0], rows[1]]
+    assert (sheet.width, sheet.height) == (step + 1280, rows[1] + 400)
 
 
 def test_an_empty_sheet_has_a_size() -> None:

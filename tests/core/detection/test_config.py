@@ -4,7 +4,7 @@ import pytest
 
 from core.config import config_to_mapping, field_specs, load_config, replace_setting, save_config
 from core.detection import DetectorConfig, TrackState, auto_config, paper_config, trace_window
-from core.detection.config import OF_ONE_METHOD
+from core.detection.methods import SECTIONS
 from core.errors import ConfigError
 
 
@@ -26,8 +26,8 @@ def test_every_section_is_of_a_stage_or_of_one_method(make_scene) -> None:
     trace = trace_window(make_scene(duration_us=2000).windows()[0], TrackState(), config)
     sections = [field.name for field in dataclasses.fields(DetectorConfig)]
     assert sections[0] == "window"
-    assert sections[1:] == [stage.name for stage in trace.stages] + [s for s in sections if s in OF_ONE_METHOD]
-    assert len(OF_ONE_METHOD) == 3
+    own = [SECTIONS[method][1] for method in ("refined", "ebpp", "fe-fusion")]
+    assert sections[1:] == [stage.name for stage in trace.stages] + own
 
 
 def test_paper_takes_only_what_the_paper_does_and_keeps_the_rest() -> None:

@@ -67,7 +67,7 @@ class AutoTune:
             parameters=form.parameters,
             trials=form.trials,
             seed=form.seed,
-            start=state.configs.present.a,
+            start=state.history_of(form.method).present.a,
         )
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> AutoTuneAnswer:
@@ -90,7 +90,7 @@ class AutoTune:
             return
         self._end()
         self._show_result(report_html(f"{request.title}, against {request.against}", answer.report))
-        self._host.send(UseBeside(request.start, answer.config))
+        self._host.send(UseBeside(request.method, request.start, answer.config))
         self._host.note("Tuned", "The result is config B, beside A; the tab Auto-tune has the figures.", "green")
 
     def _failed(self, request: AutoTuneRequest, error: Exception) -> None:

@@ -9,13 +9,13 @@ from typing import Final, cast, get_args
 
 import viser
 
-from app.modes.tune.auto.run import Against, starting_config
+from app.modes.tune.auto.run import Against
 from app.modes.tune.settings import stage_counts_html
 from app.panels.field_control import field_label, section_title
-from app.widgets import when_changed, when_clicked
+from app.widgets import when_clicked
 from core.config import field_specs
 from core.detection import DetectorConfig
-from core.detection.methods import METHODS
+from core.detection.methods import METHODS, Method, method_config
 from core.errors import CommandError
 from core.tuning import TuningConfig, choose_parameters
 from core.tuning.parameters import tunable_parameters
@@ -28,7 +28,7 @@ LARGEST_SEED: Final = 2**31 - 1
 class AutoTuneForm:
     """What the controls say."""
 
-    method: str
+    method: Method
     against: Against
     parameters: tuple[str, ...]
     trials: int
@@ -43,20 +43,23 @@ class AutoTunePanel:
         self.folder = gui.add_folder("Auto-tune", expand_by_default=False)
         config = TuningConfig()
         with self.folder:
-            self._method = gui.add_dropdown("Method", tuple(METHODS), hint="Starts from config A; B becomes the result")
             self._against = gui.add_dropdown("Against", get_args(Against), hint="What is right")
             self._trials = gui.add_number("Trials", config.trials, min=1, max=MOST_TRIALS, step=1)
             self._seed = gui.add_number("Seed", config.seed, min=0, max=LARGEST_SEED, step=1)
             self._all_cameras = gui.add_checkbox("All cameras", True, hint="Or only the one that is looked at")
-            self._start = gui.add_button("Tune automatically", icon=viser.Icon.WAND)
+            self._start = gui.add_button(
+                "Tune automatically",
+                icon=viser.Icon.WAND,
+                hint="The chosen method, from config A; B becomes the result",
+            )
             self._cancel = gui.add_button("Cancel tuning", icon=viser.Icon.X, visible=False)
             self._progress = gui.add_progress_bar(0.0, visible=False)
             self._line = gui.add_html("", visible=False)
             self._ticks, self._sections = _add_ticks(gui)
-        when_changed(self._method, lambda method: self._use_method(str(method)))
         when_clicked(self._start, start)
         when_clicked(self._cancel, cancel)
-        self._use_method(next(iter(METHODS)))
+        self._method: Method | None = None
+        self.use_method(next(iter(METHODS)))
 
     @property
     def form(self) -> AutoTuneForm:
@@ -65,9 +68,10 @@ class AutoTunePanel:
         Raises:
             CommandError: if no threshold is chosen, or a value is none that the controls offer.
         """
-        method, against = str(self._method.value), str(self._against.value)
-        if method not in METHODS or against not in get_args(Against):
-            raise CommandError("no such choice", got=f"{method[:20]}, {against[:20]}")
+        method, against = self._method, str(self._against.value)
+        assert method is not None
+        if against not in get_args(Against):
+            raise CommandError("no such choice", got=against[:20])
         chosen = tuple(name for name, tick in self._ticks.items() if tick.visible and tick.value)
         if not chosen:
             raise CommandError("no thresholds to tune", remedy="tick some under Thresholds")
@@ -87,11 +91,12 @@ class AutoTunePanel:
         if line:
             self._line.content = stage_counts_html(line)
 
-    def _use_method(self, method: str) -> None:
-        """Offer the thresholds of that method, the usual ones ticked."""
-        if method not in METHODS:
+    def use_method(self, method: Method) -> None:
+        """Offer the thresholds of that method, the usual ones ticked; what is ticked stays while the method does."""
+        if method == self._method:
             return
-        start = starting_config(method, DetectorConfig())
+        self._method = method
+        start = method_config(method)
         offered = {parameter.name for parameter in tunable_parameters(method, start)}
         usual = {parameter.name for parameter in choose_parameters(method, start)}
         for name, tick in self._ticks.items():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import tempfile
 import threading
 from collections.abc import Callable
@@ -15,7 +14,7 @@ from app.modes.tune.auto.report import TuningReport, read_report
 from app.modes.tune.label_score import find_reference
 from core.config import load_config, save_config
 from core.detection import DetectorConfig
-from core.detection.methods import STAGED, method_config
+from core.detection.methods import Method
 from core.errors import CommandError, RallyscopeError
 from core.files import usable_cores
 
@@ -33,7 +32,7 @@ class AutoTuneRequest:
     uuid: str
     camera: str
     all_cameras: bool
-    method: str
+    method: Method
     against: Against
     labels: Path
     """The folder of the label stores."""
@@ -55,13 +54,6 @@ class AutoTuneCancelledError(Exception):
     """Nobody wants the answer any more."""
 
 
-def starting_config(method: str, config: DetectorConfig) -> DetectorConfig:
-    """The config to start from: a method without the stages that Tune shows looks at windows of its own length."""
-    if method in STAGED:
-        return config
-    return dataclasses.replace(config, window=method_config(method).window)
-
-
 def run_auto_tune(
     request: AutoTuneRequest,
     *,
@@ -77,7 +69,7 @@ def run_auto_tune(
     """
     with tempfile.TemporaryDirectory(prefix="rallyscope-tune-") as folder:
         start, found = Path(folder) / "start.toml", Path(folder) / "found.toml"
-        save_config(starting_config(request.method, request.start), start)
+        save_config(request.start, start)
         answer = ""
         ended = threading.Event()
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from app.modes.tune.auto.run import AutoTuneCancelledError, AutoTuneRequest, run_auto_tune, starting_config
+from app.modes.tune.auto.run import AutoTuneCancelledError, AutoTuneRequest, run_auto_tune
 from core.config import replace_setting
-from core.detection import DetectorConfig, refined_config
+from core.detection import DetectorConfig
 from core.errors import RallyscopeError
 from core.recordings import open_recording
 
@@ -58,9 +58,3 @@ def test_a_search_that_is_cancelled_is_over(request_: AutoTuneRequest) -> None:
     long = dataclasses.replace(request_, trials=5000)
     with pytest.raises(AutoTuneCancelledError):
         run_auto_tune(long, progress=lambda share: None, say=heard.append, cancelled=lambda: len(heard) > 2)
-
-
-def test_a_method_without_stages_starts_with_windows_of_its_own_length() -> None:
-    assert starting_config("auto", STRICT) == starting_config("paper", STRICT) == STRICT
-    start = starting_config("refined", STRICT)
-    assert start.window == refined_config().window and start.geometry == STRICT.geometry

@@ -1,0 +1,249 @@
+"""Several methods over the same recording: what each finds, misses and invents over time, and what its steps cost.
+
+Methods have windows of different lengths and answers for times of their own. All are asked at the same times, those of
+a `PixelReference`; an answer is right if it lies within the match radius of the reference at its own time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.detection import DetectorConfig
+from core.detection.methods import Method, make_detector, method_config
+from core.metrics.grid_score import GRID_US, distance_us
+from core.metrics.one_window import LEAD_IN_US
+from core.metrics.reference import PixelReference, method_reference
+from core.metrics.run import WindowAnswers, run_detector
+from core.metrics.score import MATCH_RADIUS_PX
+from core.metrics.timed import TimedDetector, one_opencv_thread
+from core.recordings import CameraStream
+
+Array = NDArray[np.float64]
+SPAN_GAP_US: Final = 20_000
+"""Misses, or false answers, farther apart are two stretches."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MethodRun:
+    """Everything a method said of a stretch of a recording."""
+
+    method: Method
+    window_us: int
+    answers: WindowAnswers
+    step_s: Array
+    """(N,) processor time of this thread for each window."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Misses or false answers in a row."""
+
+    start_us: int
+    end_us: int
+    """Of the last one."""
+    count: int
+    look_us: int
+    """The end of the window that shows the first one."""
+    place_px: tuple[float, float]
+    """Where the first ball is that is missed, or the first answer that is false."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class JudgedRun:
+    """A run beside the reference: A times that are asked, M answers of which the reference knows what is right."""
+
+    run: MethodRun
+    asked_us: NDArray[np.int64]
+    found: NDArray[np.bool_]
+    """(A,) where a right answer is within half a window, or half a millisecond if that is more."""
+    t_us: NDArray[np.int64]
+    """(M,) times of the answers."""
+    end_us: NDArray[np.int64]
+    """(M,) ends of their windows."""
+    places_px: Array
+    """(M, 2) centres."""
+    right: NDArray[np.bool_]
+    """(M,)"""
+    error_px: Array
+    """(M,) distance from the reference; nan where it has no ball."""
+
+    @property
+    def recall(self) -> float:
+        """Share of the times asked that are found; nan without any."""
+        return float(self.found.mean()) if len(self.found) else float("nan")
+
+    @property
+    def precision(self) -> float:
+        """Share of the answers that are right; nan without any."""
+        return float(self.right.mean()) if len(self.right) else float("nan")
+
+    def error_at(self, percent: float) -> float:
+        """Percentile of the errors of the right answers in pixels; nan without any."""
+        return float(np.percentile(self.error_px[self.right], percent)) if self.right.any() else float("nan")
+
+    def step_at(self, percent: float) -> float:
+        """Percentile of a step's processor time in seconds; nan without any."""
+        return float(np.percentile(self.run.step_s, percent)) if len(self.run.step_s) else float("nan")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurvesOverTime:
+    """A run in B bins; nan where a bin has nothing to say."""
+
+    recall: Array
+    error_px: Array
+    """Median of the right answers."""
+    step_s: Array
+    """Median."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """Several methods against one reference on one stretch of a recording."""
+
+    reference: PixelReference
+    start_us: int
+    end_us: int
+    judged: tuple[JudgedRun, ...]
+
+
+def compare_methods(
+    stream: CameraStream,
+    configs: Mapping[Method, DetectorConfig],
+    against: PixelReference | Method,
+    start_us: int,
+    end_us: int,
+    *,
+    progress: Callable[[float], None] = lambda share: None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> Comparison:
+    """Run every method over [start_us, end_us) and judge it; `against` a method, its answers are what is right.
+
+    A method that is only the reference is run, and not judged, with its defaults. When `cancelled()` becomes true the
+    runs are as far as they had come.
+    """
+    order = list(configs)
+    if not isinstance(against, PixelReference) and against not in configs:
+        order.append(against)
+    runs: dict[Method, MethodRun] = {}
+    with one_opencv_thread():
+        for number, method in enumerate(order):
+            config = configs.get(method) or method_config(method)
+
+            def report(share: float, number: int = number) -> None:
+                progress((number + share) / len(order))
+
+            runs[method] = run_method(stream, method, config, start_us, end_us, progress=report, cancelled=cancelled)
+    if not isinstance(against, PixelReference):
+        against = method_reference(runs[against].answers, against)
+    reference = _within(against, start_us, end_us)
+    return Comparison(reference, start_us, end_us, tuple(judge_run(runs[method], reference) for method in configs))
+
+
+def run_method(
+    stream: CameraStream,
+    method: Method,
+    config: DetectorConfig,
+    start_us: int,
+    end_us: int,
+    *,
+    progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> MethodRun:
+    """A method's answers to the windows that end in (start_us, end_us], after a lead-in that is not counted."""
+    window_us = method_config(method, config).window.window_us
+    first_us = max(0, start_us - LEAD_IN_US) // window_us * window_us  # the windows of a run over the whole recording
+    detector = TimedDetector(make_detector(method, stream.sensor, config))
+    run_detector(stream, detector, window_us, start_us=first_us, end_us=min(first_us + LEAD_IN_US, end_us))
+    detector.seconds.clear()  # its code is loaded by now, so that the first step of the run costs what others cost
+    answers = run_detector(
+        stream, detector, window_us, start_us=first_us, end_us=end_us, progress=progress, cancelled=cancelled
+    )
+    mine = answers.end_us > start_us
+    return MethodRun(method, window_us, answers.rows(mine), np.array(detector.seconds)[mine])
+
+
+def judge_run(run: MethodRun, reference: PixelReference, *, match_radius_px: float = MATCH_RADIUS_PX) -> JudgedRun:
+    """Compare the answers with the reference; what it knows nothing of is left out."""
+    answers = run.answers.rows(run.answers.detected)
+    there, known = reference.at(answers.t_us)
+    error_px = np.hypot(answers.u_px - there.u_px, answers.v_px - there.v_px)
+    right = known & there.visible & (np.nan_to_num(error_px, nan=np.inf) <= match_radius_px)
+    nearest_us = distance_us(reference.asked_us, answers.t_us[right])
+    return JudgedRun(
+        run=run,
+        asked_us=reference.asked_us,
+        found=nearest_us <= max(GRID_US, run.window_us) // 2,
+        t_us=answers.t_us[known],
+        end_us=answers.end_us[known],
+        places_px=np.column_stack([answers.u_px, answers.v_px])[known],
+        right=right[known],
+        error_px=error_px[known],
+    )
+
+
+def bin_edges(start_us: int, end_us: int, *, most: int = 80, shortest_us: int = 10_000) -> NDArray[np.int64]:
+    """(B + 1,) edges of equal bins over a stretch: `most` of them, fewer where they would be too short."""
+    count = max(1, min(most, (end_us - start_us) // shortest_us))
+    return np.linspace(start_us, end_us, count + 1).astype(np.int64)
+
+
+def curves_over_time(judged: JudgedRun, edges_us: NDArray[np.int64]) -> CurvesOverTime:
+    """What a run is like in each bin between the edges (B + 1,)."""
+    right = judged.right
+    return CurvesOverTime(
+        recall=_by_bin(np.mean, judged.asked_us, judged.found.astype(np.float64), edges_us),
+        error_px=_by_bin(np.median, judged.t_us[right], judged.error_px[right], edges_us),
+        step_s=_by_bin(np.median, judged.run.answers.end_us - 1, judged.run.step_s, edges_us),
+    )
+
+
+def missed_stretches(judged: JudgedRun, reference: PixelReference) -> tuple[Stretch, ...]:
+    """Times that this reference asked for in a row without a right answer."""
+    answers = judged.run.answers
+    late_us = int(np.median(judged.end_us - judged.t_us)) if len(judged.t_us) else 0
+    missed = ~judged.found
+    ends = answers.end_us if len(answers.end_us) else np.zeros(1, np.int64)
+    row = np.minimum(np.searchsorted(ends, judged.asked_us + late_us), len(ends) - 1)
+    there = reference.places.at(judged.asked_us)
+    return _stretches(judged.asked_us, missed, ends[row], np.column_stack([there.u_px, there.v_px]))
+
+
+def false_stretches(judged: JudgedRun) -> tuple[Stretch, ...]:
+    """Answers in a row that are not right."""
+    return _stretches(judged.t_us, ~judged.right, judged.end_us, judged.places_px)
+
+
+def _stretches(
+    t_us: NDArray[np.int64], bad: NDArray[np.bool_], look_us: NDArray[np.int64], places_px: Array
+) -> tuple[Stretch, ...]:
+    """Bad ones (N,) in a row, with no good one and no long time between."""
+    rows = np.flatnonzero(bad)
+    if not len(rows):
+        return ()
+    breaks = (np.diff(rows) > 1) | (np.diff(t_us[rows]) > SPAN_GAP_US)
+    groups = np.split(rows, np.flatnonzero(breaks) + 1)
+    stretches = []
+    for group in groups:
+        first, last = group[0], group[-1]
+        u_px, v_px = places_px[first].tolist()
+        stretches.append(Stretch(int(t_us[first]), int(t_us[last]), len(group), int(look_us[first]), (u_px, v_px)))
+    return tuple(stretches)
+
+
+def _by_bin(of: Callable[[Array], np.floating], t_us: NDArray[np.int64], values: Array, edges: NDArray) -> Array:
+    place = np.searchsorted(edges, t_us, side="right") - 1
+    bins = (values[place == number] for number in range(len(edges) - 1))
+    return np.array([of(inside) if len(inside) else np.nan for inside in bins], np.float64)
+
+
+def _within(reference: PixelReference, start_us: int, end_us: int) -> PixelReference:
+    """The same reference, asked in [start_us, end_us) only."""
+    asked = reference.asked_us
+    inside = asked[(start_us <= asked) & (asked < end_us)]
+    return PixelReference(reference.kind, reference.name, reference.places, inside)
