@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
@@ -59,7 +60,7 @@ def run(progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, cou
     return {
         "rows": [_row(runs, method) for method in plan.METHODS],
         "intervals": {method: _intervals(runs, method) for method in plan.METHODS},
-        "comparisons": [{"claim": one.claim, "ours": one.ours, "verdict": one.verdict} for one in compare(runs)],
+        "comparisons": [asdict(one) for one in compare(runs)],
         "seeds": [one.seed for one in runs],
         "report": str(report),
         "page": str(page),

@@ -16,6 +16,8 @@ from core.markdown import markdown_table
 
 LINE: Final = 118
 """Characters of a line of Markdown."""
+BEFORE_PICTURES: Final = 4
+"""Sections: the conditions, the two tables of figures, and the comparisons."""
 STYLE: Final = """
 :root { color-scheme: light; }
 body { margin: 2rem auto; max-width: 76rem; padding: 0 1.5rem; background: #fff; color: #222;
@@ -25,6 +27,7 @@ p { max-width: 60rem; } code { background: #f4f1ec; padding: 0 .25em; border-rad
 .wide { overflow-x: auto; } table { border-collapse: collapse; font-size: .86rem; }
 th, td { padding: .35rem .7rem; border-bottom: 1px solid #e3ddd3; text-align: left; vertical-align: top; }
 th { background: #faf6ef; } tbody tr:hover { background: #fdfaf5; }
+td code { white-space: nowrap; } small { color: #777; white-space: nowrap; }
 figure { margin: 1.5rem 0; } img { max-width: 100%; border: 1px solid #e3ddd3; }
 figcaption { font-size: .86rem; color: #555; }
 """
@@ -47,8 +50,8 @@ def _wrapped(paragraph: str) -> str:
 
 def html_page(sections: Sequence[ReportSection], pictures: Sequence[WindowPicture]) -> str:
     """The same as HTML, with the pictures in it: no script, no other file."""
-    first, *others = [_section(section) for section in sections]
-    body = "\n".join([first, _figures(pictures), *others])
+    written = [_section(section) for section in sections]
+    body = "\n".join([*written[:BEFORE_PICTURES], _figures(pictures), *written[BEFORE_PICTURES:]])
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -68,11 +71,16 @@ def _section(section: ReportSection) -> str:
     if section.columns:
         head = "".join(f"<th>{inline_html(column)}</th>" for column in section.columns)
         rows = "\n".join(
-            "<tr>" + "".join(f"<td>{inline_html(value)}</td>" for value in row) + "</tr>" for row in section.rows
+            "<tr>" + "".join(f"<td>{_value(value)}</td>" for value in row) + "</tr>" for row in section.rows
         )
         table = f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n</table>"
         parts.append(f'<div class="wide">{table}</div>')
     return "\n".join(parts)
+
+
+def _value(text: str) -> str:
+    """A cell, its interval on a line of its own."""
+    return re.sub(r" (\[[^\]]*\])$", r"<br><small>\1</small>", inline_html(text))
 
 
 def _figures(pictures: Sequence[WindowPicture]) -> str:

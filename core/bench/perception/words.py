@@ -18,6 +18,9 @@ recordings.
 There is no frame detector here yet (`yolo` is planned): what the paper compares with RGB is not measured, except the
 data, for which the size of the frames is enough.
 
+More seeds: `--count 10`. A set is made where it is missing (415 seconds of one core's time, 0.5 GB), what was measured
+is kept, and the same command goes on where it was ended.
+
 Machine: {machine}.
 """
 OVER_SEEDS: Final = "In brackets the 95 % bootstrap interval of the mean over the seeds."

@@ -23,7 +23,7 @@ class Tags(HTMLParser):
     def handle_starttag(self, tag, attrs) -> None:
         self.found.append(tag)
         self.sources += [str(value) for name, value in attrs if name in ("src", "href")]
-        if tag not in ("meta", "img"):
+        if tag not in ("meta", "img", "br"):
             self.open.append(tag)
 
     def handle_endtag(self, tag) -> None:
@@ -38,6 +38,13 @@ def test_the_page_is_whole_needs_nothing_else_and_text_stays_text() -> None:
     assert tags.sources == ["data:image/png;base64,cG5n"]
     assert "&lt;script&gt;" in page and 'alt="real1 &quot;a&quot; &lt;i&gt;"' in page
     assert "<img" not in html_page(SECTIONS, [])
+
+
+def test_the_pictures_come_after_the_figures_and_an_interval_has_a_line_of_its_own() -> None:
+    tables = [ReportSection(f"Part {number}", (), ("a",), (("0.5 [0.1, 0.9]",),)) for number in range(6)]
+    page = html_page(tables, [WindowPicture(b"png", "ball")])
+    assert page.index("Part 3") < page.index("<img") < page.index("Part 4")
+    assert page.count("<td>0.5<br><small>[0.1, 0.9]</small></td>") == 6
 
 
 def test_code_is_marked_and_escaped() -> None:
