@@ -79,7 +79,7 @@ def _number(value: float, form: str) -> str:
 def _conditions(runs: Sequence[SeedRun], machine: Mapping[str, object]) -> ReportSection:
     seeds = ", ".join(str(run.seed) for run in runs)
     few = len(runs) < FEWEST_SEEDS
-    brackets = one_line(words.OVER_RECORDINGS, fewest=FEWEST_SEEDS) if few else words.OVER_SEEDS
+    brackets = one_line(words.OVER_RECORDINGS, fewest=FEWEST_SEEDS) if few else one_line(words.OVER_SEEDS)
     filled = {"seeds": seeds, "count": len(runs), "brackets": brackets, "machine": machine_words(machine)}
     return ReportSection("Conditions", paragraphs(words.CONDITIONS, **filled))
 

@@ -8,9 +8,9 @@ TITLE: Final = "Perception: every method on recordings after the paper's"
 PICTURES: Final = "Every method on the same window"
 
 CONDITIONS: Final = """
-Made by `rallyscope bench paper-perception`: the seven simulated recordings of the preset `paper7` (1280x720, two
-cameras; three with the ball only, four with people, the last one a rally of two players), with the settings of each
-method as they come. Seeds: {seeds} ({count} of them). {brackets}
+Made by `rallyscope bench paper-perception --count {count}`: the seven simulated recordings of the preset `paper7`
+(1280x720, two cameras; three with the ball only, four with people, the last one a rally of two players), with the settings of each
+method as they come. Seeds: {seeds}. {brackets}
 
 The recordings are simulated after the paper's description; its own cannot be had. Equal figures would not mean equal
 recordings.
@@ -23,7 +23,10 @@ is kept, and the same command goes on where it was ended.
 
 Machine: {machine}.
 """
-OVER_SEEDS: Final = "In brackets the 95 % bootstrap interval of the mean over the seeds."
+OVER_SEEDS: Final = """
+In brackets the 95 % bootstrap interval of the mean over the seeds; with fewer than about ten it is narrower than it
+should be.
+"""
 OVER_RECORDINGS: Final = """
 With fewer than {fewest} seeds there is no interval over seeds: in brackets are the least and the greatest of the
 single recordings, which says how much they differ and nothing of how sure the figure is.
