@@ -9,8 +9,8 @@ PICTURES: Final = "Every method on the same window"
 
 CONDITIONS: Final = """
 Made by `rallyscope bench paper-perception --count {count}`: the seven simulated recordings of the preset `paper7`
-(1280x720, two cameras; three with the ball only, four with people, the last one a rally of two players), with the settings of each
-method as they come. Seeds: {seeds}. {brackets}
+(1280x720, two cameras; three with the ball only, four with people, the last one a rally of two players), with the
+settings of each method as they come. Seeds: {seeds}. {brackets}
 
 The recordings are simulated after the paper's description; its own cannot be had. Equal figures would not mean equal
 recordings.
