@@ -29,6 +29,7 @@ BENCHES = {
     "prediction": "core.bench.prediction.bench_prediction",
     "perceived-prediction": "core.bench.prediction.bench_perceived_prediction",
     "rally": "core.bench.rally.bench_rally",
+    "paper-perception": "core.bench.perception.bench_paper_perception",
     "scenes": "core.bench.rally.bench_scenes",
     "learning": "core.bench.learning.bench_learning",
     "labels": "labels.bench_labels",
@@ -48,8 +49,12 @@ class BenchArguments:
     """Measure speed and quality on this machine."""
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
-    count: PositiveInt | None = flag("balls of each speed (perceived-prediction), flights (drawn-scenes, rivals)", "N")
-    folder: Path | None = flag("what is measured is kept here (learning, perceived-prediction, drawn-scenes)")
+    count: PositiveInt | None = flag(
+        "balls of each speed (perceived-prediction), flights (drawn-scenes, rivals), seeds (paper-perception)", "N"
+    )
+    folder: Path | None = flag(
+        "what is measured is kept here (learning, perceived-prediction, drawn-scenes, paper-perception)"
+    )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper"] | None = flag("which chain plays (rally)", "filter|fit|paper", "all three")
     balls: PositiveInt | None = flag("of each chain and speed (rally)", "N", 20)

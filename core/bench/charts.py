@@ -1,7 +1,11 @@
-"""Charts of the reports as SVG files, by matplotlib: no background and grey ink, for pages light and dark."""
+"""Charts of the reports, by matplotlib: SVG files without background and in grey ink, for pages light and dark.
+
+Only pictures of events with circles are PNG, on white, for light pages that hold their pictures themselves.
+"""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +19,7 @@ from core.errors import RallyscopeError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -36,6 +41,52 @@ class ChartLine:
     mean: Sequence[float]
     low: Sequence[float]
     high: Sequence[float]
+
+
+Circle = tuple[float, float, float]
+"""Centre and radius: u_px, v_px, r_px."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CirclePanel:
+    """Events about a ball, where it is, and where a method says that it is."""
+
+    title: str
+    on_px: Array
+    """(N, 2) u and v of the events of pixels that became brighter."""
+    off_px: Array
+    """(M, 2) of those that became darker."""
+    truth: Circle
+    answer: Circle | None
+
+
+def circle_panels(panels: Sequence[CirclePanel], *, half_px: float, dots_per_inch: int = 110) -> bytes:
+    """Panels side by side as a PNG, each `half_px` to all sides of the true centre: ON orange, OFF blue, the truth a
+    dashed black circle, the answer a green one with a cross.
+    """
+    with _figure((2.1 * len(panels), 2.5)) as figure:
+        for number, panel in enumerate(panels):
+            axes = figure.add_subplot(1, len(panels), number + 1)
+            size = (72 * 1.9 / (2 * half_px)) ** 2  # a pixel of the sensor, in square points
+            for places, colour in ((panel.on_px, "#f28e2b"), (panel.off_px, "#4e79a7")):
+                axes.scatter(places[:, 0], places[:, 1], s=size, c=colour, marker="s", linewidths=0, alpha=0.8)
+            _draw_circle(axes, panel.truth, "black", "--")
+            if panel.answer is not None:
+                _draw_circle(axes, panel.answer, "#1b9e3f", "-")
+                axes.plot(*panel.answer[:2], marker="+", color="#1b9e3f", markersize=9, clip_on=True)
+            u, v, _ = panel.truth
+            axes.set(xlim=(u - half_px, u + half_px), ylim=(v + half_px, v - half_px), aspect="equal")
+            axes.set(xticks=[], yticks=[])
+            axes.set_title(panel.title, fontsize=9, color="black")
+        written = io.BytesIO()
+        figure.savefig(written, format="png", dpi=dots_per_inch, facecolor="white", metadata={"Software": None})
+    return written.getvalue()
+
+
+def _draw_circle(axes: Axes, circle: Circle, colour: str, style: str) -> None:
+    angles = np.linspace(0, 2 * np.pi, 120)
+    u, v, r = circle
+    axes.plot(u + r * np.cos(angles), v + r * np.sin(angles), style, color=colour, linewidth=1.3)
 
 
 def line_chart(
@@ -81,16 +132,26 @@ def _axes(path: Path, size_in: tuple[float, float], title: str, x_title: str, y_
     Raises:
         RallyscopeError: without matplotlib.
     """
-    try:
-        from matplotlib import rc_context
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise RallyscopeError("charts need matplotlib", remedy="pip install 'rallyscope[bench]'") from error
-    with rc_context(STYLE):
-        figure = Figure(size_in, layout="constrained")
+    with _figure(size_in) as figure:
         axes = figure.add_subplot()
         figure.suptitle(title, fontsize=11)
         axes.set(xlabel=x_title, ylabel=y_title)
         yield axes
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, format="svg", transparent=True, metadata={"Date": None})
+
+
+@contextmanager
+def _figure(size_in: tuple[float, float]) -> Iterator[Figure]:
+    """An empty figure in the reports' style.
+
+    Raises:
+        RallyscopeError: without matplotlib.
+    """
+    try:
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise RallyscopeError("charts need matplotlib", remedy="pip install 'rallyscope[bench]'") from error
+    with rc_context(STYLE):
+        yield Figure(size_in, layout="constrained")

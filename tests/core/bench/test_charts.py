@@ -6,10 +6,11 @@ import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
+import cv2
 import numpy as np
 import pytest
 
-from core.bench.charts import ChartLine, heat_map, line_chart
+from core.bench.charts import ChartLine, CirclePanel, circle_panels, heat_map, line_chart
 from core.errors import RallyscopeError
 
 TEXT = "{http://www.w3.org/2000/svg}text"
@@ -51,3 +52,19 @@ def test_without_matplotlib_one_line_says_what_to_install(tmp_path: Path, monkey
     with pytest.raises(RallyscopeError, match=r"pip install 'rallyscope\[bench\]'"):
         line_chart(tmp_path / "a.svg", "t", "x", "y", [])
     assert not list(tmp_path.iterdir())
+
+
+def test_panels_show_the_events_the_truth_and_the_answer() -> None:
+    on, off = np.array([[105.0, 50.0]]), np.array([[95.0, 50.0], [95.0, 51.0]])
+    panel = CirclePanel("a < b\nno answer", on, off, (100.0, 50.0, 8.0), None)
+    answered = CirclePanel("c", on, off, (100.0, 50.0, 8.0), (101.0, 50.0, 8.0))
+    png = circle_panels([panel, answered], half_px=20.0)
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    halves = image[:, : image.shape[1] // 2].astype(int), image[:, image.shape[1] // 2 :].astype(int)
+    for half in halves:
+        blue, _, red = half.transpose(2, 0, 1)
+        assert 1.3 < (blue > red + 50).sum() / (red > blue + 50).sum() < 3.5, "two OFF events, one ON"
+    green = [(half[:, :, 1] > half[:, :, [0, 2]].max(axis=2) + 40).sum() for half in halves]
+    assert green[0] == 0 < green[1], "only one has an answer"
+    assert png == circle_panels([panel, answered], half_px=20.0), "the same panels are the same file"

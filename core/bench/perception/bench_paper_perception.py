@@ -1,0 +1,128 @@
+"""The paper's comparisons of perception, one command: every method on the seven recordings of `paper7`, seed by seed.
+
+What is missing is made first (one set takes 415 seconds of one core's time). Every result is kept: an interrupted bench
+goes on where it was. After a change of a method's code, remove the folder `results`; changed settings are noticed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Final
+
+from core.bench.machine import describe_machine
+from core.bench.perception import plan
+from core.bench.perception.comparisons import compare
+from core.bench.perception.measure import load_recording, measure_method, read_recording
+from core.bench.perception.page import html_page, markdown_page
+from core.bench.perception.pictures import draw_windows
+from core.bench.perception.results import (
+    PerceptionResult,
+    RecordingReading,
+    keep,
+    kept_reading,
+    kept_result,
+)
+from core.bench.perception.sections import report_sections
+from core.bench.perception.summary import FIGURES, SeedRun, estimate
+from core.files import replace_file
+from core.rally.data_sets import DataSetPlan, PlannedRecording, run_data_set
+from core.recordings import open_recording
+
+FOLDER: Final = Path("rallyscope-data/bench-paper-perception")
+REPORT: Final = Path("docs/perception-report.md")
+COUNT: Final = 1
+"""Seeds; ten make the full report."""
+MAKING_SHARE: Final = 0.7
+"""Of the time of a seed whose recordings are still to be made."""
+
+Progress = Callable[[float], None]
+
+
+def run(progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, count: int = COUNT) -> dict[str, object]:
+    """A row per method and the intervals of its figures, the comparisons, the report's two pages, and the machine."""
+    runs: list[SeedRun] = []
+    for number in range(count):
+        seed = plan.FIRST_SEED + number
+
+        def seed_progress(share: float, number: int = number) -> None:
+            progress((number + share) / count)
+
+        runs.append(run_seed(plan.seed_plan(seed), folder, seed_progress, with_recordings=number == 0))
+    pictures = draw_windows(runs[0], plan.set_folder(folder, runs[0].seed))
+    machine = describe_machine("numba", "opencv-python-headless", clock="processor time of one thread, warm")
+    sections = report_sections(runs, machine)
+    page = report.with_suffix(".html")
+    replace_file(report, markdown_page(sections, page.name).encode(), durable=False)
+    replace_file(page, html_page(sections, pictures).encode(), durable=False)
+    return {
+        "rows": [_row(runs, method) for method in plan.METHODS],
+        "intervals": {method: _intervals(runs, method) for method in plan.METHODS},
+        "comparisons": [asdict(one) for one in compare(runs)],
+        "seeds": [one.seed for one in runs],
+        "report": str(report),
+        "page": str(page),
+        "machine": machine,
+    }
+
+
+def run_seed(planned: DataSetPlan, folder: Path, progress: Progress, *, with_recordings: bool) -> SeedRun:
+    """Every method on every recording of a seed, measured now or kept; recordings are made if they are still needed."""
+    missing = [one for one in planned.recordings if not _is_measured(folder, planned.seed, one)]
+    base = 0.0
+    if missing or with_recordings:
+        base = 0.0 if _are_there(planned, folder) else MAKING_SHARE
+        run_data_set(planned, plan.set_folder(folder, planned.seed), progress=lambda share: progress(base * share))
+    results: list[PerceptionResult] = []
+    readings: list[RecordingReading] = []
+    for number, one in enumerate(planned.recordings):
+        if one in missing:
+            measure_recording(one, folder, planned.seed)
+        reading = kept_reading(plan.reading_path(folder, planned.seed, one.name))
+        found = [kept_result(plan.result_path(folder, planned.seed, one.name, method)) for method in plan.METHODS]
+        assert reading is not None
+        readings.append(reading)
+        results += [result for result in found if result is not None]
+        progress(base + (1 - base) * (number + 1) / len(planned.recordings))
+    return SeedRun(planned.seed, tuple(results), tuple(readings))
+
+
+def measure_recording(planned: PlannedRecording, folder: Path, seed: int) -> None:
+    """Measure and keep what is not kept yet."""
+    with open_recording(plan.set_folder(folder, seed) / f"{planned.name}.h5") as file:
+        recording = load_recording(file, scene=planned.scene, seed=seed, name=planned.name)
+        for method in plan.METHODS:
+            path = plan.result_path(folder, seed, planned.name, method)
+            if kept_result(path) is None:
+                keep(path, measure_method(recording, method))
+        path = plan.reading_path(folder, seed, planned.name)
+        if kept_reading(path) is None:
+            keep(path, read_recording(recording))
+
+
+def _is_measured(folder: Path, seed: int, planned: PlannedRecording) -> bool:
+    if kept_reading(plan.reading_path(folder, seed, planned.name)) is None:
+        return False
+    paths = [plan.result_path(folder, seed, planned.name, method) for method in plan.METHODS]
+    return all(kept_result(path) is not None for path in paths)
+
+
+def _are_there(planned: DataSetPlan, folder: Path) -> bool:
+    there = plan.set_folder(folder, planned.seed)
+    return all((there / f"{one.name}.h5").is_file() for one in planned.recordings)
+
+
+def _row(runs: Sequence[SeedRun], method: str) -> dict[str, object]:
+    figures = {name: _finite(estimate(runs, method, figure).value) for name, figure in FIGURES.items()}
+    return {"method": method, **figures}
+
+
+def _intervals(runs: Sequence[SeedRun], method: str) -> dict[str, tuple[float | None, float | None]]:
+    found = {name: estimate(runs, method, figure) for name, figure in FIGURES.items()}
+    return {name: (_finite(one.low), _finite(one.high)) for name, one in found.items()}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

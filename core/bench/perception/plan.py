@@ -1,0 +1,53 @@
+"""What is measured: methods on the recordings of `paper7`, made once for each seed, and where the results are kept."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from core.config import config_to_mapping
+from core.detection.methods import Method
+from core.rally.chain.config import ChainConfig
+from core.rally.data_sets import DataSetPlan, preset_plan
+from core.rally.data_sets.plan import Making
+from core.rally.data_sets.presets import PAPER7_FRAMES
+from core.trajectory import PaperPredictorConfig
+
+METHODS: Final[tuple[Method, ...]] = ("paper", "auto", "refined", "ebpp", "fe-fusion")
+RIVALS: Final[tuple[Method, ...]] = ("ebpp", "fe-fusion")
+FIRST_SEED: Final = 7
+BALL_ONLY: Final = "ball"
+"""The scene of the recordings without people."""
+
+
+def seed_plan(seed: int) -> DataSetPlan:
+    """The seven recordings of a seed, as `rallyscope simulate --preset paper7` makes them."""
+    return preset_plan("paper7", seed, Making(frames=PAPER7_FRAMES))
+
+
+def set_folder(folder: Path, seed: int) -> Path:
+    """Where the recordings of a seed are."""
+    return folder / f"paper7-{seed}"
+
+
+def chain_of(method: Method) -> ChainConfig:
+    """The chain from a method's detections to the hitting point: `paper` predicts by the paper's own rule too."""
+    chain = ChainConfig.of_method(method)
+    if method == "paper":
+        return replace(chain, prediction="fit", predictor=PaperPredictorConfig())
+    return chain
+
+
+def result_path(folder: Path, seed: int, recording: str, method: Method) -> Path:
+    """Of what one method did on one recording; named by its settings too: a changed one is another result."""
+    settings = json.dumps(config_to_mapping(chain_of(method)), sort_keys=True, default=str)
+    stamp = hashlib.sha256(settings.encode()).hexdigest()[:10]
+    return folder / "results" / str(seed) / f"{recording}-{method}-{stamp}.json"
+
+
+def reading_path(folder: Path, seed: int, recording: str) -> Path:
+    """Of what does not depend on a method: the frames, and the time of one read per event."""
+    return folder / "results" / str(seed) / f"{recording}.json"

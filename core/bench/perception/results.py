@@ -1,0 +1,125 @@
+"""What is kept of each measurement, as JSON: an interrupted bench goes on where it was."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from core.files import read_json, write_json
+
+DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShownAnswer:
+    """What a method said of the window that is drawn."""
+
+    t_us: int
+    u_px: float
+    v_px: float
+    r_px: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PerceptionResult:
+    """What one method did on one recording, all its cameras together."""
+
+    scene: str
+    seed: int
+    recording: str
+    method: str
+    window_us: int
+    windows: int
+    asked: int
+    """Times of the 1 ms grid at which a ball was to be found; this and the next three as in `GridScore`."""
+    found: int
+    answers: int
+    false: int
+    error_px: tuple[float, ...]
+    """Of the right answers, at the times that they state."""
+    events: int
+    """Read by the detectors: all of all windows."""
+    cpu_ms: tuple[float, ...]
+    """Processor time of the steps that answered."""
+    recovery_ms: tuple[float | None, ...]
+    """From a ball's appearance to the first right answer; None where it went away without."""
+    bound_px: tuple[float, ...]
+    """Least median error of a circle through the events seen, at times 10 ms apart: `CircleBounds.events_px`."""
+    pixel_bound_px: tuple[float, ...]
+    """And `CircleBounds.pixels_px`."""
+    point_mm: tuple[float, ...]
+    """Distance of the points in space from the ball."""
+    points_without_ball: int
+    hits: int
+    """Balls that came to the hitting plane."""
+    hit_mm: tuple[float, ...]
+    """Errors of the hitting points that were predicted 100 ms before."""
+    shown: ShownAnswer | None
+    """In the first camera, of the window that is drawn; None where it said nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingReading:
+    """What holds for a recording whatever the method."""
+
+    scene: str
+    seed: int
+    recording: str
+    seconds: float
+    """Of all cameras together."""
+    events: int
+    frames: int
+    frames_with_ball: int
+    """Frames at whose mid exposure the ball can be seen."""
+    frame_bytes: int
+    """Of one frame, not compressed; 0 without frames."""
+    frame_period_us: int
+    exposure_us: int
+    read_ns: float
+    """Processor time of reading one event once."""
+    shown_us: int | None
+    """End of the window that is drawn; None where no ball is ever wholly in view."""
+
+
+def rounded(values: Sequence[float] | np.ndarray) -> tuple[float, ...]:
+    """As they are kept."""
+    return tuple(round(float(value), DIGITS) for value in values)
+
+
+def keep(path: Path, result: PerceptionResult | RecordingReading) -> None:
+    """Write a result in one step."""
+    write_json(path, asdict(result))
+
+
+def kept_result(path: Path) -> PerceptionResult | None:
+    """A result that was kept; None if there is none, or one of another version."""
+    stored: dict[str, Any] = read_json(path)
+    if stored.keys() != {field.name for field in fields(PerceptionResult)}:
+        return None
+    shown = stored.pop("shown")
+    columns: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in stored.items()
+    }
+    return PerceptionResult(**columns, shown=None if shown is None else ShownAnswer(**shown))
+
+
+def kept_reading(path: Path) -> RecordingReading | None:
+    """The same for what holds whatever the method."""
+    stored: dict[str, Any] = read_json(path)
+    if stored.keys() != {field.name for field in fields(RecordingReading)}:
+        return None
+    return RecordingReading(**stored)
+
+
+def median_with_lost(values: Sequence[float | None]) -> float:
+    """The median of times, those that never came counted as endless; nan of none."""
+    ordered = sorted(math.inf if value is None else value for value in values)
+    if not ordered:
+        return math.nan
+    low, high = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
+    return low if low == high else (low + high) / 2
