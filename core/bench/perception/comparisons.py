@@ -52,7 +52,7 @@ PAPER_SCENES: Final[dict[str, PaperScene]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class PaperComparison:
     """One claim of the paper and what became of it."""
 
     claim: str
@@ -64,7 +64,7 @@ class Comparison:
     """`holds`, `does not hold`, or why nobody knows."""
 
 
-def compare(runs: Sequence[SeedRun]) -> list[Comparison]:
+def compare(runs: Sequence[SeedRun]) -> list[PaperComparison]:
     """Every claim about perception, in the order of the paper's summary."""
     found = [_data(runs, method) for method in OURS]
     found.append(_latency())
@@ -127,12 +127,12 @@ def scene_verdict(results: Sequence[PerceptionResult], paper: PaperScene) -> str
     return f"does not hold: {missed}"
 
 
-def _data(runs: Sequence[SeedRun], method: str) -> Comparison:
+def _data(runs: Sequence[SeedRun], method: str) -> PaperComparison:
     value, text = _over_seeds(runs, lambda run: best_data_saved(run, method))
     whole = mean([data_saved(run.of(method), run.readings) for run in runs])
     mosaic = mean([best_data_saved(run, method, BAYER) for run in runs])
     rate = mean([rate_saved(run.readings) for run in runs])
-    return Comparison(
+    return PaperComparison(
         f"up to 99.8 % less data than RGB, `{method}`",
         one_line(words.DATA_HOW, event_bytes=EVENT_BYTES),
         "99.8 %",
@@ -141,20 +141,20 @@ def _data(runs: Sequence[SeedRun], method: str) -> Comparison:
     )
 
 
-def _latency() -> Comparison:
+def _latency() -> PaperComparison:
     how = "1 - latency from events / latency of YOLOv4-tiny on frames, exposure and read-out included"
-    return Comparison("up to 96.4 % less latency than RGB", how, "96.4 %", "-", NOT_MEASURED)
+    return PaperComparison("up to 96.4 % less latency than RGB", how, "96.4 %", "-", NOT_MEASURED)
 
 
-def _recall() -> Comparison:
+def _recall() -> PaperComparison:
     how = "recall from events / recall of YOLOv4-tiny on frames - 1"
-    return Comparison("up to 27.5 % more recall than RGB", how, "27.5 %", "-", NOT_MEASURED)
+    return PaperComparison("up to 27.5 % more recall than RGB", how, "27.5 %", "-", NOT_MEASURED)
 
 
-def _accuracy(runs: Sequence[SeedRun], method: str, rival: str) -> Comparison:
+def _accuracy(runs: Sequence[SeedRun], method: str, rival: str) -> PaperComparison:
     value, text = _over_seeds(runs, lambda run: best_accuracy_gain(run, method, rival))
     median = mean([best_accuracy_gain(run, method, rival, error_px(50)) for run in runs])
-    return Comparison(
+    return PaperComparison(
         f"up to 89.7 % more accurate than event rivals, ball only: `{method}` and `{rival}`",
         "1 - our mean error / theirs, right answers only; the best of real1 to real3",
         "89.7 %",

@@ -1,6 +1,7 @@
 """The whole bench on one short recording: a flight of 0.8 s, two cameras, frames."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -83,7 +84,8 @@ def test_a_result_of_another_version_is_not_taken(measured, tmp_path) -> None:
 
 def test_changed_settings_are_another_result_and_the_paper_predicts_by_its_own_rule(monkeypatch, tmp_path) -> None:
     before = plan.result_path(tmp_path, 7, "real1", "refined")
-    monkeypatch.setattr(plan, "chain_of", lambda method: plan.ChainConfig(method=method))
+    changed = replace(plan.ChainConfig.of_method("refined"), max_lag_ms=7.0)
+    monkeypatch.setattr(plan, "chain_of", lambda method: changed)
     assert plan.result_path(tmp_path, 7, "real1", "refined") != before
     monkeypatch.undo()
     assert plan.chain_of("paper").prediction == "fit" and plan.chain_of("auto").prediction == "filter"
