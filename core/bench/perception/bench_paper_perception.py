@@ -39,6 +39,8 @@ MAKING_SHARE: Final = 0.7
 """Of the time of a seed whose recordings are still to be made."""
 
 Progress = Callable[[float], None]
+PICTURE: Final = "perception-window.png"
+"""One of the page's pictures by itself: of the middle recording."""
 
 
 def run(progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, count: int = COUNT) -> dict[str, object]:
@@ -57,6 +59,7 @@ def run(progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, cou
     page = report.with_suffix(".html")
     replace_file(report, markdown_page(sections, page.name).encode(), durable=False)
     replace_file(page, html_page(sections, pictures).encode(), durable=False)
+    replace_file(report.parent / "images" / PICTURE, pictures[len(pictures) // 2].png, durable=False)
     return {
         "rows": [_row(runs, method) for method in plan.METHODS],
         "intervals": {method: _intervals(runs, method) for method in plan.METHODS},

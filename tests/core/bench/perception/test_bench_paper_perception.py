@@ -57,6 +57,7 @@ def found_bound(measured) -> float:
 def test_the_pages_have_the_comparisons_and_the_pictures(measured) -> None:
     folder, found, _ = measured
     text, page = (folder / "report.md").read_text(), (folder / "report.html").read_text()
+    assert (folder / "images" / "perception-window.png").read_bytes().startswith(b"\x89PNG")
     for words in ("not measured: no frame detector here yet", "How it is measured", "`fe-fusion`"):
         assert words in text
     assert len(re.findall("data:image/png;base64,iVBOR", page)) == 1 and "not measured" in page
