@@ -55,4 +55,8 @@ def _cells(row: Mapping[str, object]) -> list[str]:
 
 def _pair(row: Mapping[str, object], name: str) -> str:
     median, high = row[f"{name}_median"], row[f"{name}_p95"]
-    return "-" if median is None else f"{median:.2g} ({high:.2g})"
+    return "-" if median is None else f"{_two_digits(median)} ({_two_digits(high)})"
+
+
+def _two_digits(value: object) -> str:
+    return f"{float(f'{float(str(value)):.2g}'):g}"
