@@ -54,6 +54,11 @@ class PaperPredictorConfig:
         check_settings(self)
 
 
+def published_predictor() -> PaperPredictorConfig:
+    """Nothing that the paper has not: five new points after the bounce, and no hurry, guard or wait about it."""
+    return PaperPredictorConfig(hurry_ms=0.0, bounce_guard_ms=0.0, bounce_wait_ms=0.0)
+
+
 def predictor_for(physics: PhysicsName, *, hit_x_m: float | None = None) -> PaperPredictorConfig:
     """The predictor with the table's behaviour in the physics called `paper` or `real`; the method stays the paper's.
 

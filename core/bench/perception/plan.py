@@ -14,7 +14,7 @@ from core.rally.chain.config import ChainConfig
 from core.rally.data_sets import DataSetPlan, preset_plan
 from core.rally.data_sets.plan import Making
 from core.rally.data_sets.presets import PAPER7_FRAMES
-from core.trajectory import PaperPredictorConfig
+from core.trajectory.config import published_predictor
 
 METHODS: Final[tuple[Method, ...]] = ("paper", "auto", "refined", "ebpp", "fe-fusion")
 RIVALS: Final[tuple[Method, ...]] = ("ebpp", "fe-fusion")
@@ -34,10 +34,10 @@ def set_folder(folder: Path, seed: int) -> Path:
 
 
 def chain_of(method: Method) -> ChainConfig:
-    """The chain from a method's detections to the hitting point: `paper` predicts by the paper's own rule too."""
+    """The chain from a method's detections to the hitting point: `paper` predicts as published too."""
     chain = ChainConfig.of_method(method)
     if method == "paper":
-        return replace(chain, prediction="fit", predictor=PaperPredictorConfig())
+        return replace(chain, prediction="fit", predictor=published_predictor())
     return chain
 
 

@@ -35,7 +35,7 @@ from core.rally.control.player import PlayerState
 from core.rally.simulated.closed_loop import ClosedLoop, PlayedBall
 from core.rally.simulated.world import Block, WorldConfig
 from core.recordings import BallTruth
-from core.trajectory import PaperPredictorConfig
+from core.trajectory.config import published_predictor
 
 Array = NDArray[np.float64]
 
@@ -85,8 +85,7 @@ def chain_named(name: ChainName) -> ChainConfig:
         case "fit":
             return ChainConfig(prediction="fit")
         case "paper":
-            published = PaperPredictorConfig(hurry_ms=0.0, bounce_guard_ms=0.0, bounce_wait_ms=0.0)
-            return replace(ChainConfig.of_method("paper"), prediction="fit", predictor=published)
+            return replace(ChainConfig.of_method("paper"), prediction="fit", predictor=published_predictor())
 
 
 def run(
