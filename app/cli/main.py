@@ -29,10 +29,16 @@ VERBS = {
     "calibrate": "calibrate the cameras",
     "fit-physics": "fit the flight model to real flights",
     "tune": "search for better detection parameters",
+    "train-detector": "train a detector that learns from pictures",
     "labels": "import, export and score labels",
     "export": "write a recording for other tools",
 }
-MODULES = {"import": "import_", "fit-physics": "fit_physics", "sim-server": "sim_server"}
+MODULES = {
+    "import": "import_",
+    "fit-physics": "fit_physics",
+    "sim-server": "sim_server",
+    "train-detector": "train_detector",
+}
 """Verbs whose module has another name than the verb."""
 
 
