@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from core.config import config_to_mapping
 from core.detection.methods import Method
-from core.rally.chain.config import ChainConfig
+from core.rally.chain.config import ChainConfig, published_chain
 from core.rally.data_sets import DataSetPlan, preset_plan
 from core.rally.data_sets.plan import Making
 from core.rally.data_sets.presets import PAPER7_FRAMES
-from core.trajectory.config import published_predictor
 
 METHODS: Final[tuple[Method, ...]] = ("paper", "auto", "refined", "ebpp", "fe-fusion")
 RIVALS: Final[tuple[Method, ...]] = ("ebpp", "fe-fusion")
@@ -35,10 +33,7 @@ def set_folder(folder: Path, seed: int) -> Path:
 
 def chain_of(method: Method) -> ChainConfig:
     """The chain from a method's detections to the hitting point: `paper` predicts as published too."""
-    chain = ChainConfig.of_method(method)
-    if method == "paper":
-        return replace(chain, prediction="fit", predictor=published_predictor())
-    return chain
+    return published_chain() if method == "paper" else ChainConfig.of_method(method)
 
 
 def result_path(folder: Path, seed: int, recording: str, method: Method) -> Path:

@@ -13,7 +13,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, get_args
 
@@ -28,14 +28,13 @@ from core.events import SensorSize
 from core.files import replace_file
 from core.physics.episode import Case
 from core.physics.task import STAGE_SPEEDS_MPS
-from core.rally.chain.config import ChainConfig
+from core.rally.chain.config import ChainConfig, published_chain
 from core.rally.chain.follow import true_positions
 from core.rally.control.controller import BuiltInController
 from core.rally.control.player import PlayerState
 from core.rally.simulated.closed_loop import ClosedLoop, PlayedBall
 from core.rally.simulated.world import Block, WorldConfig
 from core.recordings import BallTruth
-from core.trajectory.config import published_predictor
 
 Array = NDArray[np.float64]
 
@@ -85,7 +84,7 @@ def chain_named(name: ChainName) -> ChainConfig:
         case "fit":
             return ChainConfig(prediction="fit")
         case "paper":
-            return replace(ChainConfig.of_method("paper"), prediction="fit", predictor=published_predictor())
+            return published_chain()
 
 
 def run(

@@ -70,8 +70,8 @@ class Quality(NamedTuple):
     brighter: float
     """From -1 to 1: whether the leading edge makes pixels darker or brighter."""
     fresh: float
-    """Share of the leading edge's such points that came in the last third of the history; steady motion brings a
-    third, what has vanished none."""
+    """Share of the leading edge's such points that came in the last third of the history, or the last 1.5 ms if that is
+    more; steady motion brings a third, what has vanished none."""
 
     @property
     def coverage(self) -> float:

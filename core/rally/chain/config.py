@@ -18,6 +18,7 @@ from core.trajectory import (
     Predictor,
     filter_for,
 )
+from core.trajectory.config import published_predictor
 
 TABLE_FRICTION: Final = 0.15
 """Of the simulated table (choice), and what a chain expects of one."""
@@ -132,3 +133,9 @@ class ChainConfig:
         if self.prediction == "filter":
             return FilterPredictor(self.filter, hit_x_m=self.predictor.hit_x_m)
         return PaperPredictor(self.predictor)
+
+
+def published_chain() -> ChainConfig:
+    """The paper's detector and prediction, and nothing that the paper has not."""
+    chain = ChainConfig.of_method("paper")
+    return dataclasses.replace(chain, prediction="fit", predictor=published_predictor())
