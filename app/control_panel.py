@@ -11,7 +11,6 @@ from app.panels.below_pictures import place_below_pictures
 from app.panels.keys import add_keys
 from app.panels.picture import PicturePanel
 from app.panels.recording_info import RecordingInfo, RecordingInfoPanel
-from app.panels.transport import TransportPanel
 from app.state.client_state import MODES, ClientState
 from app.state.commands import Command, SetMode
 from app.widgets import Choice, Listing
@@ -36,7 +35,6 @@ class ControlPanel:
     ) -> None:
         self._mode = Choice(gui, "Mode", MODES, lambda mode: send(SetMode(mode)))  # type: ignore[arg-type]
         self._recording = Listing(gui, "Recording", actions.open_recording, hint="Recordings of the workspace")
-        self._transport = TransportPanel(gui, send)
         self.modes_folder = gui.add_folder(None)
         """Where the modes put their controls."""
         self._picture = PicturePanel(gui, send)
@@ -44,22 +42,15 @@ class ControlPanel:
         place_below_pictures(gui, self._info.panel)
         add_keys(gui, send_key, actions.reframe)
         # Until a recording is open there is nothing that these could be about.
-        self._transport.folder.visible = self._picture.folder.visible = self._info.panel.visible = False
+        self._picture.folder.visible = self._info.panel.visible = False
 
-    def show(self, state: ClientState, now_us: int, *, uses_recording: bool, shows_events: bool) -> None:
+    def show(self, state: ClientState, *, uses_recording: bool, shows_events: bool) -> None:
         """Make every control follow the state."""
-        self._recording.visible = self._transport.folder.visible = uses_recording
-        self._picture.folder.visible = uses_recording
+        self._recording.visible = self._picture.folder.visible = uses_recording
         self._mode.show(state.mode)
         self._recording.show(state.recording)
         self._info.panel.visible = shows_events and not state.playhead.live
-        self._transport.show(state, now_us)
         self._picture.show(state)
-
-    def show_time(self, state: ClientState, now_us: int) -> None:
-        """Only what moves while it plays."""
-        self._transport.show(state, now_us)
-        self._info.show_time(now_us)
 
     def show_recordings(self, names: tuple[str, ...]) -> None:
         """Offer these recordings."""

@@ -9,7 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import viser
 
-from app.address import check_address
+from app.front import Admission, FrontDoor
+from app.front.address import check_address
 from app.modes.services import Services
 from app.preparation.steps import Preparation
 from app.session import Session
@@ -44,6 +45,7 @@ class App:
         autoplay: bool = False,
         live: LiveRally | None = None,
         preparation: Preparation | None = None,
+        admission: Admission | None = None,
     ) -> None:
         """`config` is what every browser's detector starts with; `live` is closed with the app.
 
@@ -62,7 +64,8 @@ class App:
         if live is not None:
             self.use_live(live)
         self._pool = ThreadPoolExecutor(POOL_THREADS, thread_name_prefix="rallyscope")
-        self._server = _start_server(host, port)
+        self._front = _start_server(host, port, admission)
+        self._server = self._front.server
         apply_theme(self._server)
         self._server.on_client_connect(self._connect)
         self._server.on_client_disconnect(self._disconnect)
@@ -104,9 +107,20 @@ class App:
         self.services.close()
 
     def _connect(self, client: viser.ClientHandle) -> None:
-        session = Session(client, self.services, self._pool, self._awake.set, self._config, self._preparation)
-        session.offer(self.services.library.names())
-        session.await_recording(self._first_recording)
+        visit = self._front.visit(client)
+        session = Session(
+            client,
+            self.services,
+            self._pool,
+            self._awake.set,
+            self._config,
+            self._preparation,
+            visit=visit,
+            pages=self._front.pages,
+        )
+        offered = self.services.library.names()
+        session.offer(offered)
+        session.await_recording(session.page.first_recording(self._first_recording, offered))
         if self._autoplay:
             session.play_when_open()
         with self._lock:
@@ -123,7 +137,8 @@ class App:
         while not self._stopping:
             started_s = time.monotonic()
             sessions = self.sessions
-            if started_s - rescanned_s > RESCAN_EVERY_S:
+            self.services.rallies.attend(bool(sessions), started_s)
+            if sessions and started_s - rescanned_s > RESCAN_EVERY_S:
                 rescanned_s = started_s
                 self._rescan(sessions)
             for session in sessions:
@@ -149,14 +164,14 @@ class App:
             session.offer(recordings)
 
 
-def _start_server(host: str, port: int) -> viser.ViserServer:
-    """A viser server at exactly this port; viser itself would silently take the next one.
+def _start_server(host: str, port: int, admission: Admission | None) -> FrontDoor:
+    """A viser server behind our door at exactly this port; viser itself would silently take the next one.
 
     Raises:
-        CommandError: if the address cannot be used.
+        CommandError: if the address cannot be used, or other machines could connect without a token.
     """
     check_address(host, port)
-    return viser.ViserServer(host=host, port=port, verbose=False)
+    return FrontDoor(host, port, admission or Admission.of_address(host, None))
 
 
 def _warm_up() -> None:

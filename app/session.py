@@ -12,21 +12,24 @@ import viser
 
 from app.background.worker import LatestWins
 from app.control_panel import ControlPanel
+from app.front.pages import Pages, Visit
 from app.modes.factories import FACTORIES
 from app.modes.mode import Mode
 from app.modes.services import Services
 from app.panels.recording_info import RecordingInfo, gather_info
+from app.panels.time_bar import Runs, TimeBar, Tracks, opening_us, tracks_of
 from app.preparation.awaited import AwaitedRecording
 from app.preparation.panel import PreparationPanel
 from app.preparation.steps import Preparation
 from app.scene.world import World
-from app.state.client_state import MODES, ClientState, Configs, ModeName
+from app.state.client_state import MODES, ClientState, ModeName
 from app.state.commands import Command, SetMode, TogglePlay
 from app.state.playback import Playhead
-from app.state.undo import History
 from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
 from app.views.requests import WatchRequest, render_watch
+from app.visit import SessionPage
+from app.words.notices import notice_of
 from core.detection import DetectorConfig
 from core.errors import RallyscopeError, RecordingError
 from core.rally.history.following import is_stereo
@@ -34,7 +37,6 @@ from core.rally.live.ring_recording import RingRecording
 from core.recordings import Recording
 
 logger = logging.getLogger(__name__)
-TIME_SHOWN_EVERY_S = 0.1
 NOTE_SECONDS = 8.0
 
 
@@ -49,6 +51,9 @@ class Session:
         wake: Callable[[], None],
         config: DetectorConfig,
         preparation: Preparation | None = None,
+        *,
+        visit: Visit,
+        pages: Pages,
     ) -> None:
         self.client = client
         self.services = services
@@ -63,8 +68,8 @@ class Session:
         self._recording: Recording | None = None
         self._shown: ClientState | None = None
         self._requested: object = None
-        self._time_shown_s = 0.0
         self._autoplay = False
+        self._tracks = Tracks(0)
         self._live_uuid = ""
         self.plane = ImageView(client, self._clicked)
         self.world = World(client)
@@ -72,6 +77,11 @@ class Session:
         with self._interface.modes_folder:
             self._modes: dict[ModeName, Mode] = {name: FACTORIES[name](self) for name in MODES}
         self._active: ModeName | None = None
+        self.page = SessionPage(visit, pages, services.browsers, pool, self)
+        self._bar = TimeBar(self.page, self.send)
+        self.page.listen("size", self.plane.window_resized)
+        self.page.listen("hand", lambda _: self.world.touched())
+        self.plane.tell = self.page.send
 
     # What the browser asks for, from viser's event loop ---------------------------------------------------------
 
@@ -125,6 +135,7 @@ class Session:
             if self._awaited.waiting:  # a table that waits for its ball
                 self.plane.set_visible(False)
                 self.world.show(True)
+                self.world.turn_to_eye()
             return
         if isinstance(self._recording, RingRecording):
             self._grow(self._recording)
@@ -137,22 +148,24 @@ class Session:
             with self.client.atomic():
                 self._interface.show(
                     self._state,
-                    now_us,
                     uses_recording=mode.uses_recording,
                     shows_events=mode.middle == "events",
                 )
-        if wall_s - self._time_shown_s >= TIME_SHOWN_EVERY_S:
-            self._time_shown_s = wall_s
-            self._interface.show_time(self._state, now_us)
+        uses_time = mode.uses_recording
+        self._bar.show(self._state, now_us, wall_s, visible=uses_time, keys=uses_time and not mode.takes_keys)
+        self.page.tick(self._state, now_us, wall_s)
         middle = mode.middle
         self.plane.set_visible(middle != "world")  # first: from then on it does not move the camera
         self.world.show(middle == "world")
         if middle == "events":
             self._request_picture(self._state, self._recording, now_us)
         mode.tick(self._state, now_us, wall_s)
+        self.world.turn_to_eye()
 
     def _choose(self, name: str) -> None:
         self._awaited.expect(None)
+        if self.services.library.to_import(name):
+            self.note("Importing", f"{name.partition(' (')[0]}: once, it is a recording from then on", "blue")
         self._openings.submit(name)
 
     def _grow(self, recording: RingRecording) -> None:
@@ -189,6 +202,20 @@ class Session:
         return self.plane.sheet
 
     @property
+    def tracks(self) -> Tracks:
+        """The lines of the time line."""
+        return self._tracks
+
+    @tracks.setter
+    def tracks(self, tracks: Tracks) -> None:
+        self._tracks = tracks
+        self._bar.show_tracks(tracks)
+
+    def show_runs(self, name: str, runs: Runs) -> None:
+        """Show a line of this name in the time bar until another recording is opened."""
+        self.tracks = replace(self._tracks, runs={**self._tracks.runs, name: runs})
+
+    @property
     def restless(self) -> bool:
         """Something moves by itself: the loop must not sleep long."""
         if self._state is None:
@@ -201,6 +228,7 @@ class Session:
 
     def close(self) -> None:
         """The browser is gone."""
+        self.page.close(self._state)
         self._pictures.close()
         self._openings.close()
         for mode in self._modes.values():
@@ -210,10 +238,10 @@ class Session:
 
     def _request_picture(self, state: ClientState, recording: Recording, now_us: int) -> None:
         config, show_truth = state.configs.present.a, state.tune.show_truth
-        key = (recording.uuid, now_us, state.look, config, show_truth)
+        key = (recording.uuid, now_us, state.look, config, show_truth, state.watch.large)
         if key != self._requested:
             self._requested = key
-            self._pictures.submit(WatchRequest(recording, now_us, state.look, config, show_truth))
+            self._pictures.submit(WatchRequest(recording, now_us, state.look, config, show_truth, state.watch.large))
 
     def _picture_done(self, request: WatchRequest, sheet: Mosaic) -> None:
         self._enqueue(lambda: self._show_picture(sheet))
@@ -232,27 +260,44 @@ class Session:
         return recording, None if isinstance(recording, RingRecording) else gather_info(self.services.library, name)
 
     def _opened(self, name: str, answer: tuple[Recording, RecordingInfo | None]) -> None:
-        self._enqueue(lambda: self._use_recording(name, *answer))
+        self._enqueue(lambda: self._use_opened(name, answer))
+
+    def _use_opened(self, name: str, answer: tuple[Recording, RecordingInfo | None]) -> None:
+        settled = self.services.library.settled_name(name)
+        if settled != name:  # it was imported: its new name is to be in the list
+            self.offer(self.services.library.names())
+        self._use_recording(settled, *answer)
 
     def _use_recording(self, name: str, recording: Recording, info: RecordingInfo | None) -> None:
         self._recording = recording
         cameras = tuple(recording.cameras)
-        playhead = Playhead(recording.duration_us, speed=0.25 if is_stereo(recording) else 0.05)
+        opens_us = opening_us(recording)
+        playhead = Playhead(recording.duration_us, anchor_us=opens_us, speed=0.25 if is_stereo(recording) else 0.05)
         if isinstance(recording, RingRecording):
             self._live_uuid = recording.uuid
             playhead = replace(playhead, live=True, following=True, playing=True, speed=1.0)
         if self._state is None:
-            configs = History(Configs(self._first_config, self._first_config))
-            self._state = ClientState(name, cameras, cameras[0], playhead, configs)
+            self._state = self.page.first_state(name, cameras, playhead, self._first_config)
         else:
-            view = replace(self._state.tune, centre_px=None)
+            views = {
+                "tune": replace(self._state.tune, centre_px=None),
+                "watch": replace(self._state.watch, large=""),
+            }
             self._state = replace(
-                self._state, recording=name, cameras=cameras, camera=cameras[0], playhead=playhead, tune=view
+                self._state,
+                recording=name,
+                cameras=cameras,
+                camera=cameras[0],
+                playhead=playhead,
+                **views,
+                marks_us=(),
             )
         if info is not None:
             self._interface.show_info(info)
+        self.tracks = tracks_of(recording, info)
         for mode in self._modes.values():
             mode.use_recording(recording)
+        self._state = self.page.follow_link(self._state)
         if self._autoplay and not playhead.live:
             self._autoplay = False
             self.send(TogglePlay())
@@ -274,7 +319,7 @@ class Session:
         """Show what went wrong; in the loop."""
         self._shown = None  # the control that asked shows the old value again
         if isinstance(error, RallyscopeError):
-            self.note("That does not work", str(error), "red")
+            self.note(*notice_of(error), "red")
         else:
             logger.error("unexpected error", exc_info=error)
             self.note("Something went wrong", "This is a bug; the terminal shows where.", "red")

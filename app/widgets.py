@@ -6,6 +6,9 @@ import typing
 from collections.abc import Callable, Sequence
 
 import viser
+from viser import uplot
+
+from app import theme
 
 MARK = "● "
 NOTHING = "-"
@@ -34,6 +37,10 @@ class Choice:
     @visible.setter
     def visible(self, visible: bool) -> None:
         self._group.visible = visible
+
+    def remove(self) -> None:
+        """Take it away."""
+        self._group.remove()
 
     def show(self, chosen: str) -> None:
         """Mark the chosen one."""
@@ -75,6 +82,11 @@ class Listing:
         """Mark one as chosen."""
         if chosen in self._dropdown.options:
             self._dropdown.value = chosen
+
+
+def plot_axis(unit: str) -> uplot.Axis:
+    """An axis with its unit, in the colours of the app."""
+    return uplot.Axis(label=unit, stroke=theme.MUTED, grid={"stroke": "#333640"}, labelSize=16, size=38)
 
 
 def when_changed(handle: viser.GuiInputHandle, act: Callable[[object], None]) -> None:

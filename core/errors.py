@@ -18,13 +18,17 @@ class RallyscopeError(Exception):
         where: object = None,
         remedy: str | None = None,
     ) -> None:
-        parts = [what if where is None else f"{where}: {what}"]
         facts = [f"{name} {value}" for name, value in (("expected", expected), ("got", got)) if value is not None]
-        if facts:
-            parts.append(", ".join(facts))
-        if remedy is not None:
-            parts.append(remedy)
-        super().__init__(" ".join("; ".join(parts).split()))
+        rest = [part for part in (", ".join(facts), remedy) if part]
+        super().__init__(_one_line([what if where is None else f"{where}: {what}", *rest]))
+        self.what = _one_line([what])
+        """What did not work."""
+        self.details = _one_line([*([] if where is None else [str(where)]), *rest])
+        """Where, why, and what to do; may be empty."""
+
+
+def _one_line(parts: list[str]) -> str:
+    return " ".join("; ".join(parts).split())
 
 
 class EventsError(RallyscopeError):

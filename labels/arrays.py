@@ -71,6 +71,18 @@ def label_arrays(labels: Iterable[Label]) -> LabelArrays:
     return _freeze(t_us, *(np.ascontiguousarray(table[:, column]) for column in (1, 2, 3)), state, source)
 
 
+def arrays_of_columns(
+    t_us: NDArray[np.int64],
+    x_px: NDArray[np.float64],
+    y_px: NDArray[np.float64],
+    r_px: NDArray[np.float64],
+    state: NDArray[np.uint8],
+    source: NDArray[np.uint8],
+) -> LabelArrays:
+    """Columns that are sorted already; they become read-only."""
+    return _freeze(t_us, x_px, y_px, r_px, state, source)
+
+
 def _row(label: Label) -> tuple[int, float, float, float, int, int]:
     x, y, r = (np.nan if value is None else value for value in (label.x_px, label.y_px, label.r_px))
     return label.t_us, x, y, r, STATES.index(label.state), SOURCES.index(label.provenance.source)

@@ -1,33 +1,17 @@
-"""One line of the journal: JSON with a checksum at its end, so that a damaged line is known from a whole one."""
+"""What a line of a journal of version 1 says: a record, and the labels in it."""
 
 from __future__ import annotations
 
 import json
-import zlib
+import math
 from collections.abc import Mapping
 
 from core.errors import LabelError
 from labels.model import Label, LabelState, PositionSource, Provenance
 
-SCHEMA = 1
-"""Version of the lines. A reader refuses later ones; earlier ones it must go on to understand."""
 Json = Mapping[str, object]
 _STATES: dict[object, LabelState] = {state.value: state for state in LabelState}
 _SOURCES: dict[object, PositionSource] = {source.value: source for source in PositionSource}
-_CRC = b',"crc":"'
-
-
-def pack_line(record: Json) -> bytes:
-    """A record as a line of the journal, with its newline."""
-    text = json.dumps(record, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    head = text[:-1].encode()
-    return b'%b%b%08x"}\n' % (head, _CRC, zlib.crc32(head))
-
-
-def is_whole(line: bytes) -> bool:
-    """Whether a line without its newline is as it was written."""
-    head, mark, tail = line.rpartition(_CRC)
-    return bool(mark) and len(tail) == 10 and tail == b'%08x"}' % zlib.crc32(head)
 
 
 def unpack_line(line: bytes) -> dict[str, object]:
@@ -45,28 +29,8 @@ def unpack_line(line: bytes) -> dict[str, object]:
     return record
 
 
-def label_to_json(label: Label) -> dict[str, object]:
-    """A label as plain values; what it does not know is left out."""
-    made = label.provenance
-    return {
-        "t_us": label.t_us,
-        "state": label.state.value,
-        **({} if label.x_px is None else {"x": label.x_px, "y": label.y_px}),
-        **({} if label.r_px is None else {"r": label.r_px}),
-        **({} if label.covariance_px2 is None else {"cov": list(label.covariance_px2)}),
-        "source": made.source.value,
-        "by": made.annotator,
-        "at_us": made.made_at_us,
-        "tool": made.tool,
-        **({"detector": made.detector} if made.detector else {}),
-        **({} if made.window_us is None else {"window_us": list(made.window_us)}),
-        **({"rendering": made.rendering} if made.rendering else {}),
-        **({"spent_ms": made.time_spent_ms} if made.time_spent_ms else {}),
-    }
-
-
 def label_from_json(values: Json) -> Label:
-    """The label that `label_to_json` wrote.
+    """A label of a journal. A radius of 0, which says nothing, becomes one that is not known.
 
     Raises:
         LabelError: if a value is missing or impossible.
@@ -96,7 +60,7 @@ def _label_from_json(values: Json) -> Label:
         state=_STATES[values["state"]],
         x_px=_number(values.get("x")),
         y_px=_number(values.get("y")),
-        r_px=_number(values.get("r")),
+        r_px=_radius(values.get("r")),
         covariance_px2=None if cov is None else _triple(cov),
         provenance=provenance,
     )
@@ -114,6 +78,11 @@ def _number(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise TypeError(f"{value!r} is not a number")
     return float(value)
+
+
+def _radius(value: object) -> float | None:
+    radius = _number(value)
+    return radius if radius is not None and math.isfinite(radius) and radius > 0 else None
 
 
 def _pair(values: object) -> tuple[int, int]:

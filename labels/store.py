@@ -1,54 +1,54 @@
 """The labels of one recording, one camera and one annotator: every acknowledged edit is on the disk.
 
-Each such layer is a file of its own, `<folder>/<recording uuid>/<camera>/<annotator>.jsonl`. One writer per file means
-that annotators never wait for or damage each other, that a layer is handed over by copying one file, and that the cost
-of a label does not depend on how many others have made. A recording may be read-only, so labels are not kept in it.
+All layers of a recording are in one SQLite file, `<folder>/<recording uuid>/labels.sqlite`, to which any number of
+programs may write at the same time. A recording may be read-only, so labels are not kept in it.
 """
 
 from __future__ import annotations
 
+import sqlite3
 import threading
 import time
+import weakref
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType, TracebackType
+from types import TracebackType
 from typing import Self
-from urllib.parse import quote, unquote
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from core.errors import LabelError
 from labels.arrays import LabelArrays, label_arrays
-from labels.edits import Edit, EditHistory
-from labels.journal import Journal, JournalLines, read_journal
+from labels.database.by_time import LabelsByTime
+from labels.database.connection import DamagedStoreError, open_to_read, open_to_write, telling, transaction
+from labels.database.edit_log import (
+    SessionHistory,
+    UndoStep,
+    Writer,
+    add_edit,
+    add_rejection,
+    find_layer,
+    make_layer,
+    newest_edit,
+    step_back,
+)
+from labels.database.folder import Layer
+from labels.database.migration import migrate
+from labels.database.reading import find_layers, has_labels, read_with_journal
+from labels.database.rows import changes_since, current_arrays, current_rows, label_of, value_at
+from labels.database.salvage import salvage
+from labels.database.schema import recording_of
 from labels.model import Label, LabelState
-from labels.records import SCHEMA, Json, label_from_json, label_to_json
 
-FORMAT = "rallyscope-labels"
-SUFFIX = ".jsonl"
-BLIND_SUFFIX = ".blind.jsonl"
+__all__ = ["LabelProgress", "LabelStore", "Layer", "UndoStep", "find_layers", "has_labels"]
 _FEW_CHANGES = 64
 """Up to so many changes are worked into the sorted columns one by one (about 1 ms each at 200,000 labels); more are
-sorted anew."""
-
-
-@dataclass(frozen=True, slots=True)
-class Layer:
-    """Whose labels of what: the identity of a store. With `t_us` it is the identity of a label."""
-
-    recording_uuid: str
-    camera: str
-    annotator: str
-    blind: bool = False
-    """The annotator's second look, made without seeing the first: it measures the annotator's own noise."""
-
-    def path(self, folder: Path) -> Path:
-        """Where its journal is; names of any script are percent-encoded into plain file names."""
-        suffix = BLIND_SUFFIX if self.blind else SUFFIX
-        return folder / _plain(self.recording_uuid) / _plain(self.camera) / f"{_plain(self.annotator)}{suffix}"
+read anew."""
+_NOT_SAVED = "everything before it is safe; make room or fix the disk, then repeat it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,69 +68,118 @@ class LabelProgress:
 class LabelStore:
     """A layer of labels that is open for reading and writing. Safe to use from several threads.
 
-    When a method that changes something returns, the change is on the disk; when it raises, nothing has changed.
+    When a method that changes something returns, the change is on the disk; when it raises, nothing has changed. What
+    other programs write into the layer is seen by the next call.
     """
 
-    def __init__(self, layer: Layer, path: Path, lines: JournalLines, journal: Journal | None, tool: str) -> None:
+    def __init__(self, layer: Layer, path: Path, reader: sqlite3.Connection, notes: tuple[str, ...] = ()) -> None:
         self.layer = layer
         self.path = path
-        self._tool = tool
-        self._journal = journal
+        self.notes = notes
+        self._reader = reader
+        self._finalizers = [weakref.finalize(self, reader.close)]
+        self._writer: sqlite3.Connection | None = None
+        self._follows = False
+        """Whether what others write is taken up."""
+        self.writer = Writer(0, "", "")
+        """Who writes here."""
+        self._history = SessionHistory()
         self._lock = threading.RLock()
-        self._history, self._seq, self.notes = _replay(lines, layer, path)
-        self._arrays = label_arrays(self._history.labels.values())
-        self._stale: set[int] = set()
-        if journal is not None and not lines.whole:
-            self._write({"op": "open", "schema": SCHEMA, "format": FORMAT, **_identity(layer)})
+        """Of what is read."""
+        self._write_lock = threading.Lock()
+        self._history_lock = threading.Lock()
+        self._change_mark = -1
+        self._seen = 0
+        self._arrays = label_arrays(())
+        with telling(path, "cannot read the labels"):
+            found = recording_of(reader, path)
+            if found != layer.recording_uuid:
+                raise LabelError("labels of something else", expected=layer.recording_uuid, got=found, where=path)
+            number = find_layer(reader, layer.camera, layer.annotator, layer.blind)
+            if number is None:
+                raise _no_labels(layer, path)
+            self._number = number
+            self._read_all()
 
     @classmethod
     def open(
-        cls, folder: Path, recording_uuid: str, camera: str, annotator: str, *, blind: bool = False, tool: str = ""
+        cls,
+        folder: Path,
+        recording_uuid: str,
+        camera: str,
+        annotator: str,
+        *,
+        blind: bool = False,
+        tool: str = "",
+        session: str = "",
     ) -> Self:
         """Open a layer for writing, starting it if it is new. `tool` is noted in every label made here.
 
+        With a `session` undo and redo concern what was done under that name only; without one, the whole layer.
+        Journals of version 1 of this recording are taken over first.
+
         Raises:
-            LabelError: if it cannot be written, another process writes it, or it belongs to something else.
+            LabelError: if it cannot be written, is damaged, lies on a network drive, or belongs to something else.
         """
         layer = Layer(recording_uuid, camera, annotator, blind)
         for name, value in (("recording", recording_uuid), ("camera", camera), ("annotator", annotator)):
             if not value.strip():
                 raise LabelError(f"labels need a name of the {name}", got=repr(value))
         path = layer.path(folder)
-        journal, lines = Journal.open(path)
+        writer = open_to_write(path, recording_uuid)
         try:
-            return cls(layer, path, lines, journal, tool)
+            notes = migrate(writer, folder, recording_uuid)
+            with telling(path, "cannot write labels here"):
+                number = find_layer(writer, camera, annotator, blind)
+                if number is None:
+                    with transaction(writer):
+                        number = make_layer(writer, camera, annotator, blind)
+            store = cls(layer, path, open_to_read(path), notes)
         except BaseException:
-            journal.close()
+            writer.close()
             raise
+        store._writer, store.writer, store._follows = writer, Writer(number, session, tool), True
+        store._finalizers.append(weakref.finalize(store, writer.close))
+        return store
 
     @classmethod
-    def read(cls, folder: Path, layer: Layer) -> Self:
-        """A layer as it is now, for reading only: from a read-only disk, or while another process writes it.
+    def read(cls, folder: Path, layer: Layer, *, follow: bool = False) -> Self:
+        """A layer as it is now, for reading only: from a read-only disk, or while other programs write it.
+
+        To `follow` is to see what they write by the next call. Of a damaged store, what can be read; `notes` says so.
 
         Raises:
             LabelError: if there is none, or it cannot be read.
         """
-        path = layer.path(folder)
-        if not path.is_file():
-            raise LabelError("no labels", got=f"nothing by {layer.annotator!r} for {layer.camera!r}", where=path)
-        return cls(layer, path, read_journal(path), None, "")
+        path, journal = layer.path(folder), layer.journal(folder)
+        if not path.is_file() and not journal.is_file():
+            raise _no_labels(layer, path)
+        notes: tuple[str, ...] = ()
+        if journal.is_file():
+            reader, notes = read_with_journal(path, layer, journal)
+        else:
+            try:
+                store = cls(layer, path, open_to_read(path))
+                store._follows = follow
+                return store
+            except DamagedStoreError:
+                reader, notes = salvage(path)
+        return cls(layer, path, reader, notes)
 
     @property
     def version(self) -> int:
-        """Grows with every change: compare it to know whether somebody else changed something."""
+        """Grows with every change of the layer, by whomever: compare it to know whether something changed."""
         with self._lock:
-            return self._seq
+            self._refresh()
+            return self._seen
 
     @property
     def can_undo(self) -> bool:
-        with self._lock:
-            return self._history.undoable is not None
+        return bool(self._followed().done)
 
     @property
     def can_redo(self) -> bool:
-        with self._lock:
-            return self._history.redoable is not None
+        return bool(self._followed().undone)
 
     def put(self, label: Label) -> None:
         """Add or replace the label at its time."""
@@ -146,71 +195,83 @@ class LabelStore:
         Raises:
             LabelError: if it is not saved.
         """
-        with self._lock:
-            gone = tuple(t_us for t_us in dict.fromkeys(delete) if t_us in self._history.labels)
-            stamped = tuple(self._stamp(label) for label in put)
-            if not gone and not stamped:
-                return 0
-            times = {label.t_us for label in stamped}
-            if len(times) != len(stamped) or times & set(gone):
-                raise LabelError("one edit says two things about the same time", where=self.path)
-            edit = Edit(self._seq + 1, stamped, gone)
-            self._write({"op": "edit", "put": [label_to_json(label) for label in stamped], "delete": list(gone)})
-            return self._note(self._history.apply(edit))
+        stamped, gone = tuple(self._stamp(label) for label in put), tuple(delete)
+        times = {label.t_us for label in stamped}
+        if len(times) != len(stamped) or times & set(gone):
+            raise LabelError("one edit says two things about the same time", where=self.path)
+        if not stamped and not gone:
+            return 0
+        with self.writing() as db, transaction(db):
+            touched = add_edit(db, self.writer, stamped, gone)
+        return len(touched)
+
+    def reject(self, t_us: int, x_px: float, y_px: float, r_px: float | None, detector: str) -> None:
+        """Note that a proposal of a detector is wrong. No label changes.
+
+        Raises:
+            LabelError: if it is not saved.
+        """
+        with self.writing() as db, transaction(db):
+            add_rejection(db, self.writer, t_us, x_px, y_px, r_px if r_px and r_px > 0 else None, detector)
+
+    def rejected(self) -> frozenset[tuple[int, str]]:
+        """(time, detector) of every proposal that was found wrong in this layer."""
+        with self._lock, telling(self.path, "cannot read the labels"):
+            rows = self._reader.execute(
+                "SELECT t_us, detector FROM rejections JOIN edits USING (edit) WHERE layer = ?", (self._number,)
+            )
+            return frozenset(rows.fetchall())
 
     def undo(self) -> tuple[int, ...]:
         """Take back the latest edit, also of an earlier session; returns the times it touched, () if none is left."""
-        with self._lock:
-            if self._history.undoable is None:
-                return ()
-            self._write({"op": "undo", "of": self._history.undoable})
-            touched = self._history.undo()
-            self._note(touched)
-            return touched
+        return self.step_back().touched_us
 
     def redo(self) -> tuple[int, ...]:
         """Bring back the edit that was undone last; returns the times it touched, () if there is none."""
-        with self._lock:
-            if self._history.redoable is None:
-                return ()
-            self._write({"op": "redo", "of": self._history.redoable})
-            touched = self._history.redo()
-            self._note(touched)
-            return touched
+        return self.step_back(redo=True).touched_us
+
+    def step_back(self, *, redo: bool = False) -> UndoStep:
+        """Undo or redo one edit of this session, but for times that somebody else has changed since.
+
+        Raises:
+            LabelError: if it is not saved.
+        """
+        if not (self.can_redo if redo else self.can_undo):
+            return UndoStep()
+        with self.writing() as db, self._history_lock, transaction(db):
+            return step_back(db, self.writer, self._history, redo=redo)
 
     def at(self, t_us: int) -> Label | None:
         """The label at exactly this time; None: unchecked."""
         with self._lock:
-            return self._history.labels.get(t_us)
+            self._refresh()
+            return self._label(t_us, self._seen)
 
     def labels(self) -> LabelArrays:
         """All labels as sorted columns: a snapshot that does not change."""
         with self._lock:
-            labels = self._history.labels
-            if len(self._stale) > _FEW_CHANGES:
-                self._arrays = label_arrays(labels.values())
-            else:
-                for t_us in self._stale:
-                    self._arrays = self._arrays.changed(t_us, labels.get(t_us))
-            self._stale.clear()
+            self._refresh()
             return self._arrays
 
     def all(self) -> tuple[Label, ...]:
         """All labels with their provenance, by time."""
-        with self._lock:
-            return tuple(label for _, label in sorted(self._history.labels.items()))
+        with self._lock, telling(self.path, "cannot read the labels"):
+            self._refresh()
+            rows = current_rows(self._reader, self._number, upto=self._seen).fetchall()
+        return tuple(label_of(row[0], row[2:]) for row in rows)
 
     def by_time(self) -> Mapping[int, Label]:
-        """All labels by their time, in no order: a snapshot that does not change."""
+        """All labels by their time, ascending: a snapshot that does not change."""
         with self._lock:
-            return MappingProxyType(dict(self._history.labels))
+            self._refresh()
+            upto = self._seen
+            return LabelsByTime(self._arrays, lambda t_us: self._label(t_us, upto))
 
     def progress(self, t_us: ArrayLike) -> LabelProgress:
         """How many of these times are labelled, and how."""
-        times = np.unique(np.asarray(t_us, np.int64)).tolist()
-        with self._lock:
-            found = [label.state for t in times if (label := self._history.labels.get(t)) is not None]
-        return LabelProgress(len(times), len(found), Counter(found))
+        arrays, times = self.labels(), np.unique(np.asarray(t_us, np.int64))
+        states = arrays.state[np.isin(arrays.t_us, times)]
+        return LabelProgress(len(times), len(states), Counter(tuple(LabelState)[state] for state in states.tolist()))
 
     def next_unchecked(self, t_us: ArrayLike, after_us: int) -> int | None:
         """The first of these times behind `after_us` that has no label; goes round to the start once."""
@@ -222,11 +283,11 @@ class LabelStore:
         return int(unchecked[row % len(unchecked)])
 
     def close(self) -> None:
-        """Let go of the file. Nothing is written: everything is saved already."""
-        with self._lock:
-            if self._journal is not None:
-                self._journal.close()
-                self._journal = None
+        """Let go of the file: everything is saved already."""
+        with self._write_lock, self._lock:
+            self._writer, self._follows = None, False
+            for finalize in self._finalizers:  # the writer last: it works the log into the file
+                finalize()
 
     def __enter__(self) -> Self:
         return self
@@ -244,86 +305,71 @@ class LabelStore:
                 made,
                 annotator=made.annotator or self.layer.annotator,
                 made_at_us=made.made_at_us or time.time_ns() // 1000,
-                tool=made.tool or self._tool,
+                tool=made.tool or self.writer.tool,
             ),
         )
 
-    def _write(self, record: Json) -> None:
-        if self._journal is None:
-            raise LabelError("these labels are open for reading only", where=self.path)
-        self._journal.append({"seq": self._seq + 1, **record})
-        self._seq += 1
+    @contextmanager
+    def writing(self) -> Iterator[sqlite3.Connection]:
+        """The connection that writes, for this thread alone; errors of SQLite become one line.
 
-    def _note(self, touched: tuple[int, ...]) -> int:
-        self._stale.update(touched)
-        return len(touched)
+        Raises:
+            LabelError: if the layer is open for reading only.
+        """
+        with self._write_lock:
+            if self._writer is None:
+                raise LabelError("these labels are open for reading only", where=self.path)
+            with telling(self.path, "this label is not saved", _NOT_SAVED):
+                yield self._writer
 
+    def _followed(self) -> SessionHistory:
+        with self._history_lock, self._lock, telling(self.path, "cannot read the labels"):
+            if self._writer is not None:
+                self._history.follow(self._reader, self.writer)
+            return self._history
 
-def find_layers(folder: Path, recording_uuid: str | None = None) -> tuple[Layer, ...]:
-    """Every layer in a folder of labels, by recording, camera and annotator."""
-    above = _plain(recording_uuid) if recording_uuid is not None else "*"
-    layers = []
-    for path in folder.glob(f"{above}/*/*{SUFFIX}"):
-        blind = path.name.endswith(BLIND_SUFFIX)
-        stem = path.name.removesuffix(BLIND_SUFFIX if blind else SUFFIX)
-        layers.append(Layer(unquote(path.parent.parent.name), unquote(path.parent.name), unquote(stem), blind))
-    return tuple(sorted(layers, key=lambda layer: (layer.recording_uuid, layer.camera, layer.annotator, layer.blind)))
+    def _label(self, t_us: int, upto: int) -> Label | None:
+        try:
+            with self._lock, telling(self.path, "cannot read the labels"):
+                values = value_at(self._reader, self._number, t_us, upto=upto)
+        except sqlite3.ProgrammingError as error:
+            raise LabelError("these labels are closed", where=self.path) from error
+        return None if values is None else label_of(t_us, values)
 
+    def _refresh(self) -> None:
+        """Take up what was written since, here or elsewhere."""
+        if not self._follows:
+            return
+        with telling(self.path, "cannot read the labels"):
+            mark = self._reader.execute("PRAGMA data_version").fetchone()[0]
+            if mark == self._change_mark:
+                return
+            with self._moment():
+                newest = newest_edit(self._reader, self._number, after=self._seen)
+                rows = changes_since(self._reader, self._number, self._seen, most=_FEW_CHANGES + 1)
+            if len(rows) > _FEW_CHANGES:
+                self._read_all()
+                return
+            for t_us, values in rows:
+                self._arrays = self._arrays.changed(t_us, None if values[0] is None else label_of(t_us, values))
+            self._change_mark, self._seen = mark, newest
 
-def _plain(name: str) -> str:
-    # A full stop is encoded too: no name can then be "..", nor end like the suffix of a blind layer.
-    return quote(name, safe="").replace(".", "%2E")
+    def _read_all(self) -> None:
+        mark = self._reader.execute("PRAGMA data_version").fetchone()[0]
+        with self._moment():
+            self._seen = newest_edit(self._reader, self._number)
+            self._arrays = current_arrays(self._reader, self._number, upto=self._seen)
+        self._change_mark = mark
 
-
-def _identity(layer: Layer) -> dict[str, object]:
-    return {
-        "recording": layer.recording_uuid,
-        "camera": layer.camera,
-        "annotator": layer.annotator,
-        "blind": layer.blind,
-    }
-
-
-def _replay(lines: JournalLines, layer: Layer, path: Path) -> tuple[EditHistory, int, tuple[str, ...]]:
-    """The state a journal leads to, the number of its last line, and what was wrong with it."""
-    history, seq = EditHistory(), 0
-    notes = [f"{path}:{number}: damaged line, left out" for number in lines.damaged]
-    for record in lines.records:
-        number = record.get("seq")
-        seq = max(seq, number) if isinstance(number, int) else seq
-        match record.get("op"):
-            case "open":
-                _check_header(record, layer, path)
-            case "edit":
-                history.apply(_edit_of(record, path))
-            case "undo" if record.get("of") == history.undoable:
-                history.undo()
-            case "redo" if record.get("of") == history.redoable:
-                history.redo()
-            case "undo" | "redo":
-                notes.append(f"{path}: {record['op']} of edit {record.get('of')}, which is damaged; left out")
-            case other:
-                raise LabelError("unknown operation", got=repr(other), where=path, remedy="use a later version")
-    return history, seq, tuple(notes)
-
-
-def _check_header(record: Json, layer: Layer, path: Path) -> None:
-    schema = record.get("schema")
-    if record.get("format") != FORMAT or not isinstance(schema, int) or schema > SCHEMA:
-        got = f"{record.get('format')} schema {schema}"
-        raise LabelError(
-            "labels of another version", expected=f"{FORMAT} up to {SCHEMA}", got=got, where=path, remedy="update"
-        )
-    found = {name: record.get(name) for name in _identity(layer)}
-    if found != _identity(layer):
-        raise LabelError("labels of something else", expected=_identity(layer), got=found, where=path)
+    @contextmanager
+    def _moment(self) -> Iterator[None]:
+        """Inside, others' writes are not seen: what is read belongs together."""
+        self._reader.execute("BEGIN")
+        try:
+            yield
+        finally:
+            self._reader.execute("COMMIT")
 
 
-def _edit_of(record: Json, path: Path) -> Edit:
-    seq, put, delete = record.get("seq"), record.get("put"), record.get("delete")
-    if not isinstance(seq, int) or not isinstance(put, list) or not isinstance(delete, list):
-        raise LabelError("not an edit", got=sorted(record), where=path)
-    try:
-        return Edit(seq, tuple(label_from_json(values) for values in put), tuple(int(t_us) for t_us in delete))
-    except LabelError as error:
-        raise LabelError(str(error), where=f"{path} edit {seq}") from error
+def _no_labels(layer: Layer, path: Path) -> LabelError:
+    return LabelError("no labels", got=f"nothing by {layer.annotator!r} for {layer.camera!r}", where=path)

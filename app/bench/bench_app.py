@@ -14,6 +14,7 @@ from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
 from app.views.requests import TuneRequest, WatchRequest, answer_request
 from core.bench.machine import describe_machine
+from core.bench.partial_rows import tell_rows
 from core.cameras import stereo_preset
 from core.config import replace_setting
 from core.detection import DetectorConfig
@@ -40,7 +41,7 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
             recording = open_recording(path)
             for name, make in _views(recording).items():
                 rows.append(_measure(name, noise_hz, make, recording.duration_us))
-                progress(len(rows) / (len(NOISES_HZ) * 4))
+                tell_rows(progress, rows[-1:], len(rows) / (len(NOISES_HZ) * 4))
             recording.close()
     return {"rows": rows, "machine": describe_machine(), "pictures": PICTURES, "seed": SEED}
 

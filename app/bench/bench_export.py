@@ -11,6 +11,7 @@ from typing import Final
 
 from app.export.formats import FORMATS, ExportRequest, export
 from core.bench.machine import describe_machine
+from core.bench.partial_rows import tell_rows
 from core.cameras import stereo_preset
 from core.recordings import open_recording
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
@@ -58,7 +59,8 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
                         "megabytes": sum(path.stat().st_size for path in files) / 1e6,
                     }
                 )
-                progress(SHARE_OF_SIMULATION + (1 - SHARE_OF_SIMULATION) * (number + 1) / len(kinds))
+                share = SHARE_OF_SIMULATION + (1 - SHARE_OF_SIMULATION) * (number + 1) / len(kinds)
+                tell_rows(progress, rows[-1:], share)
     return {
         "rows": rows,
         "recording": {"seconds": end_us / 1e6, "cameras": "2 x 1280x720", "events": events, "noise_hz": NOISE_HZ},

@@ -21,8 +21,8 @@ import numpy as np
 from app.bench.trial_exports import check_exports, checks_text
 from app.modes.label.label_strip import HEIGHT_PX
 from app.modes.label.prefetch import GAP_PX
-from app.modes.label.view import DEFAULT_ANNOTATOR, DEFAULT_STEP_US
-from app.views.image_view import framing
+from app.modes.label.view import DEFAULT_STEP_US
+from app.views.image_view import framing, free_share
 from core.cameras import stereo_preset
 from core.recordings import PixelTruth, open_recording
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 BROWSER_FLAGS: Final = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 CAMERA: Final = "left"
+ANNOTATOR: Final = "trial-user"
 CLICK_EVERY: Final = 10
 WINDOW: Final = (1280, 720)
 LINES_JS: Final = (
@@ -42,11 +43,7 @@ LINES_JS: Final = (
 """What the app says in words; reading it lays nothing out, which would cost more than what is measured."""
 COUNT_JS: Final = f"+({LINES_JS}.match(/times checked, (\\d+) labels/) || [0, -1])[1]"
 SCORED_JS: Final = f"+({LINES_JS}.match(/against (\\d+) labels by/) || [0, 0])[1]"
-TIME_JS: Final = (
-    "(() => { const label = [...document.querySelectorAll('label')].find(one =>"
-    " one.textContent.trim() === 'Time [µs]');"
-    " return +document.getElementById(label.htmlFor).value.replace(/[^0-9]/g, ''); })()"
-)
+TIME_JS: Final = "+document.getElementById('rallyscope-time').value"
 PATIENCE_MS: Final = 2500
 
 
@@ -169,14 +166,17 @@ class _User:
         self._page.goto(f"{address[0]}/?fixedDpr=1")
         self._page.add_style_tag(content="[class*=mantine-Notification] { pointer-events: none !important; }")
         while self._count() < 0:  # a press before the recording is open is for nothing
-            self._press("Label")
+            self._page.get_by_role("button", name=re.compile("^(● )?Label$")).first.click()
             self._page.wait_for_timeout(1000)
         self._page.wait_for_timeout(1500)
         first = int(self._times[0])
-        self._page.get_by_text("Exact time, step and speed").click()
-        self._page.wait_for_timeout(400)
         self._page.get_by_label("Time [µs]").fill(str(first - DEFAULT_STEP_US))
-        self._page.mouse.click(20, 700)  # beside the pictures: keys do nothing while a field has the cursor
+        self._page.get_by_label("Time [µs]").press("Enter")
+        label = self._page.locator("label").filter(has_text=re.compile("^Annotator$"))
+        name = label.locator("xpath=ancestor::*[.//input][1]").locator("input").last
+        name.fill("")  # after the kill it is there already: that of the last annotator is offered
+        name.fill(ANNOTATOR)
+        name.blur()  # keys do nothing while a field has the cursor
         self._key("u")
         self._key("i")
         self._page.get_by_text(re.compile(r"^[1-9]\d* proposals$")).wait_for(timeout=300_000)
@@ -225,7 +225,7 @@ class _User:
         width, height = self._size.width_px, self._size.height_px
         main = round(1280 * height / width)
         sheet = main + GAP_PX + HEIGHT_PX + GAP_PX + round(634 * height / width)
-        visible, middle = framing(1280, sheet, box["width"] / box["height"], 0.0)
+        visible, middle = framing(1280, sheet, box["width"] / box["height"], free_share(WINDOW[1], with_panel=False))
         scale = box["height"] / visible
         x, y = (x_px + 0.5) * 1280 / width - 640, (y_px + 0.5) * 1280 / width - middle
         return box["x"] + box["width"] / 2 + x * scale, box["y"] + box["height"] / 2 + y * scale
@@ -234,9 +234,9 @@ class _User:
 def _result(folder: Path, file: Path, user: _User, scored: int) -> UserResult:
     recording = open_recording(file)
     stream = recording.cameras[CAMERA]
-    store = LabelStore.read(folder / "labels", Layer(recording.uuid, CAMERA, DEFAULT_ANNOTATOR))
+    store = LabelStore.read(folder / "labels", Layer(recording.uuid, CAMERA, ANNOTATOR))
     balls = tuple(label for label in store.all() if label.state.seen)
-    labels = LabelSet(recording.uuid, CAMERA, DEFAULT_ANNOTATOR, stream.sensor, balls)
+    labels = LabelSet(recording.uuid, CAMERA, ANNOTATOR, stream.sensor, balls)
     truth = user._truth.at([label.t_us for label in balls])
     errors = [
         float(np.hypot((label.x_px or 0) - truth.u_px[k], (label.y_px or 0) - truth.v_px[k]))

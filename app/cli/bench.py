@@ -6,15 +6,15 @@ import importlib
 import importlib.util
 import inspect
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from app.cli.arguments import Numbers, PositiveInt, flag, given, positional
-from app.cli.progress import progress_bar
+from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
-from app.cli.tables import format_table
+from app.cli.tables import format_row, format_table
 from core.errors import CommandError, NotBuiltError
 
 BENCHES = {
@@ -74,7 +74,7 @@ def run(arguments: BenchArguments) -> None:
         raise CommandError(f"`bench {arguments.name}` has no such option", got=f"--{name}")
     silence_viser()
     with progress_bar(f"Measuring {arguments.name}") as progress:
-        report = measure(progress, **options)
+        report = measure(_RowsAsTheyCome(progress), **options)
     if arguments.json:
         print(json.dumps(report))
         return
@@ -83,6 +83,20 @@ def run(arguments: BenchArguments) -> None:
     print(format_table(rows))
     for name, value in report.items():
         print(f"{name}: {value if isinstance(value, str) else json.dumps(value)}")
+
+
+class _RowsAsTheyCome:
+    """Progress that says each row as soon as it is measured."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+
+    def __call__(self, share: float) -> None:
+        self._progress(share)
+
+    def row(self, row: Mapping[str, object]) -> None:
+        """Say it in one line."""
+        self._progress.say(format_row(row))
 
 
 def find_bench(name: str) -> str | None:

@@ -9,7 +9,8 @@ from typing import Annotated
 from app.cli.arguments import PositiveInt, flag
 from core.config import load_config
 from core.detection import DetectorConfig
-from core.detection.methods import METHODS, PLANNED, Method, method_config, method_named
+from core.detection.methods import FRAME_METHODS, METHODS, Method, method_config, method_named
+from core.errors import CommandError
 
 WHAT = "; ".join(f"{name}: {what}" for name, what in METHODS.items())
 CONFIG = "detector settings saved in the app, a TOML file"
@@ -29,9 +30,9 @@ class MethodArguments:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorArguments:
-    """A detector, or one that is only planned, and its window."""
+    """A detector that looks at events, and its window."""
 
-    method: Annotated[Method, method_named] = flag(WHAT, "|".join([*METHODS, *PLANNED]), "auto")
+    method: Annotated[Method, method_named] = flag(WHAT, "|".join(METHODS), "auto")
     config: Path | None = flag(CONFIG, "FILE")
     window_us: PositiveInt | None = flag("length of a window", "N", "the config's")
 
@@ -39,6 +40,37 @@ class DetectorArguments:
         """What the detector runs with and the length of a window; raises RallyscopeError for a bad file."""
         config = detector_settings(self.method, self.config)
         return config, self.window_us or config.window.window_us
+
+
+def any_method(name: str) -> str:
+    """A method by its name, one that looks at pictures too; raises CommandError for any other name."""
+    return name if name in FRAME_METHODS else method_named(name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnyMethodArguments:
+    """A detector that looks at events or at pictures."""
+
+    method: Annotated[str, any_method] = flag(
+        "; ".join(f"{name}: {what}" for name, what in (METHODS | FRAME_METHODS).items()),
+        "|".join([*METHODS, *FRAME_METHODS]),
+        "auto",
+    )
+    config: Path | None = flag(CONFIG, "FILE")
+    window_us: PositiveInt | None = flag("length of a window of events", "N", "the config's")
+    weights: Path | None = flag("of yolo, made by `train-detector`", "FILE", "those that come with the package")
+
+    def settings(self) -> tuple[Method, DetectorConfig, int]:
+        """Of a method that looks at events: its name, what it runs with, and the length of a window.
+
+        Raises:
+            RallyscopeError: for a bad file, or a flag that it does not have.
+        """
+        if self.weights is not None:
+            raise CommandError(f"{self.method} has no weights", where="--weights", remedy="they go with --method yolo")
+        method = method_named(self.method)
+        config = detector_settings(method, self.config)
+        return method, config, self.window_us or config.window.window_us
 
 
 def detector_settings(method: Method, file: Path | None) -> DetectorConfig:

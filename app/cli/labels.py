@@ -1,4 +1,4 @@
-"""`rallyscope labels import|export|score|agree`: exchange labels with other tools, and measure with them."""
+"""`rallyscope labels import|export|score|agree|merge`: exchange labels with other tools, and measure with them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
+from math import isnan
 from pathlib import Path
 from typing import Literal
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from app.cli.arguments import DATA, PositiveInt, flag, positional
 from app.cli.detect import choose_camera
 from app.cli.detector_arguments import MethodArguments
+from app.cli.labels_merge import run_merge
 from app.cli.progress import progress_bar
 from app.cli.tables import json_ready
 from app.modes.label.sources import LabelSource, sources_of
@@ -32,7 +34,7 @@ from labels.formats.pictures import write_pictures
 from labels.model import Label, LabelState
 from labels.score import GroupScore, answers_at, score_groups
 from labels.score_picture import measure_curves, score_svg
-from labels.store import LabelStore, Layer, find_layers
+from labels.store import LabelStore, Layer, find_layers, has_labels
 
 Labelled = CameraStream | LabelSource
 """An event camera, or the frames of an ordinary one."""
@@ -219,18 +221,32 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
     name, blind = arguments.other or mine, arguments.other is None
     layer = Layer(first.layer.recording_uuid, first.layer.camera, name, blind)
     found = measure_agreement(first.labels(), LabelStore.read(arguments.layer.folder, layer).labels())
-    lines = [
+    counts = (
         f"{mine!r} and {'blind repeats' if blind else repr(name)}: {found.common} common, "
-        f"{found.only_first} and {found.only_second} of one only",
-        f"states: {found.same_state} the same, kappa {found.kappa:.3f}",
-        f"positions ({found.both_seen}): median {found.median_px:.2f} px "
-        f"({found.median_low_px:.2f} to {found.median_high_px:.2f}), p95 {found.p95_px:.2f}, "
+        f"{found.only_first} and {found.only_second} of one only"
+    )
+    arguments.layer.tell(
+        {"first": mine, "second": name, "blind": blind, **asdict(found)}, [counts, *_agreement_lines(found)]
+    )
+
+
+def _agreement_lines(found: Agreement) -> list[str]:
+    """In words, and only what can be said: of nothing there is no median."""
+    if not found.common:
+        return ["no common labels: nothing can be compared"]
+    kappa = "kappa not defined: both say one thing only" if isnan(found.kappa) else f"kappa {found.kappa:.3f}"
+    states = f"states: {found.same_state} of {found.common} the same, {kappa}"
+    if not found.both_seen:
+        return [states, "positions: no common label in which both have seen the ball"]
+    interval = "" if isnan(found.median_low_px) else f"({found.median_low_px:.2f} to {found.median_high_px:.2f}), "
+    return [
+        states,
+        f"positions ({found.both_seen}): median {found.median_px:.2f} px {interval}p95 {found.p95_px:.2f}, "
         f"sigma of one {found.sigma_px:.2f} px, bias {found.bias_x_px:+.2f} {found.bias_y_px:+.2f}",
     ]
-    arguments.layer.tell({"first": mine, "second": name, "blind": blind, **asdict(found)}, lines)
 
 
-ACTS = {"import": run_import, "export": run_export, "score": run_score, "agree": run_agree}
+ACTS = {"import": run_import, "export": run_export, "score": run_score, "agree": run_agree, "merge": run_merge}
 
 
 def read_layers(
@@ -263,7 +279,7 @@ def _read_layer(arguments: LayerArguments, recording: Recording, stream: Labelle
 
 def _own_noise(folder: Path, store: LabelStore) -> Agreement | None:
     layer = Layer(store.layer.recording_uuid, store.layer.camera, store.layer.annotator, blind=True)
-    if not layer.path(folder).is_file():
+    if not has_labels(folder, layer):
         return None
     return measure_agreement(store.labels(), LabelStore.read(folder, layer).labels())
 

@@ -20,6 +20,7 @@ VERBS = {
     "info": "show what a recording holds",
     "simulate": "make a recording with the simulated event cameras",
     "sim-server": "run the live simulation as its own process",
+    "record": "record event cameras, or a replay, into a file",
     "detect": "find the ball in every window of a recording",
     "track": "triangulate the ball in 3D",
     "predict": "predict a flight from its first points",
@@ -30,7 +31,7 @@ VERBS = {
     "fit-physics": "fit the flight model to real flights",
     "tune": "search for better detection parameters",
     "train-detector": "train a detector that learns from pictures",
-    "labels": "import, export and score labels",
+    "labels": "import, export, score and merge labels",
     "export": "write a recording for other tools",
 }
 MODULES = {

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import functools
 import logging
+import socket
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.address import check_address
 from app.cli.arguments import DATA, flag, positional
 from app.cli.ending import end_event
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
+from app.front.address import check_address
+from app.front.admission import Admission
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from core.config import load_config
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     from app.preparation.startup import Startup
 
 LIVE = "live"
-LOCAL_HOSTS = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +43,7 @@ class ServeArguments:
     ball_states: tuple[Path, ...] | None = flag("it serves recorded balls (JSON), by default in `real`", "FILE")
     host: str = flag("address to listen on; the default is this machine only", default="127.0.0.1")
     port: int = flag("port to listen on", default=8080)
+    token: str | None = flag("what browsers must know to come in", "TOKEN", "random beyond this machine, none on it")
     data: Path = flag("workspace", default=DATA)
     config: Path | None = flag("detector settings to start with, a TOML file", "FILE")
     open: bool = flag("open a browser")
@@ -55,6 +57,7 @@ def run(arguments: ServeArguments) -> None:
     workspace = Workspace(arguments.data)
     library = Library(workspace)
     library.names()  # where no folder can be made that is said before anything is started
+    admission = Admission.of_address(arguments.host, arguments.token)
     check_address(arguments.host, arguments.port)
     startup = None
     if source is not None:  # it comes up while the app is loaded
@@ -65,14 +68,19 @@ def run(arguments: ServeArguments) -> None:
             workspace, address=address, arguments=("--auto-serve", "5", *own), say=functools.partial(print, flush=True)
         )
     try:
-        _show(arguments, workspace, library, config, startup)
+        _show(arguments, workspace, library, config, startup, admission)
     finally:
         if startup is not None:
             startup.stop()
 
 
 def _show(
-    arguments: ServeArguments, workspace: Workspace, library: Library, config: DetectorConfig, startup: Startup | None
+    arguments: ServeArguments,
+    workspace: Workspace,
+    library: Library,
+    config: DetectorConfig,
+    startup: Startup | None,
+    admission: Admission,
 ) -> None:
     """The app, until it is ended."""
     if startup is not None and startup.remote:
@@ -86,13 +94,20 @@ def _show(
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # broken connections of browsers are not our news
     preparation = None if startup is None else startup.preparation
     lab = App(
-        workspace, library, first, host=arguments.host, port=arguments.port, config=config, preparation=preparation
+        workspace,
+        library,
+        first,
+        host=arguments.host,
+        port=arguments.port,
+        config=config,
+        preparation=preparation,
+        admission=admission,
     )
     if startup is not None:
         startup.hand_over(lab.use_live)
-    url = f"http://{'127.0.0.1' if arguments.host == '0.0.0.0' else arguments.host}:{lab.port}"
-    if arguments.host not in LOCAL_HOSTS:
-        print(f"Anyone who can reach {arguments.host} can use this app: it has no passwords.", flush=True)
+    url = page_url(arguments.host, lab.port, admission)
+    if not admission.local:
+        print(tunnel_advice(lab.port), flush=True)
     print(f"Rallyscope shows {first!r} at {url}   (Ctrl-C ends it)", flush=True)
     if arguments.open:
         webbrowser.open(url)
@@ -100,6 +115,23 @@ def _show(
     if startup is not None:
         startup.stop()  # first: what it prepares goes to the app
     lab.stop()
+
+
+def page_url(host: str, port: int, admission: Admission) -> str:
+    """What to open in a browser; with the token where one is needed."""
+    everywhere = host in ("0.0.0.0", "::", "")
+    name = socket.gethostname() if everywhere else f"[{host}]" if ":" in host else host
+    token = "" if admission.token is None else f"/?token={admission.token}"
+    return f"http://{name}:{port}{token}"
+
+
+def tunnel_advice(port: int) -> str:
+    """What is safer than listening beyond this machine."""
+    return (
+        "Other machines can connect; whoever has the link can use this app, and nothing on the way is encrypted.\n"
+        f"Safer: without --host here, and on the other machine: ssh -L {port}:localhost:{port} {socket.gethostname()}, "
+        f"then http://localhost:{port} there."
+    )
 
 
 def _check_source(source: str | None, recording: Path | None) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 
 def format_table(rows: list[dict[str, object]]) -> str:
@@ -12,6 +13,11 @@ def format_table(rows: list[dict[str, object]]) -> str:
     cells = [list(rows[0]), *([_cell(row.get(title)) for title in rows[0]] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return "\n".join("  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)) for line in cells)
+
+
+def format_row(row: Mapping[str, object]) -> str:
+    """A row on its own, in one line with its titles."""
+    return ", ".join(f"{title} {_cell(value)}" for title, value in row.items())
 
 
 def _cell(value: object) -> str:

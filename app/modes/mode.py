@@ -9,6 +9,7 @@ from typing import Literal, Protocol
 import viser
 
 from app.modes.services import Services
+from app.panels.time_bar import Runs
 from app.scene.world import World
 from app.state.client_state import ClientState
 from app.state.commands import Command
@@ -51,6 +52,10 @@ class ModeHost(Protocol):
         """Enqueue a change of the state; from any thread."""
         ...
 
+    def open_recording(self, name: str) -> None:
+        """Open another recording of the library; from any thread."""
+        ...
+
     def later(self, act: Callable[[], None]) -> None:
         """Call `act` in the loop, in order; from any thread. Its RallyscopeErrors are shown to the person."""
         ...
@@ -61,6 +66,10 @@ class ModeHost(Protocol):
 
     def note(self, title: str, body: str, color: str) -> None:
         """Show a message that goes away by itself."""
+        ...
+
+    def show_runs(self, name: str, runs: Runs) -> None:
+        """Show a line of this name in the time bar until another recording is opened; in the loop."""
         ...
 
 

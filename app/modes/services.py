@@ -12,6 +12,7 @@ from app.shared.rallies import Rallies
 from app.shared.training.metrics import MetricsStore
 from app.shared.training.trainer import Trainer
 from app.shared.workspace import Workspace
+from app.state.browser_memory import BrowserMemory
 from labels.store_registry import LabelStoreRegistry
 
 LABEL_TOOL: Final = f"rallyscope {version('rallyscope')} label mode"
@@ -30,12 +31,23 @@ class Services:
     trainer: Trainer
     metrics: MetricsStore
     """What the training runs have written, read once for all browsers."""
+    browsers: BrowserMemory
+    """The settings of each browser."""
 
     @classmethod
     def of(cls, workspace: Workspace, library: Library) -> Services:
         """Those of a workspace."""
         label_stores = LabelStoreRegistry(workspace.labels, tool=LABEL_TOOL)
-        return cls(workspace, library, Rallies(), label_stores, Exporter(workspace), Trainer(workspace), MetricsStore())
+        return cls(
+            workspace,
+            library,
+            Rallies(),
+            label_stores,
+            Exporter(workspace),
+            Trainer(workspace),
+            MetricsStore(),
+            BrowserMemory(workspace),
+        )
 
     def close(self) -> None:
         """End what belongs to the app. A training goes on: it has a process of its own."""

@@ -9,9 +9,10 @@ import viser
 from app.panels.keys import keys_html
 
 X_PX: Final = 8
-Y_PX: Final = -8
+Y_PX: Final = -86
+"""Above the time bar."""
 WIDTH_PX: Final = 860
-HEIGHT_PX: Final = 208
+HEIGHT_PX: Final = 140
 
 
 def place_below_pictures(gui: viser.GuiApi, panel: viser.PanelHandle) -> None:

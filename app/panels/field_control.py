@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import viser
@@ -19,7 +20,11 @@ def section_title(path: tuple[str, ...]) -> str:
 
 def field_label(spec: FieldSpec) -> str:
     """A field's name with its unit suffix set apart: `eps_px` -> "eps [px]"."""
-    name, _, suffix = spec.path[-1].rpartition("_")
+    field = spec.path[-1]
+    for above, below in itertools.product(UNITS, UNITS):
+        if field.endswith(f"_{above}_per_{below}"):
+            return f"{field.removesuffix(f'_{above}_per_{below}').replace('_', ' ')} [{UNITS[above]}/{UNITS[below]}]"
+    name, _, suffix = field.rpartition("_")
     if name and suffix in UNITS:
         return f"{name.replace('_', ' ')} [{UNITS[suffix]}]"
     return (spec.path[-2] if spec.path[-1] == "kind" else spec.path[-1]).replace("_", " ")

@@ -10,20 +10,33 @@ import viser
 from app.state.client_state import MODES, OVERLAYS
 from app.state.commands import Command, LookAt, Redo, SetMode, SetOverlay, StepTime, TogglePlay, Undo
 from app.widgets import when_triggered
+from app.words.glossary import PAGE
 
 KEYS: Final[tuple[tuple[str, str, Command], ...]] = (
     ("space", "Play or pause", TogglePlay()),
-    ("N", "One step on", StepTime(+1)),
-    ("P", "One step back", StepTime(-1)),
+    ("N", "One step on (also the right arrow)", StepTime(+1)),
+    ("P", "One step back (also the left arrow)", StepTime(-1)),
     ("pageup", "Ten steps back", StepTime(-10)),
     ("pagedown", "Ten steps on", StepTime(+10)),
     ("Z", "Undo a slider", Undo()),
     ("R", "Redo a slider", Redo()),
     ("B", "Zoomed view follows the ball", LookAt(None)),
     *((str(number), f"Stage: {overlay}", SetOverlay(overlay)) for number, overlay in enumerate(OVERLAYS, start=1)),
-    *((key, f"Mode: {mode}", SetMode(mode)) for key, mode in zip("MTLJO", MODES, strict=True)),
+    ("M", "Mode: Watch", SetMode("Watch")),
+    ("T", "Mode: Tune", SetMode("Tune")),
+    ("O", "Mode: Export", SetMode("Export")),
 )
-"""Hotkey, what it does, the command. W A S D Q E and the arrows are left out: viser's camera uses them."""
+"""Hotkey, what it does, the command. W A S D Q E are left out: viser's camera uses them."""
+PAGE_KEYS: Final = (
+    ("Shift 1 to 5", f"Mode: {', '.join(MODES)}"),
+    ("J", "Slower; while it stands ten steps back"),
+    ("K", "Play or pause"),
+    ("L", "Play; each further press faster"),
+    ("[ and ]", "To the mark, bounce, hit or miss before and after"),
+    ("'", "Mark this moment"),
+    ("Home, End", "To the start and the end"),
+)
+"""Those of the time bar, which the page itself handles."""
 
 
 def add_keys(gui: viser.GuiApi, send: Callable[[Command], None], reframe: Callable[[], None]) -> None:
@@ -35,13 +48,16 @@ def add_keys(gui: viser.GuiApi, send: Callable[[Command], None], reframe: Callab
     for key, label, command in KEYS:
         register(key, label, lambda command=command: send(command))
     register("F", "Frame the picture again", reframe)
+    for mode in ("Label", "Train"):  # whose letters other keys need; they are in the palette all the same
+        when_triggered(gui.add_command(f"Mode: {mode}"), lambda mode=mode: send(SetMode(mode)))
 
 
 def keys_html() -> str:
     """The list that the app shows."""
+    listed = (*((key, label) for key, label, _ in KEYS), *PAGE_KEYS)
     rows = "".join(
-        f"<tr><td style='padding-right:14px'><b>{key}</b></td><td>{label}</td></tr>" for key, label, _ in KEYS
+        f"<tr><td style='padding-right:14px'><b>{key}</b></td><td>{label}</td></tr>" for key, label in listed
     )
     frame = "<tr><td><b>F</b></td><td>Frame the picture again</td></tr>"
-    hint = "Keys work after a click into the picture, not while a field has the cursor."
+    hint = f"Keys work after a click into the picture, not while a field has the cursor. Words: {PAGE}."
     return f"<div style='font-size:12.5px;padding:4px 12px'>{hint}<table>{rows}{frame}</table></div>"

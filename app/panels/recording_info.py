@@ -1,4 +1,4 @@
-"""Below the pictures in Watch: the event rate over the recording, and whether it is sound."""
+"""Below the pictures in Watch: whether the recording is sound. Its event rate is in the time line."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import viser
-from viser import uplot
 
 from app import theme
 from app.shared.library import Library
@@ -15,7 +14,6 @@ from core.events import Health, RateCurve, rate_curve
 from core.recordings import Recording
 
 PLOT_BINS = 400
-CAMERA_COLOURS = ("#ff8c28", "#5096ff", "#6eeb82", "#e6a0ff")
 LISTED = 4
 
 
@@ -43,43 +41,13 @@ class RecordingInfoPanel:
     """A floating panel below the pictures."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        self._gui = gui
         self.panel = gui.add_panel()
-        self._rate_tab = self.panel.add_tab("Event rate", viser.Icon.CHART_LINE)
         with self.panel.add_tab("Health", viser.Icon.HEARTBEAT):
             self._health = gui.add_html("")
-        self._plot: viser.GuiUplotHandle | None = None
-        self._info: RecordingInfo | None = None
-        self._marked_bin = -1
 
     def show_info(self, info: RecordingInfo) -> None:
-        """A new recording's curves and health."""
-        self._info = info
-        self._marked_bin = -1
-        if self._plot is not None:
-            self._plot.remove()
-            self._plot = None
+        """Health of a new recording."""
         self._health.content = health_html(info)
-        if any(len(curve.t_s) > 1 for curve in info.curves.values()):
-            with self._rate_tab:
-                self._plot = self._gui.add_uplot(
-                    _plot_data(info, -1),
-                    _plot_series(tuple(info.curves)),
-                    height=130,
-                    scales={"x": {"time": False}, "y": {"range": (0.0, _top(info))}},
-                    axes=(plot_axis("s"), plot_axis("Mev/s")),
-                    legend={"show": False},
-                )
-
-    def show_time(self, now_us: int) -> None:
-        """Mark the current time in the plot."""
-        if self._plot is None or self._info is None:
-            return
-        t_s = next(iter(self._info.curves.values())).t_s
-        here = int(np.clip(np.searchsorted(t_s, now_us / 1e6), 0, len(t_s) - 1))
-        if here != self._marked_bin:
-            self._marked_bin = here
-            self._plot.data = _plot_data(self._info, here)
 
 
 def health_html(info: RecordingInfo) -> str:
@@ -89,7 +57,8 @@ def health_html(info: RecordingInfo) -> str:
         for title in ("camera", "duration", "events", "mean rate", "peak rate", "ON share", "hot pixels", "gaps")
     )
     rows = "".join(_health_row(name, health) for name, health in info.health.items())
-    remarks = [html.escape(note) for note in info.notes]
+    notes = "".join(f"<div style='color:{theme.MUTED}'>{html.escape(note)}</div>" for note in info.notes)
+    remarks: list[str] = []
     for name, health in info.health.items():
         remarks += [
             f"{html.escape(name)}: no events from {gap.start_us / 1e6:.3f} to {gap.end_us / 1e6:.3f} s"
@@ -102,7 +71,7 @@ def health_html(info: RecordingInfo) -> str:
     sound = f"<div style='color:{theme.GOOD}'>nothing stands out</div>"
     return (
         f"<div style='font-size:12.5px;padding:6px 12px'><table><tr>{head}</tr>{rows}</table>"
-        f"<div style='margin-top:6px'>{listed or sound}</div></div>"
+        f"<div style='margin-top:6px'>{listed or sound}{notes}</div></div>"
     )
 
 
@@ -114,32 +83,3 @@ def _health_row(name: str, health: Health) -> str:
         share, len(health.hot_pixels_xy), len(health.gaps),
     )  # fmt: skip
     return "<tr>" + "".join(f"<td style='padding-right:14px'>{cell}</td>" for cell in cells) + "</tr>"
-
-
-def _plot_data(info: RecordingInfo, marked_bin: int) -> tuple[np.ndarray, ...]:
-    curves = tuple(info.curves.values())
-    longest = max(curves, key=lambda curve: len(curve.t_s))
-    columns = [np.pad(curve.rate_hz / 1e6, (0, len(longest.t_s) - len(curve.rate_hz))) for curve in curves]
-    marker = np.full(len(longest.t_s), np.nan)
-    if marked_bin >= 0:
-        marker[marked_bin] = max(column[marked_bin] for column in columns)
-    return (longest.t_s, *columns, marker)
-
-
-def _top(info: RecordingInfo) -> float:
-    """Upper end of the plot, fixed so that the marker does not rescale it."""
-    return 1.1 * max(1e-6, *(float(curve.rate_hz.max(initial=0.0)) / 1e6 for curve in info.curves.values()))
-
-
-def _plot_series(cameras: tuple[str, ...]) -> tuple[uplot.Series, ...]:
-    lines = [
-        uplot.Series(label=name, stroke=CAMERA_COLOURS[number % len(CAMERA_COLOURS)], width=1.5)
-        for number, name in enumerate(cameras)
-    ]
-    now = uplot.Series(label="now", stroke="#ffffff", points={"show": True, "size": 9, "fill": "#ffffff"})
-    return (uplot.Series(label="s"), *lines, now)
-
-
-def plot_axis(unit: str) -> uplot.Axis:
-    """An axis with its unit, in the colours of the app."""
-    return uplot.Axis(label=unit, stroke=theme.MUTED, grid={"stroke": "#333640"}, labelSize=16, size=38)

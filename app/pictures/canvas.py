@@ -38,8 +38,21 @@ class Region:
         return Region(round(u_px - (width - 1) / 2), round(v_px - (height - 1) / 2), width, height)
 
 
+@dataclass(frozen=True, slots=True)
+class PictureText:
+    """Words that stand on a picture; who shows it sets them in real letters, or has them painted."""
+
+    x: float
+    y: float
+    """Of their lower left corner, in picture pixels."""
+    text: str
+    ink: int
+    is_title: bool
+    """It stands in the corner; else beside what it is about, and may give way to others."""
+
+
 class Canvas:
-    """A picture being drawn. `image` is (height, width) uint8 palette indices."""
+    """A picture being drawn. `image` is (height, width) uint8 palette indices; its words are kept beside it."""
 
     def __init__(self, region: Region, *, across: int = 1, width_px: int = TARGET_WIDTH_PX) -> None:
         """`across` pictures share the window's width: text is made larger by as much. It is about `width_px` wide."""
@@ -48,13 +61,14 @@ class Canvas:
         self.scale: float = max(1, round(width_px / region.width))
         """Picture pixels per sensor pixel."""
         self.image = np.full((region.height * self.scale, region.width * self.scale), Ink.OUTSIDE, np.uint8)
+        self.texts: list[PictureText] = []
 
     @staticmethod
     def of_binned(pixels: NDArray[np.uint8], sensor: SensorSize, binning: int, *, across: int = 1) -> Canvas:
         """A whole-sensor picture whose pixels are `binning` sensor pixels a side."""
         canvas = Canvas.__new__(Canvas)
         canvas.region, canvas.across = Region.of_sensor(sensor), across
-        canvas.scale, canvas.image = 1 / binning, pixels
+        canvas.scale, canvas.image, canvas.texts = 1 / binning, pixels, []
         return canvas
 
     def paint_pixels(self, pixels: NDArray[np.uint8]) -> None:
@@ -92,6 +106,14 @@ class Canvas:
         x, y = (centre / 2**SUB_PIXEL_BITS).round().astype(int).tolist()
         cv2.drawMarker(self.image, (x, y), int(ink), cv2.MARKER_CROSS, 7 + 2 * thickness, 1)
 
+    def draw_broken_ring(self, u_px: float, v_px: float, radius_px: int, ink: int, *, thickness: int = 1) -> None:
+        """Four arcs round a sensor point, of a radius in pixels of the picture, and the point itself."""
+        (centre,) = self._fixed([(u_px, v_px)])
+        x, y = (centre / 2**SUB_PIXEL_BITS).round().astype(int).tolist()
+        for begin in (20, 110, 200, 290):
+            cv2.ellipse(self.image, (x, y), (radius_px, radius_px), 0, begin, begin + 50, int(ink), thickness)
+        cv2.drawMarker(self.image, (x, y), int(ink), cv2.MARKER_CROSS, 7 + 2 * thickness, 1)
+
     def draw_box(self, x0_px: float, y0_px: float, x1_px: float, y1_px: float, ink: int) -> None:
         """Outline of a rectangle with corners in sensor coordinates."""
         self.draw_polygon([(x0_px, y0_px), (x1_px, y0_px), (x1_px, y1_px), (x0_px, y1_px)], ink)
@@ -102,21 +124,24 @@ class Canvas:
         if not (region.x <= u_px < region.x + region.width and region.y <= v_px < region.y + region.height):
             return
         x, y = (self._fixed([(u_px, v_px)])[0] / 2**SUB_PIXEL_BITS).round().astype(int).tolist()
-        self.write_at(x, y, text, ink, size=self._text_size())
+        self.texts.append(PictureText(x, y, text, int(ink), is_title=False))
 
     def caption(self, text: str, ink: int = Ink.TEXT) -> None:
         """A title in the upper left corner."""
         size = self._text_size()
-        self.write_at(round(16 * size), round(36 * size), text, ink, size=size)
+        self.texts.append(PictureText(round(16 * size), round(36 * size), text, int(ink), is_title=True))
 
-    def write_at(self, x: int, y: int, text: str, ink: int, *, size: float = 0.5) -> None:
-        """Text whose lower left corner stands at a picture pixel, on a dark ground so that it can be read."""
+    def paint_texts(self) -> None:
+        """Make the words part of the picture, on a dark ground so that they can be read, for who shows only pixels."""
+        size = self._text_size()
         thickness = max(1, round(2.6 * size))  # thin strokes vanish when a browser shrinks the picture
-        (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, thickness)
-        x = int(np.clip(x, 2, max(2, self.image.shape[1] - width - 2)))
-        y = int(np.clip(y, height + 2, max(height + 2, self.image.shape[0] - below)))
-        cv2.rectangle(self.image, (x - 2, y - height - 2), (x + width + 1, y + below - 1), int(Ink.BACKGROUND), -1)
-        cv2.putText(self.image, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, int(ink), thickness, cv2.LINE_8)
+        for one in self.texts:
+            (width, height), below = cv2.getTextSize(one.text, cv2.FONT_HERSHEY_SIMPLEX, size, thickness)
+            x = int(np.clip(one.x, 2, max(2, self.image.shape[1] - width - 2)))
+            y = int(np.clip(one.y, height + 2, max(height + 2, self.image.shape[0] - below)))
+            cv2.rectangle(self.image, (x - 2, y - height - 2), (x + width + 1, y + below - 1), int(Ink.BACKGROUND), -1)
+            cv2.putText(self.image, one.text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, one.ink, thickness, cv2.LINE_8)
+        self.texts.clear()
 
     def _text_size(self) -> float:
         """Equally large on the screen however wide the picture is and however many share the window."""

@@ -44,6 +44,8 @@ class Ink(IntEnum):
     NO_BALL = 33
     UNCHECKED = 34
     CURSOR = 35
+    ASKS = 48
+    """A click that waits for an answer."""
     METHOD = 36
     """First of one entry for each method, see `method_ink`."""
     RAMP = 64
@@ -72,7 +74,7 @@ _NAMED_RGB: Final = {
     Ink.TEXT: (235, 235, 235),
     Ink.SHADE: (34, 36, 42),
     Ink.HULL: (110, 235, 130),
-    Ink.HULL_REJECTED: (150, 105, 105),
+    Ink.HULL_REJECTED: (255, 70, 70),
     Ink.CIRCLE: (255, 225, 60),
     Ink.ROI: (200, 120, 255),
     Ink.TRUTH: (60, 230, 230),
@@ -87,6 +89,7 @@ _NAMED_RGB: Final = {
     Ink.NO_BALL: (150, 152, 160),
     Ink.UNCHECKED: (44, 47, 55),
     Ink.CURSOR: (250, 250, 250),
+    Ink.ASKS: (255, 176, 32),
 }
 _CLUSTER_RGB: Final = (
     (255, 120, 90), (90, 200, 255), (170, 255, 110), (255, 120, 220), (255, 200, 80), (130, 150, 255),

@@ -1,4 +1,4 @@
-"""The ball with its halo, its trail, the truth beside it, and the rays that found it."""
+"""The ball and the truth beside it, the ball's shadow, and the rays that found it."""
 
 from __future__ import annotations
 
@@ -9,55 +9,63 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from app.scene.eye import LIFT_M, Eye, drawn_radius_m, sprite_pose
+from app.scene.painted import BALL_CORE_RGB, BALL_RIM_RGB, BALL_RING_RGB, GLOW_TO, ball_picture, ring_picture
+from app.scene.shadow import ShadowActor, shadow_of
 from core.table import BALL_RADIUS_M
 
 Array = NDArray[np.float64]
-BALL_RGB: Final = (255, 140, 30)
-TRAIL_RGB: Final = (255, 90, 10)
-TRUTH_RGB: Final = (40, 220, 220)
-RAY_RGB: Final = (255, 200, 60)
-HALO_M: Final = 0.05
-"""A ball is two pixels in a view of the whole table; its halo is seen."""
-TRAIL_POINTS: Final = 64
-"""The trail always has this many points, so that its handle is reused."""
+BALL_RGB: Final = BALL_RING_RGB
+CORE_RGB: Final = BALL_CORE_RGB
+RIM_RGB: Final = BALL_RIM_RGB
+TRUTH_RGB: Final = (255, 255, 255)
+RAY_RGB: Final = (150, 156, 168)
+RAY_PX: Final = 1.2
+HULL: Final = 1.6
+"""Without an eye that is known, the ball is in an orange hull of so many of its radii, of which the back is seen."""
 
 
 class BallActors:
-    """Everything that follows the ball in one browser's scene."""
+    """Everything that stands where the ball is, in one browser's scene.
+
+    A ball of 40 mm is some pixels in a view of the whole table. So where the browser's eye is known, it is a picture
+    that faces the eye and is never smaller than a share of the view; else a sphere with an outline.
+    """
 
     def __init__(self, scene: viser.SceneApi, root: str, cameras: int) -> None:
-        self._ball = scene.add_icosphere(f"{root}/ball", BALL_RADIUS_M, BALL_RGB, visible=False)
-        self._halo = scene.add_icosphere(
-            f"{root}/halo", HALO_M, BALL_RGB, opacity=0.25, visible=False, cast_shadow=False
+        self._ball = scene.add_icosphere(f"{root}/ball", BALL_RADIUS_M, CORE_RGB, visible=False, cast_shadow=False)
+        self._hull = scene.add_icosphere(
+            f"{root}/hull", HULL * BALL_RADIUS_M, BALL_RGB, side="back", visible=False, cast_shadow=False
         )
+        self._sprite = _Sprite(scene, f"{root}/ball-sprite", ball_picture())
+        self._truth_sprite = _Sprite(scene, f"{root}/truth-sprite", ring_picture(TRUTH_RGB))
         self._truth = scene.add_icosphere(
             f"{root}/truth", 1.12 * BALL_RADIUS_M, TRUTH_RGB, wireframe=True, visible=False, subdivisions=2
         )
-        flat = np.zeros((TRAIL_POINTS - 1, 2, 3), np.float32)
-        self._trail = scene.add_line_segments(f"{root}/trail", flat, TRAIL_RGB, thickness=0.008, visible=False)
+        self._shadow = ShadowActor(scene, f"{root}/shadow")
         rays = np.zeros((max(1, cameras), 2, 3), np.float32)
-        self._rays = scene.add_line_segments(f"{root}/rays", rays, RAY_RGB, thickness=0.003, visible=False)
+        self._rays = scene.add_line_segments(
+            f"{root}/rays", rays, RAY_RGB, thickness=RAY_PX, thickness_units="screen", visible=False
+        )
 
-    def show_ball(self, p_world_m: Array | None) -> None:
-        """The ball as it was measured; None hides it."""
-        for handle in (self._ball, self._halo):
-            handle.visible = p_world_m is not None
-            if p_world_m is not None:
-                handle.position = p_world_m
+    def show(self, ball: Array | None, truth: Array | None, eye: Eye | None) -> None:
+        """The ball (3,) as it was measured and the true one, seen from an eye; None hides them.
 
-    def show_truth(self, p_world_m: Array | None) -> None:
-        """The true ball; None hides it."""
-        self._truth.visible = p_world_m is not None
-        if p_world_m is not None:
-            self._truth.position = p_world_m
-
-    def show_trail(self, ps_world_m: Array) -> None:
-        """(N, 3) where the ball was, oldest first; fewer than two points hide it."""
-        self._trail.visible = len(ps_world_m) > 1
-        if len(ps_world_m) > 1:
-            points = ps_world_m[-TRAIL_POINTS:]
-            points = np.concatenate([np.repeat(points[:1], TRAIL_POINTS - len(points), axis=0), points])
-            self._trail.points = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
+        The measured ball covers the true one where the two agree.
+        """
+        for handle, p in ((self._ball, ball), (self._hull, ball), (self._truth, truth)):
+            _stand(handle, p if eye is None else None)
+        radius_m = BALL_RADIUS_M if eye is None or ball is None else drawn_radius_m(eye, ball, BALL_RADIUS_M)
+        self._shadow.show(None if ball is None else shadow_of(ball, radius_m))
+        if ball is None or eye is None:
+            self._sprite.hide()
+        else:
+            self._sprite.show(ball, eye, radius_m, LIFT_M)
+        covered = ball is not None and truth is not None and float(np.abs(truth - ball).max()) < 0.3 * radius_m
+        if truth is None or eye is None or covered:
+            self._truth_sprite.hide()
+        else:
+            self._truth_sprite.show(truth, eye, drawn_radius_m(eye, truth, BALL_RADIUS_M), 0.9 * LIFT_M)
 
     def show_rays(self, rays_world_m: Sequence[tuple[Array, Array]]) -> None:
         """From each camera that sees the ball to where it is seen; none hide them."""
@@ -65,3 +73,34 @@ class BallActors:
         if rays_world_m:
             filled = [*rays_world_m, *[rays_world_m[0]] * (len(self._rays.points) - len(rays_world_m))]
             self._rays.points = np.array(filled, np.float32)
+
+
+class _Sprite:
+    """A picture that faces the eye. What did not change is not sent: each value costs the server 70 us."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, picture: NDArray[np.uint8]) -> None:
+        size = 2 * GLOW_TO
+        self._image = scene.add_image(
+            name, picture, size, size, format="png", visible=False, cast_shadow=False, receive_shadow=False
+        )
+        self._wxyz: Array | None = None
+        self._scale = 0.0
+
+    def hide(self) -> None:
+        self._image.visible = False
+
+    def show(self, p_world_m: Array, eye: Eye, radius_m: float, lift_m: float) -> None:
+        """Stand before a point (3,), as large as `radius_m` is there."""
+        pose = sprite_pose(eye, p_world_m, radius_m, lift_m)
+        self._image.visible = True
+        self._image.position = pose.p_world_m
+        if self._wxyz is None or (pose.wxyz != self._wxyz).any():
+            self._image.wxyz = self._wxyz = pose.wxyz
+        if not 0.97 < pose.scale / max(self._scale, 1e-9) < 1.03:
+            self._image.scale = self._scale = pose.scale
+
+
+def _stand(ball: viser.IcosphereHandle, p_world_m: Array | None) -> None:
+    ball.visible = p_world_m is not None
+    if p_world_m is not None:
+        ball.position = p_world_m

@@ -26,7 +26,7 @@ CASE_NAMES: Final[dict[Case, str]] = {
     Case.RETURNED: "returned",
     Case.MISSED: "missed",
 }
-TARGET_RGB: Final = (255, 90, 10)
+TARGET_RGB: Final = (255, 255, 255)
 SPOTS: Final = 500
 """As many as are shown; the newest are kept."""
 SPOT_ABOVE_M: Final = 0.018
@@ -40,17 +40,19 @@ class LandingActors:
 
     def __init__(self, scene: viser.SceneApi, root: str) -> None:
         rings = np.concatenate([ring(0.05), ring(0.10)])
-        self._target = scene.add_line_segments(f"{root}/target", rings, TARGET_RGB, thickness=0.010, visible=False)
+        self._target = scene.add_line_segments(f"{root}/target", rings, TARGET_RGB, thickness=0.008, visible=False)
         nothing = np.zeros((1, 3), np.float32)
         self._spots = scene.add_point_cloud(
             f"{root}/spots", nothing, np.zeros((1, 3), np.uint8), point_size=0.03, point_shape="circle", visible=False
         )
+        self._goal: NDArray[np.float64] | None = None
         self._shown: tuple[LandingSpot, ...] = ()
 
     def show(self, target: NDArray[np.float64] | None, spots: tuple[LandingSpot, ...]) -> None:
         """The target (2,), and the spots, oldest first."""
         self._target.visible = target is not None
-        if target is not None:
+        if target is not None and target is not self._goal:
+            self._goal = target
             self._target.position = (target[0], target[1], 2 * ABOVE_M)
         if spots == self._shown:
             return

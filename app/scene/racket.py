@@ -13,11 +13,11 @@ from core.rally.history.rally_picture import Pose
 BLADE_RADIUS_M: Final = 0.08
 """As the simulated one."""
 RUBBER_M: Final = 0.006
-FRONT_RGB: Final = (200, 24, 30)
-BACK_RGB: Final = (28, 28, 32)
+FRONT_RGB: Final = (235, 32, 40)
+BACK_RGB: Final = (40, 42, 48)
 HANDLE_RGB: Final = (176, 122, 66)
 HANDLE_M: Final = (0.022, 0.028, 0.11)
-TARGET_RGB: Final = (60, 220, 120)
+TARGET_RGB: Final = (0, 205, 255)
 _TO_X: Final = quaternion_from_matrix(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]))
 """Turns a cylinder, whose axis is z, to the face's normal, +x."""
 
@@ -27,7 +27,8 @@ class RacketActor:
 
     def __init__(self, scene: viser.SceneApi, name: str, *, ghost: bool = False) -> None:
         self._frame = scene.add_frame(name, show_axes=False, visible=False)
-        opacity = 0.35 if ghost else None
+        self._pose: Pose | None = None
+        opacity = 0.45 if ghost else None
         for part, colour, x in (("front", FRONT_RGB, -0.5), ("back", BACK_RGB, -1.5)):
             scene.add_cylinder(
                 f"{name}/{part}",
@@ -51,6 +52,10 @@ class RacketActor:
     def show(self, pose: Pose | None) -> None:
         """Stand there; None hides it."""
         self._frame.visible = pose is not None
-        if pose is not None:
+        if pose is None:
+            return
+        if self._pose is None or pose.p_world_m is not self._pose.p_world_m:  # neighbouring moments share what stands
             self._frame.position = pose.p_world_m
+        if self._pose is None or pose.wxyz is not self._pose.wxyz:
             self._frame.wxyz = pose.wxyz
+        self._pose = pose

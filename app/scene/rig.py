@@ -1,4 +1,4 @@
-"""The cameras as frusta with their live pictures."""
+"""The cameras as frusta, with their pictures in them where there is no panel for these."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ from app.views.image_view import set_frustum_png
 from core.cameras import Camera
 from core.geometry import quaternion_from_matrix
 
-FRUSTUM_RGB: Final = (255, 190, 90)
-FRUSTUM_SCALE: Final = 0.22
+FRUSTUM_RGB: Final = (150, 160, 178)
+FRUSTUM_SCALE: Final = 0.10
+PICTURE_SCALE: Final = 0.20
 
 
 class RigActors:
-    """One frustum a camera."""
+    """One frustum a camera. Without pictures they hide nothing of what is behind them."""
 
-    def __init__(self, scene: viser.SceneApi, root: str, cameras: dict[str, Camera]) -> None:
-        blank = np.zeros((2, 2, 3), np.uint8)
+    def __init__(self, scene: viser.SceneApi, root: str, cameras: dict[str, Camera], *, pictures: bool = False) -> None:
+        blank = np.zeros((2, 2, 3), np.uint8) if pictures else None
         self._frame = scene.add_frame(root, show_axes=False)
         self._frusta = {
             name: scene.add_camera_frustum(
                 f"{root}/{number}",
                 fov=vertical_fov_rad(camera),
                 aspect=camera.sensor.width_px / camera.sensor.height_px,
-                scale=FRUSTUM_SCALE,
+                scale=PICTURE_SCALE if pictures else FRUSTUM_SCALE,
                 color=FRUSTUM_RGB,
-                thickness=0.004,
+                thickness=0.002,
                 image=blank,
                 format="png",
                 wxyz=quaternion_from_matrix(camera.T_world_camera[:3, :3]),

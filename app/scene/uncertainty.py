@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.rally.history.rally_picture import UncertaintyEllipse
 
 Array = NDArray[np.float64]
-TUBE_RGB: Final = (90, 200, 255)
+TUBE_RGB: Final = (0, 190, 255)
 SIGMAS: Final = 2.0
 RINGS: Final = 20
 """A tube always has this many, so that its handle is reused."""
@@ -19,6 +19,16 @@ CORNERS: Final = 12
 ELLIPSES: Final = 2
 """Of the bounce and of the hit."""
 ELLIPSE_CORNERS: Final = 32
+
+
+def _circle(corners: int) -> Array:
+    """(corners, 2) points of a circle, not closed."""
+    angles = np.arange(corners) * (2 * np.pi / corners)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+_CIRCLE: Final = _circle(CORNERS)
+_ELLIPSE: Final = np.concatenate([_circle(ELLIPSE_CORNERS), _circle(ELLIPSE_CORNERS)[:1]])
 
 
 class UncertaintyActor:
@@ -30,7 +40,7 @@ class UncertaintyActor:
             np.zeros((RINGS * CORNERS, 3), np.float32),
             tube_faces(),
             color=TUBE_RGB,
-            opacity=0.28,
+            opacity=0.30,
             side="double",
             visible=False,
             cast_shadow=False,
@@ -55,8 +65,7 @@ class UncertaintyActor:
 
 def ellipse(spread: UncertaintyEllipse) -> NDArray[np.float32]:
     """(ELLIPSE_CORNERS, 2, 3) segments, SIGMAS standard deviations from the middle."""
-    angles = np.linspace(0, 2 * np.pi, ELLIPSE_CORNERS + 1)
-    points = spread.centre + SIGMAS * np.column_stack([np.cos(angles), np.sin(angles)]) @ spread.axes
+    points = spread.centre + SIGMAS * _ELLIPSE @ spread.axes
     return np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
 
 
@@ -71,14 +80,25 @@ def tube_faces() -> NDArray[np.uint32]:
 
 def tube_vertices(ps_world_m: Array, sigmas_m: Array) -> NDArray[np.float32]:
     """(RINGS CORNERS, 3): ellipses across the path, SIGMAS standard deviations wide and high on each side."""
-    rows, at = np.arange(len(ps_world_m)), np.linspace(0, len(ps_world_m) - 1, RINGS)
-    ps, sigmas = (np.stack([np.interp(at, rows, a[:, k]) for k in range(3)], axis=1) for a in (ps_world_m, sigmas_m))
-    along = np.gradient(ps, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-    side = np.cross(along, (0.0, 0.0, 1.0))
-    side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-9)
-    up = np.cross(side, along)
+    ps, sigmas = _rows_for_rings(ps_world_m), _rows_for_rings(sigmas_m)
+    along = np.empty_like(ps)
+    along[1:-1], along[0], along[-1] = ps[2:] - ps[:-2], ps[1] - ps[0], ps[-1] - ps[-2]
+    along /= np.maximum(np.sqrt((along * along).sum(axis=1, keepdims=True)), 1e-9)
+    side = np.stack([along[:, 1], -along[:, 0], np.zeros(RINGS)], axis=1)
+    side /= np.maximum(np.hypot(along[:, 0], along[:, 1])[:, None], 1e-9)
+    up = np.stack(
+        [side[:, 1] * along[:, 2], -side[:, 0] * along[:, 2], side[:, 0] * along[:, 1] - side[:, 1] * along[:, 0]],
+        axis=1,
+    )
     half = [SIGMAS * np.sqrt(((axis * sigmas) ** 2).sum(axis=1))[:, None, None] for axis in (side, up)]
-    angles = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)[None, :, None]
-    rings = ps[:, None] + half[0] * np.cos(angles) * side[:, None] + half[1] * np.sin(angles) * up[:, None]
+    cos, sin = _CIRCLE[None, :, :1], _CIRCLE[None, :, 1:]
+    rings = ps[:, None] + half[0] * cos * side[:, None] + half[1] * sin * up[:, None]
     return rings.reshape(-1, 3).astype(np.float32)
+
+
+def _rows_for_rings(values: Array) -> Array:
+    """(RINGS, 3) of values (N, 3) along a path."""
+    if len(values) == RINGS:
+        return values
+    rows, at = np.arange(len(values)), np.linspace(0, len(values) - 1, RINGS)
+    return np.stack([np.interp(at, rows, values[:, k]) for k in range(3)], axis=1)

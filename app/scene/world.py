@@ -6,19 +6,34 @@ from typing import Final
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
 
 from app.scene.arena import add_arena
 from app.scene.ball import BallActors
+from app.scene.eye import Eye, eye_of
 from app.scene.landing import LandingActors
+from app.scene.notes import NoteActors
+from app.scene.people import PeopleActor
 from app.scene.prediction import PredictionActors
 from app.scene.racket import RacketActor
 from app.scene.rig import RigActors
+from app.scene.trail import TrailActor
 from app.scene.uncertainty import UncertaintyActor
-from app.scene.viewpoints import VIEWPOINTS, follow_viewpoint, viewpoint_of_camera
+from app.scene.viewpoints import (
+    FRAMED,
+    STAGE,
+    VIEWPOINTS,
+    follow_viewpoint,
+    stage_with,
+    standpoint,
+    viewpoint_of_camera,
+)
 from app.views.viewpoint import Viewpoint, look
 from core.cameras import Camera
 from core.physics import TaskConfig
-from core.rally.history.rally_picture import RallyPicture
+from core.rally.history.rally_picture import People, RallyPicture
+
+Array = NDArray[np.float64]
 
 ROOT: Final = "/world"
 LAYERS: Final = (
@@ -29,6 +44,7 @@ LAYERS: Final = (
     "Predictions",
     "Uncertainty",
     "Hitting plane",
+    "People",
     "Racket",
     "Racket target",
     "Landing target",
@@ -36,6 +52,10 @@ LAYERS: Final = (
     "Cameras",
 )
 FOLLOW_SHARE: Final = 0.15
+LEAST_RESHAPE: Final = 0.03
+"""Of width over height of the view: less is not followed."""
+SAME_PLACE_M: Final = 0.02
+NOTHING: Final = RallyPicture()
 _NO_PATH: Final = np.empty((0, 3))
 
 
@@ -50,6 +70,13 @@ class World:
         self._rig: RigActors | None = None
         self._rig_number = 0
         self._view = "Broadcast"
+        self._eye: Eye | None = None
+        self._stands: Viewpoint | None = None
+        self._aspect = 1.0
+        self._stage = STAGE
+        self._parts: Array | None = None
+        self._touched = False
+        self._drawn = RallyPicture()
         self.layers: frozenset[str] = frozenset(LAYERS)
         """Those that are drawn."""
 
@@ -84,7 +111,7 @@ class World:
         if viewpoint is not None:
             self._view = view
             if self.visible:
-                look(self._client, viewpoint)
+                self._stand(viewpoint)
 
     def use_cameras(self, cameras: dict[str, Camera]) -> None:
         """Other cameras stand there."""
@@ -99,10 +126,10 @@ class World:
         if self._root is None:
             return
         on = self.layers
+        self._make_room_for(picture.people)
         with self._client.atomic():
-            self._ball.show_ball(picture.ball if "Ball" in on else None)
-            self._ball.show_trail(picture.trail if "Trail" in on else _NO_PATH)
-            self._ball.show_truth(picture.truth if "True ball" in on else None)
+            self._show_ball(picture)
+            self._trail.show(picture.trail if "Trail" in on else _NO_PATH, picture.trail_speeds_mps)
             self._ball.show_rays(picture.rays if "Rays" in on else ())
             expected = "Predictions" in on
             self._prediction.show(
@@ -116,6 +143,8 @@ class World:
                 self._uncertainty.show(picture.tube, picture.tube_sigmas, picture.spreads)
             else:
                 self._uncertainty.show(_NO_PATH, _NO_PATH, ())
+            self._notes.show(picture if expected else NOTHING, self._eye)
+            self._people.show(picture.people if "People" in on else None)
             self._racket.show(picture.racket if "Racket" in on else None)
             self._racket_target.show(picture.racket_target if "Racket target" in on else None)
             self._landing.show(
@@ -127,26 +156,69 @@ class World:
         if self._view == "Follow ball" and picture.ball is not None and self.visible:
             follow_viewpoint(self._client, picture.ball, FOLLOW_SHARE)
 
-    def show_camera_pictures(self, pngs: dict[str, bytes]) -> None:
-        """Event pictures in the frusta."""
-        if self._rig is not None:
-            self._rig.show(pngs)
+    def turn_to_eye(self) -> None:
+        """What faces the eye follows it, also while nothing else moves; to be called by the loop."""
+        if self.visible:
+            self._stand_again()
+        if self.visible and not eye_of(self._client).same_as(self._eye):
+            with self._client.atomic():
+                self._show_ball(self._drawn)
+
+    def _show_ball(self, picture: RallyPicture) -> None:
+        self._drawn, self._eye = picture, eye_of(self._client)
+        on = self.layers
+        self._ball.show(picture.ball if "Ball" in on else None, picture.truth if "True ball" in on else None, self._eye)
+
+    def touched(self) -> None:
+        """A person's hand is at the picture: where the camera stands from now on is the person's choice."""
+        self._touched = True
+
+    def _stand(self, viewpoint: Viewpoint) -> None:
+        self._stands, self._aspect, self._touched = viewpoint, self._client.camera.aspect, False
+        look(self._client, viewpoint)
+
+    def _stand_again(self) -> None:
+        """A window of another shape sees all of it again, unless a person has moved the camera meanwhile.
+
+        Where the browser says that its camera is tells nothing: its news may be older than what it was sent.
+        """
+        camera, stands = self._client.camera, self._stands
+        if stands is None:
+            return
+        if self._touched and not np.allclose(camera.position, stands.position, atol=SAME_PLACE_M):
+            self._stands = None
+        elif self._view in FRAMED and abs(camera.aspect - self._aspect) > LEAST_RESHAPE:
+            self.look_from(self._view)
+
+    def _make_room_for(self, people: People | None) -> None:
+        """Other persons are to be seen whole, unless somebody has moved the camera."""
+        parts = None if people is None else people.parts
+        before = self._parts
+        if (parts is None) != (before is None) or (
+            parts is not None and before is not None and not np.array_equal(parts, before)
+        ):
+            self._parts, self._stage = parts, stage_with(people)
+            if self._stands is not None and self._view in FRAMED:
+                self.look_from(self._view)
 
     def _viewpoint(self, view: str) -> Viewpoint | None:
         if view in VIEWPOINTS:
-            return VIEWPOINTS[view]
+            return standpoint(view, self._client.camera.aspect, stage=self._stage)
         return viewpoint_of_camera(self._cameras[view]) if view in self._cameras else None
 
     def _build(self) -> None:
         self._root = self._scene.add_frame(ROOT, show_axes=False, visible=False)
         add_arena(self._scene, ROOT)
         self._ball = BallActors(self._scene, ROOT, cameras=2)
+        self._trail = TrailActor(self._scene, f"{ROOT}/trail")
         self._prediction = PredictionActors(
             self._scene, f"{ROOT}/prediction", plane_x_m=TaskConfig().stroke.hit_plane_x_m
         )
         self._uncertainty = UncertaintyActor(self._scene, f"{ROOT}/uncertainty")
         self._racket = RacketActor(self._scene, f"{ROOT}/racket")
         self._racket_target = RacketActor(self._scene, f"{ROOT}/racket-target", ghost=True)
+        self._notes = NoteActors(self._scene, f"{ROOT}/notes")
+        self._people = PeopleActor(self._scene, f"{ROOT}/people")
         self._landing = LandingActors(self._scene, f"{ROOT}/landing")
         self._build_rig()
 

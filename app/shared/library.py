@@ -4,16 +4,28 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from app.shared.workspace import Workspace
 from core.errors import RecordingError
 from core.events import Health, assess_health
-from core.recordings import Recording, open_recording
+from core.recordings import Recording, import_recording, open_recording
 
 HEALTH_SAMPLES = 40
 HEALTH_SAMPLE_US = 20_000
+EVENT_FILES: Final = {
+    ".raw": "Prophesee RAW",
+    ".dat": "Prophesee DAT",
+    ".aedat4": "AEDAT4",
+    ".es": "Event Stream",
+    ".hdf5": "HDF5",
+    ".npz": "NumPy",
+    ".npy": "NumPy",
+    ".csv": "CSV",
+}
+"""Files of others that may lie in the folder of recordings, by the end of their name, and what they are called."""
 
 
 class Library:
@@ -24,6 +36,7 @@ class Library:
         self._guests: dict[str, Path] = {}
         self._live: dict[str, Recording] = {}
         self._open: dict[str, Recording] = {}
+        self._imported: dict[str, str] = {}
         self._health: dict[tuple[str, str], Health] = {}
         self._lock = threading.Lock()
 
@@ -39,13 +52,22 @@ class Library:
         """Offer a recording that grows; it stays its owner's to close."""
         self._live[name] = recording
 
+    def to_import(self, name: str) -> bool:
+        """Whether this is an event file in the folder of recordings that opening imports."""
+        return name in self._files_to_import()
+
+    def settled_name(self, name: str) -> str:
+        """The name of the recording that an event file became when it was opened; any other name is itself."""
+        return self._imported.get(name, name)
+
     def names(self) -> tuple[str, ...]:
         """What can be opened now: what is live, then the others in alphabetical order."""
-        return (*self._live, *sorted({*self._guests, *self._workspace_names()} - set(self._live)))
+        files = {*self._guests, *self._workspace_names(), *self._files_to_import()}
+        return (*self._live, *sorted(files - set(self._live)))
 
     def has(self, name: str) -> bool:
         """Whether there is a recording of that name."""
-        return name in self._live or name in self._guests or name in self._workspace_names()
+        return name in self._imported or name in self._live or name in self._guests or name in self._workspace_names()
 
     def open(self, name: str) -> Recording:
         """The recording of that name.
@@ -56,6 +78,7 @@ class Library:
         if name in self._live:
             return self._live[name]
         with self._lock:
+            name = self._import(name)
             recording = self._open.get(name)
             if recording is None:
                 recording = self._open[name] = open_recording(self._path(name))
@@ -91,7 +114,28 @@ class Library:
                 recording.close()
             self._open.clear()
 
+    def _import(self, name: str) -> str:
+        """Turn an event file of the workspace into a recording beside it, once; gives the recording's name."""
+        if name in self._imported:
+            return self._imported[name]
+        source = self._files_to_import().get(name)
+        if source is None:
+            return name
+        import_recording([source], source.with_suffix(".h5"))
+        self._imported[name] = source.stem
+        return source.stem
+
+    def _files_to_import(self) -> dict[str, Path]:
+        """Name in the list -> event file of the workspace that nobody has imported yet."""
+        recordings = self._workspace_names()
+        return {
+            f"{path.name} ({EVENT_FILES[path.suffix.lower()]}, imported when opened)": path
+            for path in self._workspace.recordings.iterdir()
+            if path.suffix.lower() in EVENT_FILES and not path.name.startswith(".") and path.stem not in recordings
+        }
+
     def _path(self, name: str) -> Path:
+        name = self._imported.get(name, name)
         if name in self._guests:
             return self._guests[name]
         if name in self._workspace_names():  # never a path made from what a browser sent

@@ -17,6 +17,7 @@ from core.errors import LinkError, RecordingError
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import PlayerState
 from core.rally.history.live_rows import LiveRows
+from core.rally.history.played_bodies import PlayedBodies
 from core.rally.history.rally_history import Outcome, RallyHistory
 from core.rally.history.rally_picture import LandingSpot
 from core.rally.history.record_live import LiveRecorder
@@ -58,10 +59,14 @@ class LiveRally:
         self.recording = RingRecording(LiveConfig(seconds=REMEMBERED_S))
         self.history = RallyHistory()
         self.rows = LiveRows()
+        self.bodies = PlayedBodies()
+        """Who is in the scene when."""
+        self._scene: str | None = None
         self._session = ""
         self._recorder: LiveRecorder | None = None
         self._recorded_since_s = 0.0
         self._recording_lock = threading.Lock()
+        self._watched = True
         self._forgotten_us = 0
         self.client.add_listener(self.recording)
         self.player = LivePlayer(self.client)
@@ -88,6 +93,14 @@ class LiveRally:
         """Wall time since it was begun."""
         return 0.0 if self._recorder is None else time.monotonic() - self._recorded_since_s
 
+    def attend(self, watched: bool) -> None:
+        """Whether anybody looks: for nobody the simulation may rest, unless the rally is being recorded."""
+        self._watched = watched
+        self._listen()
+
+    def _listen(self) -> None:
+        self.client.listen(self._watched or self._recorder is not None)
+
     def record(self, path: Path) -> None:
         """Write the rally to a file from now on.
 
@@ -99,6 +112,7 @@ class LiveRally:
                 raise RecordingError("the rally is being recorded already", where=self._recorder.path)
             self._recorded_since_s = time.monotonic()
             self._recorder = LiveRecorder(self.client, path, player=self.player)
+            self._listen()
 
     def stop_recording(self) -> int:
         """Finish the file; returns its duration in microseconds, 0 if none was being written.
@@ -113,6 +127,7 @@ class LiveRally:
                 return self._recorder.stop()
             finally:
                 self._recorder = None
+                self._listen()
 
     def stop_simulation(self) -> None:
         """End the simulation that was started for this rally, if one was; what it left can still be watched."""
@@ -134,6 +149,7 @@ class LiveRally:
         self.history.clear()
         self.rows.clear()
         self._session, self._forgotten_us = welcome.session, 0
+        self.bodies, self._scene = PlayedBodies(), None
 
     def on_events(self, batch: m.EventBatch) -> None:
         """Kept by the recording."""
@@ -142,6 +158,9 @@ class LiveRally:
         """Where racket and ball really were."""
         if not len(state.racket_t_us):
             return
+        if state.scene != self._scene:
+            self._scene = state.scene
+            self.bodies = self.bodies.then(state.start_us, state.scene, self.client.welcome.seed)
         self.history.add_rackets(state.racket_t_us, state.racket[:, :3], state.racket[:, 3:7])
         self.rows.add_state(state)
         if len(state.ball_t_us):

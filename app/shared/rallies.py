@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 from app.shared.live_rally import LiveRally
 from core.cameras import Camera
 from core.rally.history.following import Following, Followings
 from core.rally.history.rally_history import RallyHistory
+from core.rally.history.rally_picture import People
 from core.recordings import Recording
+
+GRACE_S: Final = 3.0
+"""So long after the last browser the live rally goes on: a page that is loaded again is no reason to stop it."""
 
 
 @dataclass(slots=True)
@@ -17,6 +22,14 @@ class Rallies:
 
     live: LiveRally | None = None
     followings: Followings = field(default_factory=Followings)
+    _watched_s: float = float("-inf")
+
+    def attend(self, watched: bool, wall_s: float) -> None:
+        """Say again and again whether there is a browser: without one the live rally rests."""
+        if watched:
+            self._watched_s = wall_s
+        if self.live is not None:
+            self.live.attend(wall_s - self._watched_s < GRACE_S)
 
     def of(self, recording: Recording) -> WatchedRally | None:
         """The rally in a recording; None if it cannot be seen in space."""
@@ -41,6 +54,12 @@ class WatchedRally:
     live: LiveRally | None
     """None for a recording."""
     following: Following | None
+
+    def people(self, t_us: int) -> People | None:
+        """The simulated persons at a time, where they are known."""
+        if self.live is not None:
+            return self.live.bodies.at(t_us)
+        return None if self.following is None else self.following.bodies.at(t_us)
 
     @property
     def followed(self) -> float:

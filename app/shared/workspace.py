@@ -9,7 +9,9 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.errors import CommandError
+from core.config import load_config
+from core.detection import DetectorConfig
+from core.errors import CommandError, ConfigError
 
 _SLUG = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 
@@ -24,6 +26,13 @@ def slug_from(text: str) -> str:
     if not _SLUG.fullmatch(slug):
         raise CommandError("not a usable name", expected="letters and digits", got=repr(text[:80]))
     return slug
+
+
+def _holds(path: Path, config: DetectorConfig) -> bool:
+    try:
+        return load_config(DetectorConfig, path) == config
+    except ConfigError:
+        return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +66,11 @@ class Workspace:
         """Folder of what was exported."""
         return self._folder("exports")
 
+    @property
+    def browsers(self) -> Path:
+        """Folder of what is kept for each browser."""
+        return self._folder("browsers")
+
     def run_path(self, name: str) -> Path:
         """Where the training of this name is or will be."""
         return self.runs / slug_from(name)
@@ -68,6 +82,14 @@ class Workspace:
     def config_path(self, name: str) -> Path:
         """Where the config of this name is or will be."""
         return self.configs / f"{slug_from(name)}.toml"
+
+    def free_config_path(self, name: str, config: DetectorConfig) -> Path:
+        """Where a config of this name can be saved over nothing but the same: NAME, or NAME-2 and so on."""
+        path, number = self.config_path(name), 1
+        while path.exists() and not _holds(path, config):
+            number += 1
+            path = self.config_path(f"{slug_from(name)[:58]}-{number}")
+        return path
 
     def config_names(self) -> tuple[str, ...]:
         """Names of the saved configs."""

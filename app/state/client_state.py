@@ -64,6 +64,8 @@ class WatchView:
     """In 3D where the recording is stereo; else the flat pictures."""
     hidden: frozenset[str] = frozenset()
     """Layers that are switched off."""
+    large: str = ""
+    """The camera whose picture fills the middle instead of all this; none if empty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +97,8 @@ class ClientState:
     """Of each other method that was edited: they see windows of another length."""
     mode: ModeName = "Watch"
     step_us: int = 1_000
+    marks_us: tuple[int, ...] = ()
+    """Moments of this recording that the person has marked, ascending."""
     look: RenderSettings = field(default_factory=RenderSettings)
     tune: TuneView = field(default_factory=TuneView)
     watch: WatchView = field(default_factory=WatchView)

@@ -24,13 +24,14 @@ from app.state.client_state import (
     Overlay,
     Slot,
 )
-from app.state.playback import STEPS_US
+from app.state.playback import SPEEDS, STEPS_US
 from core.config import replace_setting
 from core.detection import DetectorConfig
 from core.detection.methods import METHODS, STAGED, Method, method_config
 
 WINDOW_RANGE_US = (100, 100_000)
 ZOOM_RANGE = (1.0, 20.0)
+MOST_MARKS = 100
 
 
 class Command(Protocol):
@@ -86,6 +87,44 @@ class SetPlaybackSpeed:
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         return replace(state, playhead=state.playhead.at_speed(self.speed, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class Shuttle:
+    """Faster (+1) plays, then at the next higher speed. Slower (-1) takes the next lower one, or ten steps back."""
+
+    direction: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        head = state.playhead
+        if not head.playing:
+            return (
+                replace(state, playhead=head.play(wall_s)) if self.direction > 0 else StepTime(-10).apply(state, wall_s)
+            )
+        others = [speed for speed in SPEEDS if (speed - head.speed) * self.direction > 0]
+        nearest = min(others, key=lambda speed: abs(speed - head.speed), default=head.speed)
+        return replace(state, playhead=head.at_speed(nearest, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """Play a section again and again; None ends it."""
+
+    section_us: tuple[int, int] | None
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, playhead=state.playhead.looping(self.section_us, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class ToggleMark:
+    """Mark a moment, or take its mark away."""
+
+    t_us: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        marks = set(state.marks_us) ^ {min(max(self.t_us, 0), state.playhead.duration_us)}
+        return replace(state, marks_us=tuple(sorted(marks))) if len(marks) <= MOST_MARKS else state
 
 
 @dataclass(frozen=True, slots=True)

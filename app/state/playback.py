@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 SPEEDS: Final = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0)
+SHORTEST_LOOP_US: Final = 100
 STEPS_US: Final = (1, 10, 100, 500, 1_000, 2_000, 5_000, 10_000, 100_000, 1_000_000)
 
 
@@ -26,13 +27,15 @@ class Playhead:
     """The recording grows: at its end the cursor goes on with it instead of stopping."""
     following: bool = False
     """The cursor is at the end of a live recording and stays there."""
+    loop_us: tuple[int, int] | None = None
+    """Start and end of a section that is played again and again, once the cursor is in it."""
 
     def position_us(self, wall_s: float) -> int:
         """Position at a wall-clock time, in [start, duration]."""
         if self.following:
             return self.duration_us
         moved = self.speed * (wall_s - self.anchor_wall_s) * 1e6 if self.playing else 0.0
-        return self._inside(self.anchor_us + moved)
+        return self._inside(self._looped(self.anchor_us + moved))
 
     def grown(self, start_us: int, duration_us: int) -> Playhead:
         """The same cursor in a live recording that has gone on."""
@@ -41,6 +44,24 @@ class Playhead:
     def seek(self, t_us: int, wall_s: float) -> Playhead:
         """The same cursor elsewhere; it goes on playing if it did."""
         return replace(self, anchor_us=self._inside(t_us), anchor_wall_s=wall_s, following=False)
+
+    def looping(self, section_us: tuple[int, int] | None, wall_s: float) -> Playhead:
+        """The same cursor with a section to repeat, at its start if it stands outside; None ends the repeating."""
+        head = replace(self.seek(self.position_us(wall_s), wall_s), loop_us=None)
+        if section_us is None:
+            return head
+        start_us, end_us = (head._inside(t_us) for t_us in sorted(section_us))
+        if end_us - start_us < SHORTEST_LOOP_US:
+            return head
+        here_us = head.anchor_us if start_us <= head.anchor_us < end_us else start_us
+        return replace(head, loop_us=(start_us, end_us), anchor_us=here_us)
+
+    def _looped(self, t_us: float) -> float:
+        if self.loop_us is None or not self.playing:
+            return t_us
+        start_us, end_us = self.loop_us
+        inside = start_us <= self.anchor_us < end_us <= t_us
+        return start_us + (t_us - start_us) % (end_us - start_us) if inside else t_us
 
     def _inside(self, t_us: float) -> int:
         return int(min(max(t_us, self.start_us), self.duration_us))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final, Literal
 
 import numpy as np
 import viser
 
+from app.front.pages import Json
 from app.views.mosaic import Mosaic
 from app.views.viewpoint import Viewpoint, look
 
@@ -22,8 +23,12 @@ UNIT: Final = 0.01
 """Scene units per sheet pixel."""
 FOV_RAD: Final = math.radians(10)
 """Narrow, so that a flat sheet is seen almost as in a drawing; any would do, the map is exact."""
-PANEL_SHARE: Final = 0.31
-"""The part of the window's height that the panel below the picture takes."""
+BAR_PX: Final = 80
+"""Of the window's height that the time bar takes."""
+PANEL_PX: Final = 150
+"""That the panel above it takes, with the room between."""
+USUAL_HEIGHT_PX: Final = 720
+"""Of a window that has not said its own."""
 BLANK_PNG_PX: Final = np.zeros((1, 1, 3), np.uint8)
 
 
@@ -38,8 +43,11 @@ class ImageView:
         self._visible = True
         self._framing = threading.Lock()
         """The camera is moved by the loop, and by the browser's own news of its window: never by both at once."""
-        self.panel_share = PANEL_SHARE
-        """The part of the window's height that the sheet leaves free below itself; takes effect with the next sheet."""
+        self._window_px = USUAL_HEIGHT_PX
+        self.with_panel = True
+        """The sheet leaves room for a panel above the time bar; takes effect with the next sheet."""
+        self.tell: Callable[[str, Mapping[str, Json]], None] = lambda kind, message: None
+        """Lets the page know what words stand on the sheet, and where the sheet is in the window."""
         self.on_drag: Drag | None = None
         """Called, in order, for each drag with the left button on a picture."""
 
@@ -53,11 +61,24 @@ class ImageView:
         @client.camera.on_update
         async def _(_: viser.CameraHandle) -> None:
             self.frame()
+            self._tell_place()
 
     @property
     def sheet(self) -> Mosaic:
         """What is shown now."""
         return self._sheet
+
+    @property
+    def panel_share(self) -> float:
+        """The part of the window's height that the sheet leaves free below itself."""
+        return free_share(self._window_px, with_panel=self.with_panel)
+
+    def window_resized(self, message: Mapping[str, object]) -> None:
+        """The page says how large its window is."""
+        height = message.get("height")
+        if isinstance(height, int) and 100 <= height <= 20_000:
+            self._window_px = height
+            self.frame()
 
     def set_visible(self, visible: bool) -> None:
         """Whether it is what the middle of the window shows; shown again, it is framed again."""
@@ -68,6 +89,7 @@ class ImageView:
         with self._client.atomic():
             for image, _ in zip(self._images, self._sheet.pictures, strict=False):
                 image.visible = visible
+        self._tell_texts()
         self.frame(again=True)
 
     def show(self, sheet: Mosaic) -> None:
@@ -84,7 +106,19 @@ class ImageView:
                 image.visible = self._visible
             for image in self._images[len(sheet.pictures) :]:
                 image.visible = False
+        self._tell_texts()
         self.frame()
+
+    def _tell_texts(self) -> None:
+        texts = self._sheet.texts if self._visible else ()
+        self.tell("texts", {"texts": [[one.x, one.y, one.text, one.colour, one.is_title] for one in texts]})
+
+    def _tell_place(self) -> None:
+        """Where the middle of the window is on the sheet, and how much of the sheet it shows from top to bottom."""
+        if self._visible:
+            x, y, z = self._client.camera.position.tolist()
+            shown = 2 * abs(z) * math.tan(self._client.camera.fov / 2) / UNIT
+            self.tell("place", {"x": x / UNIT, "y": y / UNIT, "height": shown})
 
     def frame(self, *, again: bool = False) -> None:
         """Put the camera where the whole sheet fits above the lower panel; `again` also when nothing changed."""
@@ -103,6 +137,7 @@ class ImageView:
         x, y = self._sheet.width * UNIT / 2, middle * UNIT
         viewpoint = Viewpoint((x, y, -distance), (x, y, 0.0), (0.0, -1.0, 0.0), FOV_RAD)
         look(self._client, viewpoint, near=distance * 0.01, far=distance * 10)
+        self.tell("place", {"x": x / UNIT, "y": y / UNIT, "height": visible})
 
     def _add_image(self, index: int) -> viser.ImageHandle:
         image = self._client.scene.add_image(
@@ -120,6 +155,11 @@ class ImageView:
         image.on_drag("left")(dragged)
         image.on_drag("right")(keep)
         return image
+
+
+def free_share(window_px: float, *, with_panel: bool) -> float:
+    """The part of a window of this height that is below the pictures; never more than half."""
+    return min(0.5, (BAR_PX + PANEL_PX * with_panel) / window_px)
 
 
 def framing(width: float, height: float, aspect: float, panel_share: float) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.pictures.canvas import Canvas, Region
-from app.pictures.palette import PolarityColours
+from app.pictures.palette import PolarityColours, palette
 from app.pictures.png import encode_png
 from app.state.client_state import Arrangement
 
@@ -40,12 +40,27 @@ class MosaicTile:
 
 
 @dataclass(frozen=True, slots=True)
+class SheetText:
+    """Words on the sheet."""
+
+    x: float
+    y: float
+    """Of their lower left corner, in sheet pixels."""
+    text: str
+    colour: str
+    """As CSS has it."""
+    is_title: bool
+    """Of a picture; others give way to it."""
+
+
+@dataclass(frozen=True, slots=True)
 class Mosaic:
     """All pictures and the size of the whole."""
 
     pictures: tuple[MosaicTile, ...]
     width: int
     height: int
+    texts: tuple[SheetText, ...] = ()
 
     def sensor_point(self, x: float, y: float) -> tuple[float, float] | None:
         """Sensor coordinates under a point of the sheet, None beside the pictures."""
@@ -61,13 +76,24 @@ def lay_out(canvases: Sequence[Canvas], colours: PolarityColours, arrangement: A
 def lay_out_grid(canvases: Sequence[Canvas], colours: PolarityColours, columns: int) -> Mosaic:
     """Encode drawn canvases and place so many beside each other, the next ones below."""
     pictures: list[MosaicTile] = []
+    texts: list[SheetText] = []
     x = y = below = 0
     for number, canvas in enumerate(canvases):
         height, width = canvas.image.shape
         if number % columns == 0:
             x, y = 0, below
         pictures.append(MosaicTile(encode_png(canvas.image, colours), canvas.region, x, y, width, height))
+        texts += [
+            SheetText(x + one.x, y + one.y, one.text, css_colour(one.ink, colours), one.is_title)
+            for one in canvas.texts
+        ]
         x += width + GAP_PX
         below = max(below, y + height + GAP_PX)
     corners: NDArray[np.int64] = np.array([(p.x + p.width, p.y + p.height) for p in pictures] or [(1, 1)])
-    return Mosaic(tuple(pictures), *map(int, corners.max(axis=0)))
+    width, height = map(int, corners.max(axis=0))
+    return Mosaic(tuple(pictures), width, height, tuple(texts))
+
+
+def css_colour(ink: int, colours: PolarityColours) -> str:
+    """A colour of the palette as pages have it."""
+    return "#{:02x}{:02x}{:02x}".format(*palette(colours)[ink].tolist())

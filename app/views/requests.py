@@ -35,6 +35,8 @@ class WatchRequest:
     config: DetectorConfig
     """Of the detector whose circle is drawn."""
     show_truth: bool
+    large: str = ""
+    """The only camera that is shown; all of them if it is empty or unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +51,8 @@ class TuneRequest:
     """Name and config of each picture."""
     answers: AnswerCache
     """Where the answers of methods without stages are kept."""
+    last_px: tuple[float, float] | None = None
+    """Where the ball last was: a zoomed view stays there while a setting rejects it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +83,8 @@ def render_watch(request: WatchRequest) -> Mosaic:
     """Every camera's events with the ball that the detector finds in them."""
     look = request.look
     cameras = request.recording.cameras
+    if request.large in cameras:
+        cameras = {request.large: cameras[request.large]}
     across = len(cameras) if look.arrangement == "side by side" else 1
     canvases: list[Canvas] = []
     for name, stream in cameras.items():
@@ -159,7 +165,7 @@ def _detector_before(stream: CameraStream, t_us: int, config: DetectorConfig) ->
 
 
 def _region(request: TuneRequest, found: Detection | None, roi: Roi | None) -> Region:
-    """What a zoomed view shows: the chosen point, else the ball, else where it is looked for, else the middle."""
+    """What a zoomed view shows: the chosen point, the ball, where it is sought, where it last was, or the middle."""
     sensor, view = request.stream.sensor, request.view
     if view.zoom <= 1.0:
         return Region.of_sensor(sensor)
@@ -169,6 +175,8 @@ def _region(request: TuneRequest, found: Detection | None, roi: Roi | None) -> R
         centre = (found.u_px, found.v_px)
     elif roi is not None:
         centre = ((roi.x_min + roi.x_max) / 2, (roi.y_min + roi.y_max) / 2)
+    elif request.last_px is not None:
+        centre = request.last_px
     else:
         centre = (sensor.width_px / 2, sensor.height_px / 2)
     return Region.around(*centre, sensor, view.zoom)

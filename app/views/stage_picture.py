@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,17 @@ from core.recordings import PixelTruth
 LABELLED_CANDIDATES = 12
 """Figures are written beside the largest ones only; a person's picture can hold a hundred clusters."""
 
+_AFTER_ALL = ("cluster", "polarity", "geometry", "localise")
+REJECTED_IN: Final[dict[Overlay, tuple[str, ...]]] = {
+    "raw": (),
+    "denoised": (),
+    "clusters": _AFTER_ALL[:1],
+    "polarity": _AFTER_ALL[:2],
+    "geometry": _AFTER_ALL,
+    "result": _AFTER_ALL,
+}
+"""Stages whose rejected clusters each view shows."""
+
 VELOCITY_MS = 10.0
 """The line from a ball's centre is the way it goes in this time: longer than its radius, unless it is slow."""
 
@@ -24,17 +37,29 @@ VELOCITY_MS = 10.0
 def draw_stages(canvas: Canvas, window: Window, trace: PipelineTrace, overlay: Overlay, rendering: Rendering) -> None:
     """Paint the events as the chosen stage sees them, then the shapes that belong to it."""
     canvas.paint_pixels(_pixels(window, trace, overlay, rendering))
-    if overlay == "geometry":
-        for candidate in trace.candidates:
-            if candidate.shape is not None and len(candidate.shape.hull_px) > 1:
-                canvas.draw_polygon(candidate.shape.hull_px, Ink.HULL_REJECTED if candidate.rejected else Ink.HULL)
+    lost = rejected_up_to(trace, overlay)
+    for candidate in trace.candidates:
+        if candidate in lost:
+            canvas.draw_polygon(_outline(candidate), Ink.HULL_REJECTED, thickness=2 if canvas.scale >= 2 else 1)
+        elif overlay == "geometry" and candidate.shape is not None and len(candidate.shape.hull_px) > 1:
+            canvas.draw_polygon(candidate.shape.hull_px, Ink.HULL)
     if trace.roi is not None:
         roi = trace.roi
         canvas.draw_box(roi.x_min - 0.5, roi.y_min - 0.5, roi.x_max + 0.5, roi.y_max + 0.5, Ink.ROI)
     if trace.detection is not None:
         draw_detection(canvas, trace.detection)
-    if overlay in ("clusters", "geometry"):
-        _write_figures(canvas, trace, overlay)
+    for candidate in sorted(trace.candidates, key=lambda one: -one.size)[:LABELLED_CANDIDATES]:
+        xs, ys = candidate.events.x_px, candidate.events.y_px
+        if text := _figures(candidate, overlay, candidate in lost):
+            canvas.write(float(xs.max()) + 2, float(ys.min()) - 1, text, Ink.TEXT)
+
+
+def rejected_up_to(trace: PipelineTrace, overlay: Overlay) -> tuple[Candidate, ...]:
+    """The clusters that a view shows as rejected: by its stage or one before it; in the result if there is no ball."""
+    stages = REJECTED_IN[overlay]
+    if overlay == "result" and trace.detection is not None:
+        stages = ()
+    return tuple(one for one in trace.candidates if one.rejected_by in stages)
 
 
 def draw_answer(canvas: Canvas, answer: WindowAnswer, rendering: Rendering, ink: int = Ink.CIRCLE) -> None:
@@ -93,14 +118,21 @@ def _paint_polarity(pixels: NDArray[np.uint8], events: Events) -> None:
     pixels[events.y_px, events.x_px] = np.where(events.on, Ink.ON, Ink.OFF)
 
 
-def _write_figures(canvas: Canvas, trace: PipelineTrace, overlay: Overlay) -> None:
-    largest = sorted(trace.candidates, key=lambda candidate: -candidate.size)[:LABELLED_CANDIDATES]
-    for candidate in largest:
-        xs, ys = candidate.events.x_px, candidate.events.y_px
-        canvas.write(float(xs.max()) + 2, float(ys.min()) - 1, _figures(candidate, overlay), Ink.TEXT)
+def _outline(candidate: Candidate) -> NDArray[np.float64]:
+    """Of the hull that was measured; without one a box round the events (4, 2)."""
+    if candidate.shape is not None and len(candidate.shape.hull_px) > 1:
+        return candidate.shape.hull_px
+    xs, ys = candidate.events.x_px, candidate.events.y_px
+    x0, x1, y0, y1 = xs.min() - 0.5, xs.max() + 0.5, ys.min() - 0.5, ys.max() + 0.5
+    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
 
 
-def _figures(candidate: Candidate, overlay: Overlay) -> str:
+def _figures(candidate: Candidate, overlay: Overlay, lost: bool) -> str:
+    """What is written beside a cluster: why it is out, else what its stage measured."""
+    if lost:
+        return f"{candidate.label}: {candidate.rejected}"
+    if overlay not in ("clusters", "geometry"):
+        return ""
     if overlay == "clusters" or candidate.shape is None:
         return f"{candidate.label}: {candidate.size} ev"
     return f"{candidate.label}: c {candidate.shape.circularity:.2f} s {candidate.shape.solidity:.2f}"

@@ -1,4 +1,4 @@
-"""The detectors by the names they have on the command line and in the app."""
+"""The detectors that look at events, by the names they have on the command line and in the app."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from core.detection.fast.detector import FastDetector
 from core.detection.fe_fusion.detector import FeFusionDetector
 from core.detection.refined.detector import RefinedDetector
 from core.detection.stage_trace import TrackState
-from core.errors import CommandError, NotBuiltError
+from core.errors import CommandError
 from core.events import SensorSize
 
 Method = Literal["auto", "paper", "refined", "ebpp", "fe-fusion"]
@@ -44,22 +44,23 @@ SECTIONS: Final[dict[Method, tuple[str, ...]]] = {
 """The sections of `DetectorConfig` that each takes its settings from."""
 STAGED: Final = frozenset({"auto", "paper"})
 """Those whose stages the readable pipeline shows."""
-PLANNED: Final = ("yolo",)
+FRAME_METHODS: Final[dict[str, str]] = {"yolo": "a rival: YOLOv4-tiny on the pictures of a colour camera"}
+"""Those that look at pictures, with what they are. Whoever wants one makes it: its network needs torch."""
 
 
 def method_named(name: str) -> Method:
     """The method of that name.
 
     Raises:
-        NotBuiltError: for a method that is planned.
-        CommandError: for any other name.
+        CommandError: for any other name, those of methods that look at pictures among them.
     """
     for method in get_args(Method):
         if method == name:
             return method
     known = " | ".join(METHODS)
-    if name in PLANNED:
-        raise NotBuiltError(f"the method {name!r} is not built yet", remedy=f"use {known}")
+    if name in FRAME_METHODS:
+        remedy = f"`rallyscope detect --method {name}` runs it on a recording's pictures"
+        raise CommandError(f"the method {name!r} looks at pictures, not at events", expected=known, remedy=remedy)
     raise CommandError(f"no method {name!r}", expected=known)
 
 
@@ -69,8 +70,7 @@ def method_config(method: str, config: DetectorConfig | None = None) -> Detector
     Without one, each has its own: the methods without stages have windows of their own length.
 
     Raises:
-        NotBuiltError: for a method that is planned.
-        CommandError: for any other name.
+        CommandError: for any other name, those of methods that look at pictures among them.
     """
     match method_named(method):
         case "paper":
@@ -89,8 +89,7 @@ def make_detector(method: str, sensor: SensorSize, config: DetectorConfig | None
     """A detector for one camera.
 
     Raises:
-        NotBuiltError: for a method that is planned.
-        CommandError: for any other name.
+        CommandError: for any other name, those of methods that look at pictures among them.
     """
     chosen = method_config(method, config)
     match method_named(method):

@@ -73,6 +73,8 @@ class RewardConfig:
     """The three rewards: CDTA (the paper's, time-weighted), case-based with constant weights, and simple."""
 
     kind: RewardKind = "cdta"
+    """cdta: case-dependent temporally adaptive (the paper's), first for returning, later for placing; case: constant
+    weights for each case; simple: returned or not, or how near to the target."""
     base: float = setting(1.0, 0.1, 10.0)
     """l_base: a returned ball (choice)."""
     scale: float = setting(3.0, 0.0, 20.0)

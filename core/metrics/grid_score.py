@@ -139,15 +139,19 @@ def image_velocity(truth: PixelTruth, t_us: NDArray[np.int64], *, over_us: int =
 def askable(grid: NDArray[np.int64], truth: PixelTruth, sensor: SensorSize) -> NDArray[np.bool_]:
     """(N,) whether a detector can be asked at times (N,): the whole disc is in view and has been for a while."""
     fine = np.arange(truth.t_us[0], truth.t_us[-1] + 1, GRID_US // 4) if len(truth.t_us) else grid
-    at = truth.at(fine)
+    whole = wholly_in_view(truth.at(fine), sensor)
+    last_without = np.maximum.accumulate(np.where(whole, truth.t_us[:1], fine))
+    row = np.searchsorted(fine, grid)
+    return whole[row] & (grid - last_without[row] > SETTLING_US)
+
+
+def wholly_in_view(at: PixelTruth, sensor: SensorSize) -> NDArray[np.bool_]:
+    """(N,) where nothing hides the ball and no part of it is outside the picture."""
     with np.errstate(invalid="ignore"):
-        whole = (
+        return (
             at.visible
             & (at.u_px >= at.r_px)
             & (at.u_px <= sensor.width_px - 1 - at.r_px)
             & (at.v_px >= at.r_px)
             & (at.v_px <= sensor.height_px - 1 - at.r_px)
         )
-    last_without = np.maximum.accumulate(np.where(whole, truth.t_us[:1], fine))
-    row = np.searchsorted(fine, grid)
-    return whole[row] & (grid - last_without[row] > SETTLING_US)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from core.detection import Detection, Detector
 from core.detection.window import windows_between
+from core.events import Window
 from core.recordings import CameraStream
+from core.recordings.frames import FrameStream, frame_windows
 
 REPORT_EVERY = 64
-"""Windows between two reports of progress."""
+"""Windows of events between two reports of progress; a picture takes long enough to report each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,7 +25,7 @@ class WindowAnswers:
     end_us: NDArray[np.int64]
     """End of the window."""
     t_us: NDArray[np.int64]
-    """Time of the estimate; the end of the window where there is none."""
+    """Time of the estimate; where there is none the end of the window, of a picture its mid exposure."""
     u_px: NDArray[np.float64]
     """nan where no ball was found; so v_px and r_px."""
     v_px: NDArray[np.float64]
@@ -70,21 +72,47 @@ def run_detector(
     Those so far when `cancelled()` becomes true.
     """
     end_us = duration_of(stream) if end_us is None else end_us
+    windows = windows_between(stream, start_us, end_us, window_us)
+    return answer_windows(detector, windows, (start_us, end_us), progress=progress, cancelled=cancelled)
+
+
+def run_on_frames(
+    frames: FrameStream,
+    detector: Detector,
+    *,
+    progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> WindowAnswers:
+    """The same for the pictures of a camera: a window is the exposure of one, without events."""
+    between = (0, int(frames.t_us[-1])) if len(frames) else (0, 0)
+    return answer_windows(detector, frame_windows(frames), between, progress=progress, cancelled=cancelled)
+
+
+def answer_windows(
+    detector: Detector,
+    windows: Iterable[Window],
+    between_us: tuple[int, int],
+    *,
+    progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> WindowAnswers:
+    """A detector's answers to windows in order of time, which lie between these two times."""
     detector.reset()
+    start_us, end_us = between_us
     rows: list[tuple[int, int, float, float, float, int]] = []
     detections: list[Detection] = []
-    for number, window in enumerate(windows_between(stream, start_us, end_us, window_us)):
+    for number, window in enumerate(windows):
         found = detector.step(window)
-        place = (window.end_us, np.nan, np.nan, np.nan)
+        place = (window.end_us if window.frame is None else window.frame.t_us, np.nan, np.nan, np.nan)
         if found is not None:
             place = (found.t_us, found.u_px, found.v_px, found.r_px)
             detections.append(found)
         rows.append((window.end_us, *place, detector.extra_circles))
-        if number % REPORT_EVERY == 0:
+        if number % (REPORT_EVERY if window.frame is None else 1) == 0:
             if cancelled is not None and cancelled():
                 break
-            if progress is not None:
-                progress((window.end_us - start_us) / (end_us - start_us))
+            if progress is not None and end_us > start_us:
+                progress(min(1.0, (window.end_us - start_us) / (end_us - start_us)))
     end, t, u, v, r, extra = zip(*rows, strict=True) if rows else ((),) * 6
     return WindowAnswers(
         end_us=np.array(end, np.int64),

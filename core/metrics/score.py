@@ -51,8 +51,29 @@ class Score:
     p95_error_px: float
 
 
-def score_answers(answers: WindowAnswers, truth: PixelTruth, *, match_radius_px: float = MATCH_RADIUS_PX) -> Score:
-    """Compare answers with the truth."""
+@dataclass(frozen=True, slots=True, eq=False)
+class WindowVerdicts:
+    """Of N answers: what each was, at the time it is for. An answer elsewhere than the ball is missed and false."""
+
+    t_us: NDArray[np.int64]
+    known: NDArray[np.bool_]
+    """The truth reaches there."""
+    with_ball: NDArray[np.bool_]
+    found: NDArray[np.bool_]
+    false: NDArray[np.bool_]
+    error_px: NDArray[np.float64]
+    """nan without an answer or a ball."""
+
+    @property
+    def missed(self) -> NDArray[np.bool_]:
+        """(N,) where there was a ball that was not found."""
+        return self.with_ball & ~self.found
+
+
+def judge_answers(
+    answers: WindowAnswers, truth: PixelTruth, *, match_radius_px: float = MATCH_RADIUS_PX
+) -> WindowVerdicts:
+    """Hold each answer against the truth."""
     known = np.zeros(len(answers.t_us), np.bool_)
     if len(truth.t_us):
         known = (truth.t_us[0] <= answers.t_us) & (answers.t_us <= truth.t_us[-1])
@@ -60,9 +81,16 @@ def score_answers(answers: WindowAnswers, truth: PixelTruth, *, match_radius_px:
     with_ball = known & there.visible
     error_px = np.hypot(answers.u_px - there.u_px, answers.v_px - there.v_px)
     found = with_ball & answers.detected & (np.nan_to_num(error_px, nan=np.inf) <= match_radius_px)
-    false = int((known & answers.detected & ~found).sum())
+    return WindowVerdicts(answers.t_us, known, with_ball, found, known & answers.detected & ~found, error_px)
+
+
+def score_answers(answers: WindowAnswers, truth: PixelTruth, *, match_radius_px: float = MATCH_RADIUS_PX) -> Score:
+    """Compare answers with the truth."""
+    judged = judge_answers(answers, truth, match_radius_px=match_radius_px)
+    known, found, error_px = judged.known, judged.found, judged.error_px
+    false = int(judged.false.sum())
     extra = int(answers.extra_circles[known].sum())
-    hits, balls = int(found.sum()), int(with_ball.sum())
+    hits, balls = int(found.sum()), int(judged.with_ball.sum())
     precision, recall = _ratio(hits, hits + false), _ratio(hits, balls)
     return Score(
         windows=int(known.sum()),
@@ -97,15 +125,24 @@ def score_recording(
     Raises:
         RecordingError: if the recording has no ground truth for the camera.
     """
-    truth = stream.truth
-    if truth is None:
-        remedy = "simulated recordings have one; labels can be exported as one"
-        raise RecordingError("there is no ground truth to score against", where=f"camera {stream.name}", remedy=remedy)
     if isinstance(detector, DetectorConfig):
         window_us = window_us or detector.window.window_us
         detector = FastDetector(detector, stream.sensor)
     assert window_us is not None, "a detector does not know its windows"
+    truth = known_truth(stream)
     return score_answers(run_detector(stream, detector, window_us, progress=progress, cancelled=cancelled), truth)
+
+
+def known_truth(stream: CameraStream) -> PixelTruth:
+    """The truth of a camera.
+
+    Raises:
+        RecordingError: if the recording has none for it.
+    """
+    if stream.truth is None:
+        remedy = "simulated recordings have one; labels can be exported as one"
+        raise RecordingError("there is no ground truth to score against", where=f"camera {stream.name}", remedy=remedy)
+    return stream.truth
 
 
 def _ratio(part: int, whole: int) -> float:

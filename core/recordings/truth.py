@@ -1,11 +1,18 @@
-"""Ground truth of the ball over time: in the world and in the picture of one camera."""
+"""Ground truth of the ball over time: in the world, in the picture of one camera, and when it bounces and is hit."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+LARGEST_GAP_US: Final = 20_000
+"""Samples further apart say nothing about what was between them."""
+SLOWEST_MPS: Final = 0.2
+"""A velocity that turns by less than this each way is the top of a flight, or noise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,3 +58,35 @@ class PixelTruth:
             for column in (self.u_px, self.v_px, self.r_px)
         )
         return PixelTruth(t, u, v, r, visible)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TurningPoints:
+    """Times in microseconds, ascending."""
+
+    bounces_us: NDArray[np.int64]
+    """The ball fell and rises."""
+    hits_us: NDArray[np.int64]
+    """It flew along the table one way and now flies the other."""
+
+
+def turning_points(ball: BallTruth) -> TurningPoints:
+    """Each at the first sample after it."""
+    t_us, v = ball.t_us, ball.v_world_mps
+    if len(t_us) < 2:
+        nothing = np.empty(0, np.int64)
+        return TurningPoints(nothing, nothing)
+    known = ball.visible & np.isfinite(v).all(axis=1)
+    joined = known[:-1] & known[1:] & (np.diff(t_us) <= LARGEST_GAP_US)
+    rises = joined & (v[:-1, 2] < -SLOWEST_MPS) & (v[1:, 2] > SLOWEST_MPS)
+    turns = joined & (np.sign(v[:-1, 0]) != np.sign(v[1:, 0])) & (np.abs(v[:-1, 0]) > SLOWEST_MPS)
+    turns &= np.abs(v[1:, 0]) > SLOWEST_MPS
+    return TurningPoints(t_us[1:][rises & ~turns], t_us[1:][turns])
+
+
+def first_seen_us(truths: Iterable[PixelTruth | None]) -> int | None:
+    """When the ball is first in every picture of which the truth is known; None where it never is."""
+    seen = [truth.t_us[truth.visible] for truth in truths if truth is not None]
+    if not seen or any(not len(t_us) for t_us in seen):
+        return None
+    return int(max(t_us[0] for t_us in seen))

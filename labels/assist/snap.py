@@ -3,7 +3,7 @@
 Each pixel tells when the ball's edge passes it: the first event of the polarity that leads, the last of the one that
 trails. Moved along the ball's motion to the wanted instant, these lie on two arcs of one circle. Centre, velocity and
 radius (five unknowns) are fitted to both arcs at once: each arc alone is biased along the motion, and together the
-biases cancel in the centre and stay in the radius.
+biases cancel in the centre and stay in the radius, from which they are taken by the width of the edges.
 """
 
 from __future__ import annotations
@@ -39,6 +39,11 @@ class SnapConfig:
     trailing one. Measured: 240 us for a simulated photoreceptor of 200 us. The centre moves by so much motion."""
     delay_sigma_us: float = setting(40.0, 0.0, 1000.0)
     """How well that is known; it is in the covariance along the motion."""
+    edge_share: float = setting(0.6, 0.0, 1.0)
+    """Share of an edge's width, from a pixel's first event to its last, that lies outside the ball's outline: the arcs
+    are of first leading and last trailing events, so their circle is too large by as much. Fitted on 297 simulated
+    balls of six scenes and sensors. On other balls the median radius is right within 0.5 % (bright ball, two sensors),
+    1.5 % (low contrast) and 3.5 % (dark ball); without, bright balls are 12 % too large."""
     sharpness_min: float = setting(0.5, 0.0, 1.0)
     """Least mean weight of the edge points: noise, spread evenly over the band in which they are sought, has 0.3."""
     points_per_radius: float = setting(5.0, 1.0, 20.0)
@@ -58,6 +63,7 @@ class Snap:
     x_px: float
     y_px: float
     r_px: float
+    """Of the circle with the area of the ball's outline, as in `core.cameras.outline`."""
     vx_px_per_ms: float
     vy_px_per_ms: float
     covariance_px2: tuple[float, float, float]
@@ -104,7 +110,7 @@ def snap(
         if best is not None and np.abs(fit.values - best.values).max() < AGREE_PX:
             break  # two starts that lead to the same circle: the others would too
         best = fit if best is None or fit.score > best.score else best
-    return None if best is None else _snap_of(best, t_us, x_px, y_px, config)
+    return None if best is None else _snap_of(best, _edge_width_px(cloud, best, config), t_us, x_px, y_px, config)
 
 
 START_HALF_MS = (0.25, 0.7, 2.0, 6.0, 14.0)
@@ -112,6 +118,8 @@ START_HALF_MS = (0.25, 0.7, 2.0, 6.0, 14.0)
 AGREE_PX = 0.1
 FLOOR_PX = 0.02
 """What the pixels themselves leave, however many events there are."""
+EDGE_REACH, EDGE_MS = 2.5, 0.6
+"""An edge's events last so many half windows at most, and while it moves for so long."""
 ROUNDS = 5
 ITERATIONS = 8
 SHARPNESS_PX = 0.45
@@ -257,7 +265,29 @@ def _is_ball(fit: _Fit, config: SnapConfig) -> bool:
     return bool(close and size and sharp and full and fit.balance > 0.2)
 
 
-def _snap_of(fit: _Fit, t_us: int, x_px: float, y_px: float, config: SnapConfig) -> Snap:
+def _edge_width_px(cloud: _Cloud, fit: _Fit, config: SnapConfig) -> float:
+    """How far an edge moves from a pixel's first event to its last, along the radius: the mean of both edges."""
+    cx, cy, vx, vy, r = fit.values
+    speed = float(np.hypot(vx, vy))
+    half_ms = float(np.clip(config.motion_px / max(speed, 1e-3), 0.08, config.reach_us * 1e-3))
+    dx, dy = cloud.x - vx * cloud.t_ms - cx, cloud.y - vy * cloud.t_ms - cy
+    off = np.hypot(dx, dy) - r
+    near = (np.abs(cloud.t_ms) < EDGE_REACH * half_ms) & (np.abs(off) < max(2.0, 1.0 + EDGE_MS * speed))
+    ahead = dx * vx + dy * vy > 0
+    pixel = (np.round(cloud.y * 8) * 65536 + np.round(cloud.x * 8)).astype(np.int64)
+    widths = []
+    for leading in (True, False):
+        rows = np.flatnonzero(near & ((cloud.on == fit.on_leads) == leading) & (ahead == leading))
+        first = rows[np.unique(pixel[rows], return_index=True)[1]]
+        last = rows[::-1][np.unique(pixel[rows[::-1]], return_index=True)[1]]
+        marks = np.abs(cloud.t_ms[first if leading else last]) < half_ms
+        if not marks.any():
+            return 0.0
+        widths.append(abs(float(np.mean((off[first] - off[last])[marks]))))
+    return float(np.mean(widths))
+
+
+def _snap_of(fit: _Fit, width_px: float, t_us: int, x_px: float, y_px: float, config: SnapConfig) -> Snap:
     cx, cy, vx, vy, r = fit.values.tolist()
     late_ms = config.delay_sigma_us * 1e-3
     cov = fit.covariance
@@ -265,7 +295,7 @@ def _snap_of(fit: _Fit, t_us: int, x_px: float, y_px: float, config: SnapConfig)
         t_us=t_us,
         x_px=x_px + cx,
         y_px=y_px + cy,
-        r_px=r,
+        r_px=max(r - config.edge_share * width_px, 0.5 * r),
         vx_px_per_ms=vx,
         vy_px_per_ms=vy,
         covariance_px2=(

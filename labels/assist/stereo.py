@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.cameras import Camera, StereoRig
-from core.table import BALL_RADIUS_M
+from core.cameras import Camera, StereoRig, ball_circles
 
 Array = NDArray[np.float64]
 NEAREST_M, FARTHEST_M = 0.3, 8.0
@@ -25,7 +24,7 @@ class StereoCheck:
     """(N,) distance of the labels from that point's projections, both cameras together. Errors along the epipolar line
     move the point and leave no residual: nothing can see them in two views."""
     expected_r_px: Array
-    """(N, 2) radius of a ball at that point in either camera."""
+    """(N, 2) radius of a ball at that point in either camera: of the circle with the area of its outline."""
 
 
 def epipolar_curve(here: Camera, uv_px: ArrayLike, there: Camera, *, points: int = 192) -> Array:
@@ -64,6 +63,5 @@ def check_stereo(first: Camera, uvs_first: ArrayLike, second: Camera, uvs_second
     uvs = np.stack([np.atleast_2d(np.asarray(uv, np.float64)) for uv in (uvs_first, uvs_second)], axis=1)
     points = StereoRig({"first": first, "second": second}).triangulate(uvs)
     p = points.ps_world_m
-    distances = [np.linalg.norm(p - camera.position_world_m, axis=1) for camera in (first, second)]
-    radii = [camera.K[0, 0] * BALL_RADIUS_M / d for camera, d in zip((first, second), distances, strict=True)]
+    radii = [ball_circles(camera, p).r_px for camera in (first, second)]
     return StereoCheck(p, np.sqrt(2.0) * points.residuals_px, np.column_stack(radii))

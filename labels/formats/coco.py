@@ -152,7 +152,8 @@ def _label_of(entry: JsonObject, t_us: int, context: ImportContext) -> Label:
         x, y = finite(keypoints[0], "x"), finite(keypoints[1], "y")
         state = LabelState.VISIBLE if keypoints[2] == VISIBLE else LabelState.PARTLY_OCCLUDED
         if radius is None and own is None and isinstance(box, list) and len(box) == 4:
-            radius = max(finite(box[2], "width"), finite(box[3], "height")) / 2
+            width, height = finite(box[2], "width"), finite(box[3], "height")
+            radius = None if width == height == 0 else max(width, height) / 2  # a point says nothing of its size
     elif isinstance(box, list) and len(box) == 4:
         left, top, width, height = (finite(number, "a number of the box") for number in box)
         x, y, radius, state = left + width / 2, top + height / 2, (width + height) / 4, LabelState.VISIBLE

@@ -39,13 +39,17 @@ class SnapTrial:
     """Signed, positive ahead of the ball."""
     mahalanobis: Array
     """Squared error in units of its covariance."""
+    radius_ratio: Array
+    """Radius that was found per true radius."""
 
 
-def try_snap(count: int, rng: np.random.Generator, config: SnapConfig | None = None) -> SnapTrial:
+def try_snap(
+    count: int, rng: np.random.Generator, config: SnapConfig | None = None, *, scene: str = "ball"
+) -> SnapTrial:
     """Speeds 0 to 20 m/s, radii 3 to 15 px, 5 % noise, clicks 1.5 px off."""
-    rows = np.full((count, 4), np.nan)
+    rows = np.full((count, 5), np.nan)
     for row in range(count):
-        clip = draw_clip(rng, speed_mps=rng.uniform(0, 20), radius_px=rng.uniform(3, 15))
+        clip = draw_clip(rng, speed_mps=rng.uniform(0, 20), radius_px=rng.uniform(3, 15), scene=scene)
         truth = np.array([clip.truth.u_px[0], clip.truth.v_px[0]])
         click = truth + rng.normal(0, 1.5, 2)
         found = snap(clip.events, MIDDLE_US, click[0], click[1], config=config)
@@ -57,7 +61,8 @@ def try_snap(count: int, rng: np.random.Generator, config: SnapConfig | None = N
         xx, xy, yy = found.covariance_px2
         covariance = np.array([[xx, xy], [xy, yy]])
         along = float(error @ clip.v_px_per_ms) / max(speed, 1e-9)
-        rows[row, 1:] = np.hypot(*error), along, error @ np.linalg.solve(covariance, error)
+        rows[row, 1:4] = np.hypot(*error), along, error @ np.linalg.solve(covariance, error)
+        rows[row, 4] = found.r_px / clip.truth.r_px[0]
     return SnapTrial(*rows.T)
 
 

@@ -1,16 +1,20 @@
-"""Does a label survive? Kills of a process that labels, and what one durable label costs."""
+"""Does a label survive? Kills of a process that labels, several that write at once, and what a durable label costs."""
 
 from __future__ import annotations
 
 import os
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from labels.database.connection import transaction
+from labels.database.edit_log import add_edit
 from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore, Layer
 
@@ -49,7 +53,7 @@ class KillResult:
 
 def kill_while_labelling(folder: Path, delay_s: float) -> KillResult:
     """Let a process put labels and report each one that it was told is saved; SIGKILL it after `delay_s` of that."""
-    command = [sys.executable, "-m", "labels.trials.durability", str(folder)]
+    command = [sys.executable, "-m", "labels.trials.durability", str(folder), LAYER.annotator, str(10**9)]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as writer:
         assert writer.stdout is not None
         first = writer.stdout.readline()
@@ -81,6 +85,60 @@ def write_seconds(folder: Path, count: int, *, already: int) -> np.ndarray:
             store.put(label)
             seconds[row] = time.perf_counter() - before
     return seconds
+
+
+def open_cpu_seconds(folder: Path, count: int, *, times: int = 5) -> np.ndarray:
+    """CPU seconds of this thread for opening a store of `count` edits of a label each, until all are known."""
+    with LabelStore.open(folder, UUID, LAYER.camera, f"open-{count}") as store:
+        _add_one_by_one(store, count)
+    seconds = np.empty(times)
+    for row in range(times):
+        before = time.thread_time()
+        with LabelStore.open(folder, UUID, LAYER.camera, f"open-{count}") as store:
+            found = len(store.labels())
+        seconds[row] = time.thread_time() - before
+        assert found == count
+    return seconds
+
+
+def _add_one_by_one(store: LabelStore, count: int) -> None:
+    """As many edits, but made durable once: 200,000 waits for the disk would take minutes."""
+    with store.writing() as db, transaction(db):
+        for index in range(count):
+            add_edit(db, store.writer, (trial_label(index),), ())
+
+
+@dataclass(frozen=True, slots=True)
+class CrowdResult:
+    """What was found after several processes had written one store at once."""
+
+    acknowledged: int
+    lost: int
+    doubled: int
+    seconds: float
+
+
+def write_in_a_crowd(folder: Path, annotators: int, count: int) -> CrowdResult:
+    """Let so many processes, each an annotator, put `count` labels each, all into the store of one recording."""
+    names = [f"crowd-{number}" for number in range(annotators)]
+    begun_s = time.perf_counter()
+    writers = [
+        subprocess.Popen([sys.executable, "-m", "labels.trials.durability", str(folder), name, str(count)],
+                         stdout=subprocess.PIPE)
+        for name in names
+    ]  # fmt: skip
+    reported = [[int(line) for line in writer.communicate()[0].split()] for writer in writers]
+    seconds = time.perf_counter() - begun_s
+    lost = doubled = 0
+    for name, acknowledged in zip(names, reported, strict=True):
+        layer = Layer(UUID, LAYER.camera, name)
+        with closing(sqlite3.connect(layer.path(folder))) as db:
+            query = "SELECT t_us, count(*) FROM history WHERE annotator = ? GROUP BY t_us"
+            edits = dict(db.execute(query, (name,)).fetchall())
+        found = LabelStore.read(folder, layer).by_time()
+        lost += sum(index * STEP_US not in found for index in acknowledged)
+        doubled += sum(times - 1 for times in edits.values())
+    return CrowdResult(sum(map(len, reported)), lost, doubled, seconds)
 
 
 def undo_everything(folder: Path, operations: int, rng: np.random.Generator) -> tuple[int, bool]:
@@ -115,12 +173,13 @@ def undo_everything(folder: Path, operations: int, rng: np.random.Generator) -> 
         return left, store.all() == final
 
 
-def _label_until_killed(folder: Path) -> None:
-    with LabelStore.open(folder, UUID, LAYER.camera, LAYER.annotator) as store:
-        for index in range(len(store.labels()), 10**9):
+def _label(folder: Path, annotator: str, count: int) -> None:
+    """Until that many are made, or this process is killed."""
+    with LabelStore.open(folder, UUID, LAYER.camera, annotator) as store:
+        for index in range(len(store.labels()), count):
             store.put(trial_label(index))
             os.write(1, b"%d\n" % index)  # unbuffered: what is reported here has been acknowledged
 
 
 if __name__ == "__main__":
-    _label_until_killed(Path(sys.argv[1]))
+    _label(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]))

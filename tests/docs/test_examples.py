@@ -1,6 +1,7 @@
 """The scripts under docs/examples and the code of docs/python-api.md run, and print what they should."""
 
 import ast
+import json
 import os
 import re
 import shutil
@@ -8,7 +9,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from core.rally import true_positions
+from core.recordings import open_recording
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
@@ -107,6 +112,33 @@ def test_labels_come_back_as_they_went_out(serve_recording: Path) -> None:
     recall, error_px = numbers(said, r"recall ([\d.]+), median error ([\d.]+) px")
     assert recall > 0.9
     assert error_px < 2
+
+
+def test_a_stereo_pair_goes_from_event_files_to_a_prediction(tmp_path: Path) -> None:
+    """The verbs read what the others write; the prediction is held against the truth, which they did not see."""
+    done = subprocess.run(
+        ["bash", str(EXAMPLES / "stereo_pair.sh"), str(tmp_path / "out")],
+        capture_output=True, text=True, timeout=240, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "RALLYSCOPE": f"{sys.executable} -m app.cli"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    out = tmp_path / "out"
+    with open_recording(out / "simulated.h5") as simulated, open_recording(out / "pair.h5") as pair:
+        truth = simulated.ball
+        assert truth is not None and pair.ball is None
+        assert sum(camera.event_count for camera in pair.cameras.values()) > 500_000
+        first_us = min(int(camera.slice(0, 100_000).t_us[0]) for camera in simulated.cameras.values())
+    for camera in ("left", "right"):
+        assert len((out / f"ball-{camera}.csv").read_text().splitlines()) > 300
+    t_us, *p = np.loadtxt(out / "track.csv", delimiter=",", skiprows=1).T
+    seen = true_positions(truth, (t_us + first_us).astype(np.int64))
+    assert np.nanmedian(np.linalg.norm(np.transpose(p) - seen, axis=1)) < 0.003
+    plane = json.loads((out / "prediction.json").read_text())["hit_plane"]
+    after = np.flatnonzero(truth.visible & (truth.p_world_m[:, 0] < -1.42))[0]
+    passed_s = 1e-6 * (truth.t_us[after] - first_us)
+    assert plane["t_s"] == pytest.approx(passed_s, abs=0.01)
+    np.testing.assert_allclose(plane["p_world_m"][1:], truth.p_world_m[after, 1:], atol=0.02)
+    assert (out / "pair.rrd").stat().st_size > 100_000
 
 
 def test_the_code_of_the_page_runs(serve_recording: Path, tmp_path: Path) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +17,7 @@ from app.export.scenes.moments import SceneMoment, scene_moments
 from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, unfinished_file
 from app.pictures.palette import Ink, palette
-from app.scene.viewpoints import VIEWPOINTS
+from app.scene.viewpoints import standpoint
 from core.errors import CommandError
 from core.events import SensorSize, polarity_image
 from core.rally import ChainConfig
@@ -37,8 +35,8 @@ FRAMES_PER_S: Final = 25.0
 """Of the film: with the default stride a quarter of the real speed."""
 WARM_UP_US: Final = 700_000
 """The chain runs for so long before a single picture, so that trail and prediction are in it."""
-FOV_RAD: Final = math.radians(33)
-"""The table fills the picture between the insets."""
+FREE: Final = 0.13
+"""Share of the picture that stays free on each side of the table: the insets stand there."""
 COLOURS: Final = palette("orange / blue")
 
 
@@ -105,7 +103,7 @@ def export_png(
 
 
 def _drawing(chain: ChainConfig) -> SceneDrawing:
-    view = replace(VIEWPOINTS["Broadcast"], fov_rad=FOV_RAD)
+    view = standpoint("Broadcast", SIZE.width_px / SIZE.height_px, margin=FREE)
     return SceneDrawing(SIZE, view, plane_x_m=chain.predictor.hit_x_m)
 
 

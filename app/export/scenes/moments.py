@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.export.selection import Span
 from app.export.steps import window_length_us
@@ -16,6 +16,7 @@ from core.rally.chain.follow import calibrated_cameras
 from core.rally.control.controller import BuiltInController
 from core.rally.control.player import Player
 from core.rally.history.following import is_stereo
+from core.rally.history.played_bodies import recorded_bodies
 from core.rally.history.rally_history import RallyHistory
 from core.rally.history.rally_picture import RallyPicture
 from core.rally.history.recorded_history import add_known
@@ -55,6 +56,7 @@ def scene_moments(
     cameras = calibrated_cameras(recording)
     history, stands = RallyHistory(), positions(cameras)
     add_known(history, recording.ball, _Groups(groups))
+    bodies = recorded_bodies(recording)
     player = Player(RallyChain(cameras, chain), BuiltInController())
     window_us = window_length_us(chain)
     every = max(1, round(stride_us / window_us))
@@ -66,7 +68,8 @@ def scene_moments(
         if number % every == 0:
             t_us = state.chain.t_us
             moment = history.at(t_us, stands)
-            yield SceneMoment(t_us, moment.picture, {} if moment.step is None else moment.step.circles)
+            picture = replace(moment.picture, people=bodies.at(t_us))
+            yield SceneMoment(t_us, picture, {} if moment.step is None else moment.step.circles)
             progress((t_us - span.start_us) / span.length_us)
 
 

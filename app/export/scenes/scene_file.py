@@ -19,13 +19,16 @@ from app.export.scenes.moments import scene_moments
 from app.export.selection import Span
 from app.export.small_png import polarity_png
 from app.export.unfinished import Cancelled, Progress, unfinished_file
+from app.front import Admission, FrontDoor, make_token
 from app.scene.arena import add_arena
 from app.scene.ball import BallActors
 from app.scene.landing import LandingActors
+from app.scene.people import PeopleActor
 from app.scene.prediction import PredictionActors
 from app.scene.racket import RacketActor
 from app.scene.rig import RigActors
-from app.scene.viewpoints import VIEWPOINTS
+from app.scene.trail import TrailActor
+from app.scene.viewpoints import standpoint
 from core.cameras import Camera
 from core.events import polarity_image
 from core.rally import ChainConfig
@@ -38,6 +41,8 @@ from core.recordings.layout import Rows
 ROOT: Final = "/world"
 STRIDE_US: Final = 10_000
 EVENTS_US: Final = 5_000
+ASPECT: Final = 16 / 9
+"""Of the window for which the first view is chosen."""
 FRUSTUM_PX: Final = 320
 """About so wide are the event pictures in the frusta."""
 SLOWER: Final = 4.0
@@ -86,20 +91,22 @@ class _Actors:
     def __init__(self, scene: viser.SceneApi, cameras: dict[str, Camera], plane_x_m: float) -> None:
         add_arena(scene, ROOT)
         self._ball = BallActors(scene, ROOT, cameras=len(cameras))
+        self._trail = TrailActor(scene, f"{ROOT}/trail")
         self._prediction = PredictionActors(scene, f"{ROOT}/prediction", plane_x_m=plane_x_m)
         self._racket = RacketActor(scene, f"{ROOT}/racket")
         self._racket_target = RacketActor(scene, f"{ROOT}/racket-target", ghost=True)
         self._landing = LandingActors(scene, f"{ROOT}/landing")
-        self._rig = RigActors(scene, f"{ROOT}/rig", cameras)
+        self._people = PeopleActor(scene, f"{ROOT}/people")
+        self._rig = RigActors(scene, f"{ROOT}/rig", cameras, pictures=True)
 
     def show(self, picture: RallyPicture, pngs: dict[str, bytes]) -> None:
         """Show a moment, with what the cameras see."""
         self._rig.show(pngs)
-        self._ball.show_ball(picture.ball)
-        self._ball.show_trail(picture.trail)
-        self._ball.show_truth(picture.truth)
+        self._ball.show(picture.ball, picture.truth, None)
+        self._trail.show(picture.trail, picture.trail_speeds_mps)
         self._ball.show_rays(picture.rays)
         self._prediction.show(picture.before_bounce, picture.after_bounce, picture.bounce, picture.hit, plane=True)
+        self._people.show(picture.people)
         self._racket.show(picture.racket)
         self._racket_target.show(picture.racket_target)
         self._landing.show(picture.landing_target, picture.spots)
@@ -119,10 +126,10 @@ def _server_for_a_moment() -> Iterator[viser.ViserServer]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    server = viser.ViserServer(host="127.0.0.1", port=port, verbose=False)
+    server = FrontDoor("127.0.0.1", port, Admission(token=make_token())).server  # nobody comes in
     try:
         theme.apply_theme(server)
-        view = VIEWPOINTS["Broadcast"]
+        view = standpoint("Broadcast", ASPECT)
         server.initial_camera.position, server.initial_camera.look_at = view.position, view.look_at
         server.initial_camera.fov = view.fov_rad
         yield server

@@ -10,6 +10,7 @@ import viser
 from app import theme
 from app.export.exporter import ExportedFile, ExportState
 from app.widgets import Listing
+from app.words.percent import percent
 
 SHOWN: Final = 12
 STYLE: Final = "padding:2px 1em;font-size:13px;line-height:1.5"
@@ -27,6 +28,7 @@ class ExportFilesPanel:
             self._files = Listing(gui, "File", lambda _: None)
             self.download = gui.add_button("Download", icon=viser.Icon.FILE_DOWNLOAD, visible=False)
             self._table = gui.add_html("")
+        self._newest: str | None = None
 
     @property
     def chosen(self) -> str | None:
@@ -42,6 +44,11 @@ class ExportFilesPanel:
             self._progress.value = 100.0 * state.share
         self._status.content = state_html(state)
         self._files.offer(tuple(file.name for file in files))
+        newest = files[0].name if files else None
+        if newest != self._newest:  # what was just made is what is wanted
+            self._newest = newest
+            if newest is not None:
+                self._files.show(newest)
         self.download.visible = bool(files)
         self._table.content = files_html(files)
 
@@ -52,7 +59,7 @@ def state_html(state: ExportState | None) -> str:
         return f"<div style='{STYLE}'>Files are made in the folder <b>exports</b> of the workspace.</div>"
     if state.running:
         left = "" if state.left_s is None else f", about {max(1, round(state.left_s))} s left"
-        text = f"{html.escape(state.name)}: {100 * state.share:.0f} %{left}"
+        text = f"{html.escape(state.name)}: {percent(state.share)}{left}"
         return f"<div style='{STYLE}'>{text}</div>"
     colour = theme.BAD if state.failed else theme.MUTED if state.message == "cancelled" else theme.GOOD
     text = f"{html.escape(state.message)} ({state.seconds:.0f} s)"

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Final
 
 from app.export.formats import FORMATS, ExportRequest, export
+from app.export.frozen import freeze
 from app.export.selection import span_of
 from app.export.unfinished import Cancelled, Progress
 from app.modes.export.files_panel import ExportFilesPanel
-from app.modes.export.frozen import freeze
 from app.modes.export.plan_panel import ExportPlan, ExportPlanPanel
 from app.modes.mode import Middle, ModeHost
 from app.shared.live_rally import LiveRally

@@ -16,12 +16,16 @@ from core.errors import RallyscopeError
 from labels.store_registry import LabelStoreRegistry
 
 RECENT: Final = 64
+LOOK_EVERY_S: Final = 0.4
+"""How soon what others write is seen here."""
 
 
 @dataclass(frozen=True, slots=True)
 class LabelCallbacks:
     """What the editor needs of its browser."""
 
+    may_write: Callable[[LabelCommand], bool]
+    """Whether labels can be written now; if not, the command is sent again once they can."""
     later: Callable[[Callable[[], None]], None]
     report: Callable[[Exception], None]
     note: Callable[[Note], None]
@@ -31,10 +35,13 @@ class LabelCallbacks:
 class LabelEditor:
     """Owns the state and the writer. All methods are called by the loop; answers of the writer come through `later`."""
 
-    def __init__(self, registry: LabelStoreRegistry, labelling: Labelling, callbacks: LabelCallbacks) -> None:
+    def __init__(
+        self, registry: LabelStoreRegistry, labelling: Labelling, callbacks: LabelCallbacks, session: str
+    ) -> None:
         self.labelling = labelling
         self.callbacks = callbacks
-        self.writer = LabelWriter(registry, labelling.recording.uuid)
+        self.writer = LabelWriter(registry, labelling.recording.uuid, session)
+        self._looked_s = 0.0
         self._read_layers()
 
     def send(self, command: LabelCommand) -> None:
@@ -44,6 +51,8 @@ class LabelEditor:
             step = command.apply(before, time.monotonic())
         except RallyscopeError as error:
             self.callbacks.report(error)
+            return
+        if step.edit is not None and not self.callbacks.may_write(command):
             return
         self.labelling = step.labelling
         if step.edit is not None:
@@ -63,6 +72,14 @@ class LabelEditor:
         """These pictures are on the screen."""
         self.labelling = replace(self.labelling, shown=plan)
 
+    def look_again(self, wall_s: float) -> None:
+        """Take up, now and then, what other browsers and programs have written into the layers that are shown."""
+        if wall_s - self._looked_s < LOOK_EVERY_S:
+            return
+        self._looked_s = wall_s
+        versions = {saved.layer: saved.version for saved in self.labelling.saved.values()}
+        self.writer.look_again(versions, lambda saved: self.callbacks.later(lambda: self._take(saved)), self.failed)
+
     def close(self) -> None:
         """The browser or the recording is gone; what was asked for is still saved."""
         self.writer.close()
@@ -81,9 +98,12 @@ class LabelEditor:
     def _save(self, layer: LayerName, edit: LabelEdit) -> None:
         def done(saved: Saved) -> None:
             self.callbacks.later(lambda: self._take(saved, show=edit.show))
-            if edit.said is not None:
-                note = edit.said(saved)
+            note = None if edit.said is None else edit.said(saved)
+            if note is not None:
                 self.callbacks.later(lambda: self.callbacks.note(note))
+            command = None if edit.then is None else edit.then(saved)
+            if command is not None:
+                self.callbacks.later(lambda: self.send(command))
 
         self.writer.act(layer, edit.act, done, self.failed)
 
@@ -99,12 +119,13 @@ class LabelEditor:
         if layer.camera not in now.saved:
             for text in saved.notes:
                 self.callbacks.note(Note("Labels", text, "yellow"))
-        known = replace(now.works[layer.camera], labels=saved.labels, arrays=saved.arrays)
+        known = replace(now.works[layer.camera], labels=saved.labels, arrays=saved.arrays, rejected=saved.rejected)
         self.labelling = replace(
             now,
             saved={**now.saved, layer.camera: saved},
             works={**now.works, layer.camera: known},
             recent_us=(*now.recent_us, *saved.touched_us)[-RECENT:],
+            click=now.click if now.click is not None and now.click.t_us not in saved.touched_us else None,
         )
         if show and len(saved.touched_us) and layer.camera == now.view.camera:
             nearest_us = min(saved.touched_us, key=lambda t_us: abs(t_us - now.t_us))

@@ -47,7 +47,7 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("Z", "shift", "redo", "Redo"),
     ("delete", None, "clear", "Unchecked again"),
     ("backspace", None, "clear", "Unchecked again"),
-    ("escape", None, "escape", "Leave the second look"),
+    ("escape", None, "escape", "Forget a click without a circle; leave the second look"),
     ("0", None, "camera", "Other camera"),
     ("1", None, "window_0", "Window 0.5 ms"),
     ("2", None, "window_1", "Window 1 ms"),
@@ -70,7 +70,7 @@ def label_keys_html() -> str:
         for key, modifier, name, text in KEYS
         if not name.endswith("_more")
     )
-    hint = "Keys work after a click into the picture, not while a field has the cursor. Drag: centre and radius."
+    hint = "Keys work wherever the mouse is, not while a field has the cursor. Drag: from the centre to the rim."
     return f"<div style='font-size:12.5px;padding:4px 12px'>{hint}<table>{rows}</table></div>"
 
 

@@ -53,7 +53,7 @@ def proposed_at(proposals: Proposals, t_us: int) -> ProposedLabel | None:
         return None
     xx, xy, yy = found.covariance_px2[0].tolist()
     covariance = (xx, xy, yy) if np.isfinite(found.covariance_px2[0]).all() else None
-    return ProposedLabel(t_us, x, y, r if np.isfinite(r) else None, covariance, found.detector)
+    return ProposedLabel(t_us, x, y, r if r > 0 else None, covariance, found.detector)
 
 
 def label_from_click(
@@ -65,7 +65,10 @@ def label_from_click(
     *,
     r_px: float | None = None,
 ) -> Label:
-    """A click by hand: the radius stays what it was unless it is given; where a draft was shown it is a correction."""
+    """A click by hand: the radius stays what it was unless it is given; where a draft was shown it is a correction.
+
+    Of a ball whose radius nobody has given yet, it is not known; `PlaceBall` asks for it before anything is stored.
+    """
     known = before if before is not None and before.x_px is not None else None
     source, detector = _source_by_hand(known, draft)
     radius = r_px or (known.r_px if known is not None else None) or (draft.r_px if draft is not None else None)

@@ -17,12 +17,17 @@ from core.events import Events, SensorSize, Window
 
 SIGMAS = 2.0
 """Of the ellipse that is drawn for a covariance."""
-MIN_RING_PX = 1.0
+BROKEN_RING_PX = 14
+"""Picture pixels: radius of the ring round a centre whose circle is not known."""
 
 
 @dataclass(frozen=True, slots=True)
 class CircleMark:
-    """A position, with its circle and its covariance where they are known."""
+    """A position, with its circle and its covariance where they are known.
+
+    Of a circle that is not known, a ring round the centre says where it is: it is broken, and as large on the screen at
+    every zoom.
+    """
 
     x_px: float
     y_px: float
@@ -113,11 +118,15 @@ def _draw_marks(canvas: Canvas, key: PictureKey) -> None:
             canvas.draw_box(box.x - 0.5, box.y - 0.5, box.x + box.width - 0.5, box.y + box.height - 0.5, mark.ink)
         else:
             thickness = 2 if canvas.scale >= 1 else 1
-            canvas.draw_circle(mark.x_px, mark.y_px, mark.r_px or 0.0, mark.ink, thickness=thickness)
+            if mark.r_px is None:
+                canvas.draw_broken_ring(mark.x_px, mark.y_px, BROKEN_RING_PX, mark.ink, thickness=thickness)
+            else:
+                canvas.draw_circle(mark.x_px, mark.y_px, mark.r_px, mark.ink, thickness=thickness)
             if mark.covariance_px2 is not None:
                 canvas.draw_ellipse(mark.x_px, mark.y_px, mark.covariance_px2, Ink.SIGMA, sigmas=SIGMAS)
     if key.caption:
         canvas.caption(key.caption)
+        canvas.paint_texts()
 
 
 def _encode_frame(frame: NDArray[np.uint8], overlay: NDArray[np.uint8], key: PictureKey) -> bytes:

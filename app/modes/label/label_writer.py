@@ -36,21 +36,28 @@ class Saved:
     can_redo: bool
     notes: tuple[str, ...]
     version: int
+    rejected: frozenset[tuple[int, str]] = frozenset()
+    """(time, detector) of the proposals that were found wrong."""
 
 
 Act = Callable[[LabelStore], tuple[int, ...]]
 """Changes a store and returns the times it touched. It may take as long as it needs."""
+Done = Callable[[Saved], None]
+Failed = Callable[[Exception], None]
 
 
 class LabelWriter:
     """The layers of one recording in one browser. Methods are called by the loop; answers come from another thread."""
 
-    def __init__(self, registry: LabelStoreRegistry, recording_uuid: str) -> None:
+    def __init__(self, registry: LabelStoreRegistry, recording_uuid: str, session: str) -> None:
         self._registry = registry
         self._uuid = recording_uuid
-        registry.acquire()
+        self._session = session
+        """Under which this browser's edits are kept: undo takes back those."""
+        registry.acquire(session)
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="rallyscope-labels")
         self._waiting = 0
+        self._looking = 0
         self._lock = threading.Lock()
         self.saved_at: float | None = None
         """Wall-clock time of the latest acknowledged change."""
@@ -62,17 +69,23 @@ class LabelWriter:
         """Acts that are not acknowledged yet."""
         return self._waiting
 
-    def act(
-        self, layer: LayerName, act: Act, done: Callable[[Saved], None], failed: Callable[[Exception], None]
-    ) -> None:
+    def act(self, layer: LayerName, act: Act, done: Done, failed: Failed) -> None:
         """Carry out an act after all that were asked for before."""
         with self._lock:
             self._waiting += 1
         self._worker.submit(self._carry_out, layer, act, done, failed)
 
-    def look(self, layer: LayerName, done: Callable[[Saved], None], failed: Callable[[Exception], None]) -> None:
+    def look(self, layer: LayerName, done: Done, failed: Failed) -> None:
         """Read a layer; nothing is written, so that a look leaves no trace and needs no writable disk."""
         self._worker.submit(self._look, layer, done, failed)
+
+    def look_again(self, versions: Mapping[LayerName, int], done: Done, failed: Failed) -> None:
+        """Read those layers that are no longer what they were; nothing if the last such look is not over."""
+        with self._lock:
+            if self._looking or self._waiting:
+                return
+            self._looking += 1
+        self._worker.submit(self._look_again, dict(versions), done, failed)
 
     def store(self, layer: LayerName) -> LabelStore:
         """The store of a layer, for acts that need another one than their own; call it inside an act.
@@ -80,16 +93,14 @@ class LabelWriter:
         Raises:
             LabelError: if it cannot be opened.
         """
-        return self._registry.store(self._uuid, layer.camera, layer.annotator, blind=layer.blind)
+        return self._registry.store(self._uuid, layer.camera, layer.annotator, blind=layer.blind, session=self._session)
 
     def close(self) -> None:
         """Let go of the files once everything that was asked for is saved."""
-        self._worker.submit(self._registry.release)
+        self._worker.submit(self._registry.release, self._session)
         self._worker.shutdown(wait=False)
 
-    def _carry_out(
-        self, layer: LayerName, act: Act, done: Callable[[Saved], None], failed: Callable[[Exception], None]
-    ) -> None:
+    def _carry_out(self, layer: LayerName, act: Act, done: Done, failed: Failed) -> None:
         try:
             store = self.store(layer)
             before = store.version
@@ -106,21 +117,39 @@ class LabelWriter:
         self._finish()
         done(answer)
 
-    def _look(self, layer: LayerName, done: Callable[[Saved], None], failed: Callable[[Exception], None]) -> None:
-        whose = Layer(self._uuid, layer.camera, layer.annotator, layer.blind)
+    def _look(self, layer: LayerName, done: Done, failed: Failed) -> None:
         try:
-            if whose.path(self._registry.folder).is_file():
-                done(_answer(layer, self._registry.read(whose), ()))
-            else:
-                done(Saved(layer, {}, label_arrays(()), (), False, False, (), 0))
+            store = self._registry.look(self._whose(layer), self._session)
+            done(no_labels(layer) if store is None else _answer(layer, store, ()))
         except Exception as error:  # noqa: BLE001 (the browser hears of any)
             failed(error)
+
+    def _look_again(self, versions: dict[LayerName, int], done: Done, failed: Failed) -> None:
+        try:
+            for layer, version in versions.items():
+                store = self._registry.look(self._whose(layer), self._session)
+                if store is not None and store.version != version:
+                    done(_answer(layer, store, ()))
+        except Exception as error:  # noqa: BLE001 (the browser hears of any)
+            failed(error)
+        finally:
+            with self._lock:
+                self._looking -= 1
+
+    def _whose(self, layer: LayerName) -> Layer:
+        return Layer(self._uuid, layer.camera, layer.annotator, layer.blind)
 
     def _finish(self) -> None:
         with self._lock:
             self._waiting -= 1
 
 
+def no_labels(layer: LayerName) -> Saved:
+    """A layer that nobody has begun."""
+    return Saved(layer, {}, label_arrays(()), (), False, False, (), 0)
+
+
 def _answer(layer: LayerName, store: LabelStore, touched: tuple[int, ...]) -> Saved:
+    version = store.version  # first: what is written meanwhile by others is seen by the next look
     undo, redo = store.can_undo, store.can_redo
-    return Saved(layer, store.by_time(), store.labels(), touched, undo, redo, store.notes, store.version)
+    return Saved(layer, store.by_time(), store.labels(), touched, undo, redo, store.notes, version, store.rejected())

@@ -14,6 +14,24 @@ from core.cameras import Camera
 from core.recordings import Recording
 
 
+@dataclass(frozen=True, slots=True)
+class UnfitClick:
+    """A click on a place where no circle fits: it becomes a label once a radius is given."""
+
+    layer: LayerName
+    t_us: int
+    x_px: float
+    y_px: float
+    looked_for: bool
+    """Whether a circle was looked for: not on frames, and not with snapping off."""
+
+    @property
+    def question(self) -> str:
+        """What the person is asked."""
+        why = "no circle fits here" if self.looked_for else "how large is it?"
+        return f"{why}: drag to set the radius, or press X for absent"
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Labelling:
     """The labelling of one recording. Replaced by commands, never changed."""
@@ -37,6 +55,8 @@ class Labelling:
     """The times that were labelled last, the latest at the end."""
     back_us: int = 0
     """Where a second look was begun."""
+    click: UnfitClick | None = None
+    """A click that is not stored, because nobody knows how large the ball is."""
 
     @property
     def source(self) -> LabelSource:
@@ -80,6 +100,12 @@ class Labelling:
     def on_screen(self) -> bool:
         """What the cursor points at is what the person sees: only that can be judged."""
         return self.shown is not None and self.shown.t_us == self.t_us and self.shown.main.camera == self.view.camera
+
+    @property
+    def asking(self) -> UnfitClick | None:
+        """The click at the cursor that waits for its radius."""
+        click = self.click
+        return click if click is not None and (click.layer, click.t_us) == (self.layer, self.t_us) else None
 
     def draft(self, t_us: int) -> ProposedLabel | None:
         """What is proposed at a time and may be seen."""

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import math
 import time
+import uuid
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Final
+
+import numpy as np
 
 from app.modes.label.assistant import Assistant
 from app.modes.label.commands.by_name import COMMANDS
@@ -13,6 +17,9 @@ from app.modes.label.commands.cursor import ChangeView, GoTo, SetAnnotator
 from app.modes.label.commands.hand import PlaceBall, SetNumbers
 from app.modes.label.commands.step import LabelCommand
 from app.modes.label.editor import LabelCallbacks, LabelEditor
+from app.modes.label.first_label.annotator import annotator_from, last_annotator, remember_annotator
+from app.modes.label.first_label.annotator_prompt import AnnotatorPrompt
+from app.modes.label.first_label.live_copy import LiveCopy
 from app.modes.label.held_keys import HeldKeys
 from app.modes.label.label_strip import strip_time
 from app.modes.label.labelling import begin_labelling
@@ -24,6 +31,8 @@ from app.modes.label.status import (
     Checked,
     checked_of,
     here_html,
+    live_html,
+    live_words,
     progress_html,
     proposals_html,
     save_html,
@@ -31,11 +40,16 @@ from app.modes.label.status import (
 )
 from app.modes.label.view import DEFAULT_STEP_US, LABEL_STEPS_US, ZOOMS, LabelView
 from app.modes.mode import Middle, ModeHost
+from app.panels.time_bar import runs_of_times
 from app.pictures.event_picture import RENDERINGS
 from app.state.client_state import ClientState
 from app.state.commands import Seek, SetRendering, SetStep
-from app.views.image_view import PANEL_SHARE, DragPhase
+from app.views.image_view import DragPhase
+from core.rally.live.ring_recording import RingRecording
 from core.recordings import Recording
+from labels.arrays import STATES, LabelArrays
+
+IN_BAR_EVERY_S: Final = 0.5
 
 
 class LabelMode:
@@ -53,8 +67,16 @@ class LabelMode:
         self._recording: Recording | None = None
         self._view = LabelView()
         """The choices that the next recording begins with."""
+        self._session = uuid.uuid4().hex
+        """Under which what this browser does is kept: it takes back nothing else."""
+        self._named = False
+        """Whether the person has said who labels."""
+        self._prompt: AnnotatorPrompt | None = None
+        self._live = LiveCopy(host)
         self._step_chosen = False
         self._ring: tuple[float, float, float] | None = None
+        self._in_bar: LabelArrays | None = None
+        self._in_bar_s = 0.0
         self._keys = HeldKeys(self._carry_out, self._waits, self._place)
         self._status: object = None
         self._counted: tuple[object, Checked] | None = None
@@ -64,7 +86,7 @@ class LabelMode:
         actions = PanelActions(
             act=lambda name: host.later(lambda: self._act(name)),
             change=lambda **changes: host.later(lambda: self._send(ChangeView(changes))),
-            name=lambda name: host.later(lambda: self._send(SetAnnotator(name))),
+            name=lambda name: host.later(lambda: self._use_name(name) if name.strip() else None),
             step=lambda step_us: host.send(SetStep(step_us)),
             numbers=lambda x, y, r: host.later(lambda: self._send(SetNumbers(x, y, r))),
         )
@@ -80,11 +102,14 @@ class LabelMode:
         self._active = active
         self._keys.forget()
         self._panel.folder.visible = active
+        self._panel.listen_to_keys(active)
         plane = self._host.plane
-        plane.panel_share = 0.0 if active else PANEL_SHARE
+        plane.with_panel = not active
         plane.on_drag = self._dragged if active else None
         self._status = None
         self._pictures.ask_again()
+        if not active:
+            self._live.forget()
         if active and not self._step_chosen:
             self._step_chosen = True
             self._host.send(SetStep(DEFAULT_STEP_US))
@@ -94,9 +119,12 @@ class LabelMode:
     def use_recording(self, recording: Recording) -> None:
         """Another recording was opened."""
         self._drop()
-        self._recording = recording
+        self._recording, self._in_bar = recording, None
         if self._active:
             self._open()
+            moment_us = self._live.moment_in(recording)
+            if moment_us is not None:
+                self._host.send(Seek(moment_us))
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
         """Follow the time cursor; ask for the picture that belongs to it; show what is known."""
@@ -104,12 +132,16 @@ class LabelMode:
         if editor is None:
             return
         editor.follow(now_us, max(state.step_us, LABEL_STEPS_US[0]))  # the time controls go finer than labels do
+        editor.look_again(wall_s)
         now = editor.labelling
         scene = self._scene(editor, state)
         if self._pictures.arrives(scene, now.t_us):
             self._ring, scene = None, replace(scene, ring=None)
         words = status_words(now, editor.writer, self._checked(editor), agreement_at(scene, now.t_us))
+        if isinstance(self._recording, RingRecording):
+            words = live_words(self._live.share)
         self._pictures.ask(editor, scene, words)
+        self._show_in_time_bar(editor, wall_s)
         self._show_status(editor, scene)
         if self._keys.ready:
             self._host.later(self._keys.go_on)
@@ -131,20 +163,33 @@ class LabelMode:
     def close(self) -> None:
         """The browser is gone."""
         self._pictures.close()
+        self._live.close()
         self._drop()
+
+    def _show_in_time_bar(self, editor: LabelEditor, wall_s: float) -> None:
+        """The labels of the camera by state; in a second look only those of the second look."""
+        arrays = editor.labelling.here.arrays
+        if arrays is not self._in_bar and wall_s - self._in_bar_s >= IN_BAR_EVERY_S:
+            self._in_bar, self._in_bar_s = arrays, wall_s
+            states = arrays.state.astype(np.int64)
+            self._host.show_runs("labels", runs_of_times(arrays.t_us, states, tuple(STATES), editor.labelling.step_us))
 
     # Pictures -----------------------------------------------------------------------------------------------------
 
     def _scene(self, editor: LabelEditor, state: ClientState) -> LabelScene:
         now, look = editor.labelling, state.look
         there = now.here if now.there is None else now.there
-        return LabelScene(now.source, now.partner, now.view, look.rendering, look.colours, now.here, there, self._ring)
+        click = now.asking
+        asking = None if click is None else (click.x_px, click.y_px)
+        source, partner, view = now.source, now.partner, now.view
+        return LabelScene(source, partner, view, look.rendering, look.colours, now.here, there, self._ring, asking)
 
     def _show_mosaic(self, editor: LabelEditor, mosaic: LabelMosaic) -> None:
         if self._active and editor is self._editor:
             editor.show(mosaic.plan)
             self._host.plane.show(mosaic.sheet)
             self._pictures.show(mosaic, editor)
+            self._live.shown(editor.labelling.recording, mosaic.plan.t_us)
 
     def _dragged(self, phase: DragPhase, start: Point, end: Point) -> None:
         self._host.later(lambda: self._drag(phase, start, end))
@@ -182,6 +227,8 @@ class LabelMode:
         assistant, state = self._assistant, self._host.state
         if name in COMMANDS:
             self._send(COMMANDS[name])
+        elif name in ("propose", "suspicious", "blind") and isinstance(self._recording, RingRecording):
+            self._freeze(self._recording, lambda: self._carry_out(name))
         elif assistant is not None and state is not None and self._active:
             acts: dict[str, Callable[[], None]] = {
                 "propose": lambda: assistant.toggle_propose(state.staged_config),
@@ -196,6 +243,50 @@ class LabelMode:
             self._status = None
             self._editor.send(command)
 
+    def _use_name(self, text: str) -> None:
+        name = annotator_from(text)
+        self._named = True
+        self._send(SetAnnotator(name))
+
+    def _may_write(self, command: LabelCommand) -> bool:
+        """Labels belong to somebody, and to a recording that stays; else first things first."""
+        assert self._editor is not None
+        if isinstance(self._recording, RingRecording):
+            self._freeze(self._recording, lambda: self._send(command))
+            return False
+        if not self._named:
+            self._ask_name(command)
+            return False
+        remember_annotator(self._host.services.workspace.labels, self._editor.labelling.view.annotator)
+        return True
+
+    def _ask_name(self, command: LabelCommand) -> None:
+        if self._prompt is not None or self._editor is None:
+            return
+        host, editor = self._host, self._editor
+
+        def named(name: str) -> None:
+            self._prompt, self._named = None, True
+            self._send(SetAnnotator(name))
+            if editor is self._editor:
+                self._send(command)
+
+        def declined() -> None:
+            self._prompt = None
+
+        self._prompt = AnnotatorPrompt(
+            host.client.gui,
+            editor.labelling.view.annotator,
+            lambda name: host.later(lambda: named(name)),
+            lambda: host.later(declined),
+        )
+
+    def _freeze(self, recording: RingRecording, then: Callable[[], None]) -> None:
+        assert self._editor is not None
+        now = self._editor.labelling
+        t_us = now.t_us if now.shown is None else now.shown.t_us
+        self._live.begin(recording, t_us, now.step_us, then)
+
     def _failed(self, error: Exception) -> None:
         self._host.later(self._keys.forget)  # no picture: what waits for it would wait for ever
         self._host.later(lambda: self._host.report(error))
@@ -205,21 +296,22 @@ class LabelMode:
     def _show_status(self, editor: LabelEditor, scene: LabelScene) -> None:
         now, assistant = editor.labelling, self._assistant
         assert assistant is not None
-        self._panel.show_save(save_html(now, editor.writer))
+        live = isinstance(self._recording, RingRecording)
+        self._panel.show_save(live_html(self._live.share) if live else save_html(now, editor.writer))
         proposals = proposals_html(now.here.proposals, assistant.share, len(self._keys) > 0)
         self._panel.show_proposals(proposals, assistant.share is not None)
-        known = (now.t_us, now.view, now.step_us, scene.here, scene.there, assistant.reason_us)
+        known = (now.t_us, now.view, now.step_us, scene.here, scene.there, assistant.reason_us, now.asking)
         if known == self._status:
             return
         self._status = known
         label = None if now.view.blind else now.here.labels.get(now.t_us)
         with self._host.client.atomic():
             self._panel.show_view(now.view, now.step_us)
-            self._panel.show_label(label)
+            self._panel.show_label(label, scene.asking)
             self._panel.show_progress(progress_html(self._checked(editor)))
             reason = assistant.reason if assistant.reason_us == now.t_us else ""
             drafted = scene.here.draft(now.t_us) is not None
-            self._panel.show_here(here_html(label, drafted, agreement_at(scene, now.t_us), reason, now.view.blind))
+            self._panel.show_here(here_html(label, drafted, agreement_at(scene, now.t_us), reason, now))
 
     def _checked(self, editor: LabelEditor) -> Checked:
         """Counted anew when a label or the step changed."""
@@ -234,14 +326,17 @@ class LabelMode:
             return
         host, state = self._host, self._host.state
         callbacks = LabelCallbacks(
+            self._may_write,
             host.later,
             host.report,
             lambda note: host.note(note.title, note.text, note.colour),
             lambda t_us: host.send(Seek(t_us)),
         )
         step_us = DEFAULT_STEP_US if state is None else state.step_us
+        if not self._named:
+            self._view = replace(self._view, annotator=last_annotator(host.services.workspace.labels))
         labelling = begin_labelling(self._recording, self._view, step_us, time.monotonic())
-        self._editor = LabelEditor(host.services.label_stores, labelling, callbacks)
+        self._editor = LabelEditor(host.services.label_stores, labelling, callbacks, self._session)
         self._assistant = Assistant(self._editor, host.pool)
         self._panel.offer_cameras(tuple(labelling.sources))
         self._pictures.begin()

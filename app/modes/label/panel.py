@@ -11,7 +11,7 @@ import viser
 
 from app.modes.label.keys import KEYS, label_keys_html
 from app.modes.label.view import DEFAULT_ANNOTATOR, LABEL_STEPS_US, WINDOWS_US, ZOOMS, LabelView
-from app.panels.transport import step_label
+from app.panels.time_bar.messages import step_label
 from app.widgets import Choice, Listing, when_changed, when_clicked, when_triggered
 from labels.model import Label, LabelState
 
@@ -53,9 +53,16 @@ class LabelPanel:
             self._add_assistance(gui)
             with gui.add_folder("Keys", expand_by_default=False):
                 gui.add_html(label_keys_html())
+        self._commands: list[viser.CommandHandle] = []
         for key, modifier, name, text in KEYS:
-            command = gui.add_command(f"Label: {text}", hotkey=key, modifier=modifier)  # type: ignore[arg-type]
+            command = gui.add_command(f"Label: {text}", hotkey=key, modifier=modifier, disabled=True)  # type: ignore[arg-type]
             when_triggered(command, lambda name=name: actions.act(name))
+            self._commands.append(command)
+
+    def listen_to_keys(self, listening: bool) -> None:
+        """Only in Label: elsewhere a key of ours, such as Enter, would not reach the button that has the focus."""
+        for command in self._commands:
+            command.disabled = not listening
 
     def _add_view(self, gui: viser.GuiApi) -> None:
         actions = self._actions
@@ -75,7 +82,7 @@ class LabelPanel:
         actions = self._actions
         with gui.add_folder("Label"):
             self._centre = gui.add_vector2("Centre [px]", (0.0, 0.0), step=0.01, hint="Y G H B nudge it by 0.25 px")
-            self._radius = gui.add_number("Radius [px]", 0.0, min=0.0, step=0.05, hint="0: not judged")
+            self._radius = gui.add_number("Radius [px]", 0.0, min=0.0, step=0.05, hint="0: not known")
             self._state = Choice(gui, "State", tuple(STATE_NAMES.values()), self._choose_state)
             row = gui.add_button_group("Change", ("Undo", "Redo", "Copy previous", "Clear"))
         for handle in (self._centre, self._radius):
@@ -126,9 +133,11 @@ class LabelPanel:
         self._snap.value, self._advance.value = view.snap, view.advance
         self._follow.value, self._epipolar.value = view.follow, view.epipolar
 
-    def show_label(self, label: Label | None) -> None:
-        """Numbers and state at the cursor."""
-        if label is None or label.x_px is None or label.y_px is None:
+    def show_label(self, label: Label | None, asking: tuple[float, float] | None) -> None:
+        """Numbers and state at the cursor; of a click that waits for its radius, the centre."""
+        if asking is not None:
+            self._centre.value, self._radius.value = (round(asking[0], 3), round(asking[1], 3)), 0.0
+        elif label is None or label.x_px is None or label.y_px is None:
             self._centre.value, self._radius.value = (0.0, 0.0), 0.0
         else:
             self._centre.value = (round(label.x_px, 3), round(label.y_px, 3))

@@ -35,11 +35,12 @@ class CameraWork:
     labels: Mapping[int, Label] = field(default_factory=dict)
     arrays: LabelArrays = field(default_factory=lambda: label_arrays(()))
     proposals: Proposals | None = None
-    rejected: frozenset[int] = frozenset()
+    rejected: frozenset[tuple[int, str]] = frozenset()
+    """(time, detector) of proposals that were found wrong."""
 
     def draft(self, t_us: int) -> ProposedLabel | None:
         """What is proposed where nothing is labelled or rejected."""
-        if self.proposals is None or t_us in self.labels or t_us in self.rejected:
+        if self.proposals is None or t_us in self.labels or (t_us, self.proposals.detector) in self.rejected:
             return None
         return proposed_at(self.proposals, t_us)
 
@@ -82,6 +83,8 @@ class LabelScene:
     """Of the partner."""
     ring: tuple[float, float, float] | None = None
     """A circle that is being drawn."""
+    asking: Point | None = None
+    """A click that waits for its radius."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +125,8 @@ def plan_at(scene: LabelScene, t_us: int, centre: Point) -> PicturePlan:
     marks = (*_work_marks(scene.here, t_us, view.blind), *line)
     if scene.ring is not None:
         marks = (*marks, CircleMark(*scene.ring, Ink.TEXT))
+    elif scene.asking is not None:
+        marks = (*marks, CircleMark(*scene.asking, None, Ink.ASKS))
     blind = "   second look" if view.blind else ""
     name = f"{source.name}   {t_us / 1e6:.6f} s{blind}"
     main = _key(scene, source, t_us, region, MAIN_WIDTH_PX, marks, name)

@@ -14,10 +14,12 @@ from app.modes.label.label_writer import LabelWriter
 from app.modes.label.labelling import Labelling
 from app.modes.label.plan import CameraAgreement
 from app.pictures.palette import Ink
+from app.words.percent import percent
 from labels.assist import Proposals
 from labels.model import Label
 
 BRAND = f"rgb{theme.BRAND_RGB}"
+AMBER = "#ffb020"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,22 @@ def checked_of(labelling: Labelling) -> Checked:
     """How much of the labelled camera was checked."""
     times, arrays = labelling.grid.times(), labelling.here.arrays
     return Checked(len(times), int(np.isin(times, arrays.t_us).sum()), len(arrays))
+
+
+def live_words(share: float | None) -> tuple[tuple[str, Ink], ...]:
+    """The line in the picture of a live rally."""
+    return ((_live_text(share), Ink.ASKS),)
+
+
+def live_html(share: float | None) -> str:
+    """What happens to the labels of a live rally."""
+    return _line(_live_text(share), BRAND)
+
+
+def _live_text(share: float | None) -> str:
+    if share is None:
+        return "live: the first label freezes it into a recording"
+    return f"freezing the live rally into a recording: {percent(share)}"
 
 
 def save_html(labelling: Labelling, writer: LabelWriter) -> str:
@@ -61,11 +79,13 @@ def status_words(
         save = ("all saved", Ink.LABEL) if writer.saved_at is not None else ("nothing to save", Ink.NO_BALL)
     if view.blind:
         return save, ("second look: place the ball again", Ink.DRAFT)
+    if labelling.asking is not None:
+        return save, (labelling.asking.question, Ink.ASKS)
     t_us, known = labelling.t_us, labelling.here
     label, draft = known.labels.get(t_us), known.draft(t_us)
     if label is not None:
         made = label.provenance
-        state = f"{label.state.replace('_', ' ')}, {made.source.replace('_', ' ')}"
+        state = f"{label.state.replace('_', ' ')}, {made.source.replace('_', ' ')}{_radius_text(label)}"
         here = (state, STATE_INKS[label.state])
     else:
         here = ("proposed", Ink.DRAFT) if draft is not None else ("unchecked", Ink.NO_BALL)
@@ -86,14 +106,24 @@ def progress_html(checked: Checked) -> str:
     return f"<div style='font-size:12.5px;padding:2px 12px'>{text}{bar}</div>"
 
 
-def here_html(label: Label | None, drafted: bool, agreement: CameraAgreement | None, reason: str, blind: bool) -> str:
+def _radius_text(label: Label) -> str:
+    """That nobody knows how large a visible ball is: files of points do not say."""
+    return ", radius not known" if label.state.seen and label.r_px is None else ""
+
+
+def here_html(
+    label: Label | None, drafted: bool, agreement: CameraAgreement | None, reason: str, labelling: Labelling
+) -> str:
     """What is known at this time."""
-    if blind:
+    if labelling.asking is not None:
+        return _line(f"<b>not stored:</b> {labelling.asking.question}", AMBER)
+    if labelling.view.blind:
         return _line("second look: place the ball again, without the first label", BRAND)
     if label is not None:
         made = label.provenance
         text = (
             f"<b>{label.state.replace('_', ' ')}</b>, {made.source.replace('_', ' ')} by {html.escape(made.annotator)}"
+            f"{_radius_text(label)}"
         )
         if label.covariance_px2 is not None:
             sigma = np.sqrt((label.covariance_px2[0] + label.covariance_px2[2]) / 2)
@@ -118,7 +148,7 @@ def proposals_html(proposals: Proposals | None, share: float | None, held: bool)
     count = 0 if proposals is None else len(proposals)
     if share is not None:
         waits = "; Enter waits for it, Escape forgets that" if held else ""
-        return _line(f"proposing: {100 * share:.0f} %, {count} so far{waits}", BRAND if held else theme.MUTED)
+        return _line(f"proposing: {percent(share)}, {count} so far{waits}", BRAND if held else theme.MUTED)
     return _line(f"{count} proposals", theme.MUTED) if count else ""
 
 

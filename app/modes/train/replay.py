@@ -76,6 +76,7 @@ class Replay:
         return RallyPicture(
             ball=trail[-1],
             trail=trail if t < self.path.end_s else trail[:0],
+            trail_speeds_mps=np.linalg.norm(self.path.at(times)[:, 3:6], axis=1),
             racket=racket,
             racket_target=self.target,
             landing_target=self.ball.goal_m,

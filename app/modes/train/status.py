@@ -12,6 +12,7 @@ from app.modes.train.replay import Replay
 from app.modes.train.view import LISTED, Details
 from app.scene.landing import CASE_NAMES, CASE_RGB
 from app.shared.training.run_state import RunPhase, RunState
+from app.words.percent import percent
 from core.physics.episode import Case
 
 COLOURS: Final[dict[RunPhase, str]] = {
@@ -96,7 +97,7 @@ def case_counts_html(counts: dict[Case, int]) -> str:
     cells = [
         f"<span style='white-space:nowrap'><span style='color:{_hex(case)}'>●</span> "
         f"{CASE_NAMES[case]} {counts[case]} "
-        f"<span style='color:{theme.MUTED}'>{100 * counts[case] / total:.0f} %</span></span>"
+        f"<span style='color:{theme.MUTED}'>{percent(counts[case] / total)}</span></span>"
         for case in Case
     ]
     return _box(" &nbsp; ".join(cells))

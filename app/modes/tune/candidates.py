@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import html
 
+import numpy as np
 import viser
 
 from app import theme
-from app.modes.tune.settings import stage_counts_html
+from app.modes.tune.settings import stage_anchor, stage_counts_html
 from app.pictures.palette import palette
 from app.views.stage_picture import cluster_ink
 from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
 from core.metrics.one_window import WindowAnswer
 
 LISTED = 40
+PICK_PX = 6.0
+"""A click so far from a cluster's nearest event still means it."""
 
 
 class CandidatesTable:
@@ -22,11 +25,15 @@ class CandidatesTable:
     def __init__(self, gui: viser.GuiApi) -> None:
         self._table = gui.add_html(stage_counts_html("no window yet"))
 
-    def show(self, traces: tuple[tuple[str, PipelineTrace], ...], seconds: float) -> None:
-        """The clusters of each config's trace."""
-        self._table.content = "".join(candidates_html(name if len(traces) > 1 else "", t) for name, t in traces) + (
-            stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
-        )
+    def show(
+        self,
+        traces: tuple[tuple[str, PipelineTrace], ...],
+        seconds: float,
+        picked_px: tuple[float, float] | None = None,
+    ) -> None:
+        """The clusters of each config's trace; one that lies where a person clicked comes first."""
+        tables = (candidates_html(name if len(traces) > 1 else "", t, cluster_at(t, picked_px)) for name, t in traces)
+        self._table.content = "".join(tables) + stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
 
     def show_answers(self, answers: tuple[tuple[str, WindowAnswer], ...], seconds: float) -> None:
         """What methods say, or one without stages with each config; each with its title."""
@@ -59,14 +66,25 @@ def _verdict(found: Detection | None) -> str:
     return f"<b style='color:{theme.GOOD}'>ball at {where}, radius {found.r_px:.1f} px</b>"
 
 
-def candidates_html(name: str, trace: PipelineTrace) -> str:
-    """One config's clusters."""
+def cluster_at(trace: PipelineTrace, point_px: tuple[float, float] | None) -> int | None:
+    """The label of the cluster with the event nearest to a point, if that is near enough to have been meant."""
+    if point_px is None or not trace.candidates:
+        return None
+    nearest_px, label = min(
+        (float(np.hypot(one.events.x_px - point_px[0], one.events.y_px - point_px[1]).min()), one.label)
+        for one in trace.candidates
+    )
+    return label if nearest_px <= PICK_PX else None
+
+
+def candidates_html(name: str, trace: PipelineTrace, picked: int | None = None) -> str:
+    """One config's clusters; the picked one comes first, and stands out."""
     verdict = _verdict(trace.detection)
     where = "searched in the ROI" if trace.roi else "searched on the whole sensor"
-    ordered = sorted(trace.candidates, key=lambda one: (one.rejected is not None, -one.size))
+    ordered = sorted(trace.candidates, key=lambda one: (one.label != picked, one.rejected is not None, -one.size))
     titles = ("", "cluster", "events", "leads", "circularity", "solidity", "radius [px]", "verdict")
     head = "".join(f"<th style='text-align:left;font-weight:500;color:{theme.MUTED}'>{title}</th>" for title in titles)
-    rows = "".join(_row(candidate) for candidate in ordered[:LISTED])
+    rows = "".join(_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
     more = f"<div>and {len(ordered) - LISTED} smaller ones</div>" if len(ordered) > LISTED else ""
     label = f"Config {html.escape(name)}: " if name else ""
     return (
@@ -75,13 +93,14 @@ def candidates_html(name: str, trace: PipelineTrace) -> str:
     )
 
 
-def _row(candidate: Candidate) -> str:
+def _row(candidate: Candidate, picked: bool) -> str:
     red, green, blue = palette("orange / blue")[cluster_ink(candidate.label)]
     swatch = f"<span style='color:rgb({red},{green},{blue})'>&#9632;</span>"
     shape, circle = candidate.shape, candidate.circle
     verdict = (
-        f"<span style='color:{theme.BAD}'>{html.escape(candidate.rejected)}</span>"
-        if candidate.rejected
+        f"<a href='#{stage_anchor(candidate.rejected_by)}' title='go to its sliders' "
+        f"style='color:{theme.BAD}'>{html.escape(candidate.rejected)}</a>"
+        if candidate.rejected and candidate.rejected_by
         else f"<span style='color:{theme.GOOD}'>ball</span>"
     )
     cells = (
@@ -89,4 +108,5 @@ def _row(candidate: Candidate) -> str:
         f"{shape.circularity:.2f}" if shape else "-", f"{shape.solidity:.2f}" if shape else "-",
         f"{circle.r_px:.1f}" if circle else "-", verdict,
     )  # fmt: skip
-    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+    style = " style='background:rgba(255,140,40,0.25)'" if picked else ""
+    return f"<tr{style}>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"

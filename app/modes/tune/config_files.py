@@ -15,15 +15,17 @@ class ConfigFilesPanel:
     def __init__(self, gui: viser.GuiApi, save: Callable[[str], None], load: Callable[[str], None]) -> None:
         self.folder = gui.add_folder("Config file")
         with self.folder:
-            self._name = gui.add_text("Name", "", hint="Saved in the workspace; `rallyscope detect --config` takes it")
+            self._name = gui.add_text("Name", "", hint="Saved in the workspace, never over another one")
             when_clicked(gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY), lambda: save(self._name.value))
             self._saved = Listing(gui, "Saved", lambda name: None, hint="Configs in the workspace")
             when_clicked(gui.add_button("Load", icon=viser.Icon.FOLDER_OPEN), self._load)
         self._load_name = load
 
-    def show(self, names: tuple[str, ...]) -> None:
-        """Offer these configs."""
+    def show(self, names: tuple[str, ...], *, chosen: str | None = None) -> None:
+        """Offer these configs, and choose one that was just saved."""
         self._saved.offer(names)
+        if chosen is not None:
+            self._saved.show(chosen)
 
     def _load(self) -> None:
         if self._saved.chosen is not None:

@@ -16,7 +16,7 @@ from labels.arrays import STATES
 from labels.model import LabelState
 from labels.score import GroupScore, answers_at, score_groups
 from labels.score_picture import ScoreCurves, measure_curves, score_svg
-from labels.store import LabelStore, Layer, find_layers
+from labels.store import LabelStore, Layer, find_layers, has_labels
 
 SHOWN_PX: Final = (1.0, 2.0, 4.0, 8.0)
 
@@ -109,6 +109,6 @@ def _row(group: GroupScore) -> str:
 def _own_noise(folder: Path, store: LabelStore) -> Agreement | None:
     first = store.layer
     layer = Layer(first.recording_uuid, first.camera, first.annotator, blind=True)
-    if not layer.path(folder).is_file():
+    if not has_labels(folder, layer):
         return None
     return measure_agreement(store.labels(), LabelStore.read(folder, layer).labels())

@@ -16,6 +16,7 @@ from app.modes.tune.label_score import LabelScore, find_reference, score_with_la
 from app.modes.tune.results_panel import ResultsPanel
 from app.modes.tune.settings import SettingsPanel
 from app.modes.tune.tune_view import TuneViewPanel
+from app.panels.time_bar import Runs, runs_of_verdicts
 from app.state.client_state import SLOTS, ClientState, Slot
 from app.state.commands import Command, LookAt, UseConfig
 from app.views.answer_cache import AnswerCache
@@ -24,7 +25,7 @@ from app.views.requests import PictureAnswer, TuneRequest, answer_request
 from core.config import load_config, save_config
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector
-from core.metrics import Score, score_recording
+from core.metrics import Score, judge_answers, known_truth, run_detector, score_answers
 from core.recordings import Recording
 
 PROGRESS_EVERY_S: Final = 0.1
@@ -45,6 +46,10 @@ class TuneMode:
         self._progress_s = self._offered_s = float("-inf")
         self._score: Job[Score | LabelScore] | None = None
         self._answers = AnswerCache()
+        self._last_px: dict[str, tuple[float, float]] = {}
+        """Where the ball last was, by camera."""
+        self._picked: tuple[int, tuple[float, float]] | None = None
+        """The time and place of the last click into the picture."""
         self._known = KnownReferences()
         self._pictures = LatestWins(host.pool, _answer, self._picture_done, self._failed)
         gui = host.client.gui
@@ -58,6 +63,7 @@ class TuneMode:
             lambda name: host.later(lambda: self._save_config(name)),
             lambda name: host.later(lambda: self._load_config(name)),
         )
+        self._now_us = 0
         self._show_folders(False)
 
     @property
@@ -86,6 +92,7 @@ class TuneMode:
         self._auto.cancel()
         self._compare.forget()
         self._answers.clear()
+        self._last_px.clear()
         self._known.clear()
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
@@ -108,9 +115,10 @@ class TuneMode:
         self._request_picture(state, now_us)
 
     def clicked(self, x: float, y: float) -> None:
-        """The zoomed view is centred there."""
+        """The zoomed view is centred there, and a cluster that lies there comes first in the table."""
         if (point := self._host.plane.sheet.sensor_point(x, y)) is not None:
             self._host.send(LookAt(point))
+            self._picked, self._requested = (self._now_us, point), None
 
     def close(self) -> None:
         """The browser is gone."""
@@ -140,6 +148,7 @@ class TuneMode:
 
     def _request_picture(self, state: ClientState, now_us: int) -> None:
         recording, view = self._host.recording, state.tune
+        self._now_us = now_us
         if recording is None:
             return
         slots: tuple[Slot, ...] = SLOTS if view.compare else (view.slot,)
@@ -157,7 +166,8 @@ class TuneMode:
     ) -> TuneRequest | MethodsRequest:
         stream, view = recording.cameras[state.camera], state.tune
         if not view.side_by_side:
-            return TuneRequest(stream, now_us, state.look, view, configs, self._answers)
+            last_px = self._last_px.get(state.camera)
+            return TuneRequest(stream, now_us, state.look, view, configs, self._answers, last_px)
         methods: tuple[tuple[Method, DetectorConfig], ...] = tuple(
             (method, state.config_of(method)) for method in view.compared
         )
@@ -173,11 +183,17 @@ class TuneMode:
         if not self._active:
             return
         self._host.plane.show(answer.sheet)
+        if isinstance(request, TuneRequest):
+            for found in (*answer.traces, *answer.found)[:1]:
+                if found.detection is not None:
+                    self._last_px[request.stream.name] = (found.detection.u_px, found.detection.v_px)
         names = tuple(name for name, _ in request.configs)
         with self._host.client.atomic():
             if isinstance(request, TuneRequest) and answer.traces:
                 self._settings.show_trace(answer.traces[names.index(request.view.slot)])
-                self._results.candidates.show(tuple(zip(names, answer.traces, strict=True)), answer.seconds)
+                picked_px = self._picked[1] if self._picked and self._picked[0] == request.t_us else None
+                traces = tuple(zip(names, answer.traces, strict=True))
+                self._results.candidates.show(traces, answer.seconds, picked_px)
             else:
                 self._settings.show_trace(None)
                 titles = names if isinstance(request, MethodsRequest) else tuple(f"Config {name}" for name in names)
@@ -188,11 +204,12 @@ class TuneMode:
     def _save_config(self, name: str) -> None:
         state, workspace = self._host.state, self._host.services.workspace
         if state is not None:
-            path = workspace.config_path(name)
+            wanted, path = workspace.config_path(name), workspace.free_config_path(name, state.config)
             save_config(state.config, path)
-            self._files.show(workspace.config_names())
+            self._files.show(workspace.config_names(), chosen=path.stem)
+            other = "" if path == wanted else f"there is another {wanted.stem} already, so this is {path.stem}; "
             options = f"--method {state.tune.method} --config {path}"
-            self._host.note("Config saved", f"{path.stem}: `rallyscope detect {options}` takes it", "green")
+            self._host.note(f"Saved as {path.stem}", f"{other}`rallyscope detect {options}` takes it", "green")
 
     def _load_config(self, name: str) -> None:
         workspace = self._host.services.workspace
@@ -214,7 +231,11 @@ class TuneMode:
             reference = find_reference(folder, uuid, stream.name)  # what a person said, else what the simulation knows
             if reference is None:
                 detector, window_us = make_detector(method, stream.sensor, config), config.window.window_us
-                return score_recording(stream, detector, window_us=window_us, progress=progress, cancelled=cancelled)
+                truth = known_truth(stream)
+                answers = run_detector(stream, detector, window_us, progress=progress, cancelled=cancelled)
+                runs = runs_of_verdicts(judge_answers(answers, truth), window_us)
+                later(lambda: self._show_verdicts(uuid, runs))
+                return score_answers(answers, truth)
             return score_with_labels(folder, reference, stream, method, config, progress=progress, cancelled=cancelled)
 
         self._score = Job(
@@ -223,6 +244,12 @@ class TuneMode:
             lambda error: later(lambda: self._score_failed(error)),
         )
         self._results.score.show_running(True)
+
+    def _show_verdicts(self, uuid: str, runs: Runs) -> None:
+        """Where the score found, missed and mistook the ball, in the time bar: a click goes there."""
+        recording = self._host.recording
+        if self._score is not None and recording is not None and recording.uuid == uuid:
+            self._host.show_runs("detector", runs)
 
     def _score_done(self, title: str, score: Score | LabelScore) -> None:
         self._results.score.show_score(title, score)

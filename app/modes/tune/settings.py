@@ -11,6 +11,7 @@ from app.panels.field_control import add_field_control, section_title
 from app.state.client_state import ClientState
 from app.state.commands import Command, CopyToOther, EditSetting, Redo, ResetConfig, SetMethod, Undo
 from app.widgets import when_changed
+from app.words.percent import percent
 from core.config import field_specs, get_setting
 from core.detection import DetectorConfig, PipelineTrace
 from core.detection.methods import METHODS, SECTIONS, STAGED, Method
@@ -43,6 +44,7 @@ class SettingsPanel:
                 title = TITLES.get(stage) or section_title((stage,))
                 self._sections[stage] = gui.add_folder(title, expand_by_default=stage not in FOLDED)
                 with self._sections[stage]:
+                    gui.add_html(anchor_html(stage))
                     self._counts[stage] = gui.add_html("")
                     for spec in specs:
                         if spec.path[0] == stage:
@@ -83,11 +85,25 @@ class SettingsPanel:
             if stage is None:
                 html.content = stage_counts_html("off") if trace else ""
             else:
-                share = f" ({stage.count_out / stage.count_in:.0%})" if stage.count_in else ""
+                share = f" ({percent(stage.count_out / stage.count_in)})" if stage.count_in else ""
                 html.content = stage_counts_html(
                     f"{stage.count_in} &rarr; <b>{stage.count_out}</b> events{share} &middot; "
                     f"{stage.seconds * 1e3:.2f} ms"
                 )
+
+
+def stage_anchor(stage: str) -> str:
+    """The name by which the page finds the sliders of a stage."""
+    return f"stage-{stage.replace('_', '-')}"
+
+
+def anchor_html(stage: str) -> str:
+    """What a link to a stage leads to; it stands out as long as it is the page's target."""
+    name = stage_anchor(stage)
+    return (
+        f"<style>#{name}:target{{height:3px;margin:0 12px;background:rgb{theme.BRAND_RGB};scroll-margin:60px}}</style>"
+        f"<div id='{name}'></div>"
+    )
 
 
 def stage_counts_html(text: str) -> str:

@@ -11,6 +11,9 @@ from app.state.commands import ZOOM_RANGE, Command, LookAt, SetCamera, SetCompar
 from app.widgets import Choice, Listing, when_changed, when_clicked
 from core.detection.methods import STAGED
 
+FOLLOW, FOLLOWING, WHOLE = "Follow the ball", "Follows the ball", "Follow the ball: zoom in first"
+"""What the button says: what it does, or why there is nothing to do."""
+
 
 class TuneViewPanel:
     """Which window of which camera is looked at, and how closely."""
@@ -24,7 +27,7 @@ class TuneViewPanel:
                 hint="What each stage keeps; keys 1 to 6",
             )  # fmt: skip
             self._zoom = gui.add_slider("Zoom", *ZOOM_RANGE, 0.5, 1.0, hint="Click into the picture to centre it there")
-            follow = gui.add_button("Follow the ball", icon=viser.Icon.FOCUS_2)
+            self._follow = gui.add_button("Follow the ball", icon=viser.Icon.FOCUS_2)
             self._slot = Choice(
                 gui, "Config", SLOTS, lambda value: send(SetSlot(value)),  # type: ignore[arg-type]
                 hint="The config that the sliders change",
@@ -32,7 +35,7 @@ class TuneViewPanel:
             self._compare = gui.add_checkbox("Compare A and B", False, hint="Both configs on the same window")
         when_changed(self._zoom, lambda value: send(SetZoom(float(str(value)))))
         when_changed(self._compare, lambda value: send(SetCompare(bool(value))))
-        when_clicked(follow, lambda: send(LookAt(None)))
+        when_clicked(self._follow, lambda: send(LookAt(None)))
 
     def show(self, state: ClientState) -> None:
         """Follow the state."""
@@ -42,5 +45,9 @@ class TuneViewPanel:
         self._compare.visible = not state.tune.side_by_side
         self._overlay.show(state.tune.overlay)
         self._zoom.value = state.tune.zoom
+        following = state.tune.centre_px is None
+        zoomed = state.tune.zoom > 1.0
+        self._follow.disabled = following or not zoomed
+        self._follow.label = FOLLOW if zoomed and not following else FOLLOWING if zoomed else WHOLE
         self._slot.show(state.tune.slot)
         self._compare.value = state.tune.compare

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import viser
 from viser import uplot
 
 from app import theme
-from app.panels.recording_info import plot_axis
+from app.modes.watch.folding import WIDTHS_PX, Room, room_beside
+from app.scene.prediction import AFTER_RGB, BEFORE_RGB
+from app.scene.speed_colours import speed_legend_html
 from app.views.image_view import set_png
+from app.widgets import Choice, plot_axis
 from core.rally.history.lead_time import LONGEST_MS, LeadTimeErrors
 
-WIDTH_PX = 310
 LEAD_TIME_HTML = (
     f"<div style='font-size:12.5px;color:{theme.MUTED};padding:4px 12px'>Median error of the predicted hit, in the "
     "hitting plane, by how long before it the prediction was made. Needs the truth: simulations know it.</div>"
@@ -25,14 +28,15 @@ BLANK = np.zeros((2, 2, 3), np.uint8)
 class CamerasPanel:
     """The camera pictures of one browser, as many as the recording has cameras."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
-        self._gui = gui
+    def __init__(self, gui: viser.GuiApi, enlarge: Callable[[str], None]) -> None:
+        self._gui, self._enlarge = gui, enlarge
         self.panel = gui.add_panel(visible=False)
         self._tab = self.panel.add_tab("Rally", viser.Icon.PING_PONG)
         self.panel.dock_left()
-        self.panel.set_width(WIDTH_PX)
+        self.panel.set_width(WIDTHS_PX["narrow"])
         with self._tab:
             self._pictures = gui.add_folder(None)
+            gui.add_html(speed_legend_html())
             self._moment = gui.add_html("")
             self._live = gui.add_html("")
         self._top_mm = TOP_STEP_MM
@@ -43,14 +47,38 @@ class CamerasPanel:
                 nothing.medians(),
                 (
                     uplot.Series(label="lead"),
-                    uplot.Series(label="before the bounce", stroke="rgb(255,214,10)", width=2, points={"show": True}),
-                    uplot.Series(label="after it", stroke="rgb(30,225,110)", width=2, points={"show": True}),
+                    uplot.Series(
+                        label="before the bounce",
+                        stroke="rgb({},{},{})".format(*BEFORE_RGB),
+                        width=2,
+                        points={"show": True},
+                    ),
+                    uplot.Series(
+                        label="after it", stroke="rgb({},{},{})".format(*AFTER_RGB), width=2, points={"show": True}
+                    ),
                 ),
                 scales=_scales(self._top_mm),
                 axes=(plot_axis("ms before the hit"), plot_axis("mm")),
                 aspect=1.2,
             )
+        self._room: Room = "narrow"
+        self._larger: Choice | None = None
         self._images: dict[str, viser.GuiImageHandle] = {}
+
+    def make_room(self, aspect: float) -> None:
+        """Take less room where the middle, of this width over height, has little, and more where it has much."""
+        room = room_beside(aspect, self._room)
+        if room == self._room:
+            return
+        if "folded" in (room, self._room):
+            (self.panel.minimize if room == "folded" else self.panel.expand)()
+        self.panel.set_width(WIDTHS_PX[room])
+        self._room = room
+
+    def show_large(self, camera: str) -> None:
+        """Mark the camera whose picture is in the middle."""
+        if self._larger is not None:
+            self._larger.show(camera)
 
     def show_lead_times(self, errors: LeadTimeErrors) -> None:
         """Median prediction error by lead time."""
@@ -75,6 +103,10 @@ class CamerasPanel:
                 image.remove()
             with self._pictures:
                 self._images = {name: self._gui.add_image(BLANK, label=name, format="png") for name in pngs}
+                if self._larger is not None:
+                    self._larger.remove()
+                hint = "In the middle of the window; again, or G: back"
+                self._larger = Choice(self._gui, "Larger", tuple(pngs), self._enlarge, hint=hint)
         for name, png in pngs.items():
             set_png(self._images[name], png)
 

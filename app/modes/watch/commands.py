@@ -15,7 +15,32 @@ class ShowSpace:
     on: bool
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
-        return replace(state, watch=replace(state.watch, in_space=bool(self.on)))
+        return replace(state, watch=replace(state.watch, in_space=bool(self.on), large=""))
+
+
+@dataclass(frozen=True, slots=True)
+class EnlargeCamera:
+    """One camera's picture in the middle, as large as it goes; the same camera again gives the scene back."""
+
+    camera: str
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        if self.camera not in state.cameras:
+            return state
+        large = "" if self.camera == state.watch.large else self.camera
+        return replace(state, watch=replace(state.watch, large=large))
+
+
+@dataclass(frozen=True, slots=True)
+class EnlargeNextCamera:
+    """Each camera after the other, then the scene again."""
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        if state.mode != "Watch":
+            return state
+        turn = ("", *state.cameras)
+        at = turn.index(state.watch.large) if state.watch.large in turn else 0
+        return replace(state, watch=replace(state.watch, large=turn[(at + 1) % len(turn)]))
 
 
 @dataclass(frozen=True, slots=True)

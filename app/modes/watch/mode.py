@@ -12,6 +12,7 @@ from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
 from app.modes.watch.camera_pictures import CameraPicturesRequest, render_camera_pictures
 from app.modes.watch.cameras_panel import CamerasPanel
+from app.modes.watch.commands import EnlargeCamera
 from app.modes.watch.simulation_panel import SimulationPanel
 from app.modes.watch.status import live_html, moment_html
 from app.modes.watch.view_panel import ViewPanel
@@ -54,7 +55,7 @@ class WatchMode:
                 gui, host.send, self._look_from, self._look_again, self._save_picture, host.world.views
             )
             self._simulation: SimulationPanel | None = None
-        self._cameras = CamerasPanel(gui)
+        self._cameras = CamerasPanel(gui, lambda camera: host.send(EnlargeCamera(camera)))
         self._pictures = LatestWins(host.pool, render_camera_pictures, self._pictures_done, self._failed)
         self._lead_times = LatestWins(host.pool, compute_lead_times, self._show_lead_times, self._failed)
         self._drawn: object = None
@@ -65,7 +66,13 @@ class WatchMode:
     def middle(self) -> Middle:
         """3D for a stereo recording, unless the pictures are wanted."""
         state = self._host.state
-        return "world" if self._rally is not None and state is not None and state.watch.in_space else "events"
+        return "world" if self._has_panel and state is not None and not state.watch.large else "events"
+
+    @property
+    def _has_panel(self) -> bool:
+        """Whether the cameras' pictures stand beside what the middle shows."""
+        state = self._host.state
+        return self._rally is not None and state is not None and state.watch.in_space
 
     @property
     def restless(self) -> bool:
@@ -76,7 +83,7 @@ class WatchMode:
         """Show the controls or hide them."""
         self._active = active
         self._folder.visible = active
-        self._cameras.panel.visible = active and self.middle == "world"
+        self._cameras.panel.visible = active and self._has_panel
         self._drawn = None
 
     def use_recording(self, recording: Recording) -> None:
@@ -93,8 +100,10 @@ class WatchMode:
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
         """Draw what changed since the last turn."""
-        in_space = self.middle == "world"
-        self._cameras.panel.visible = in_space
+        self._cameras.panel.visible = self._has_panel
+        self._cameras.show_large(state.watch.large)
+        if self.middle == "world":
+            self._cameras.make_room(self._host.client.camera.aspect)
         self._view.show(state, is_stereo=self._rally is not None, views=self._host.world.views)
         live = None if self._rally is None else self._rally.live
         if self._simulation is not None:
@@ -102,7 +111,7 @@ class WatchMode:
             if live is not None and wall_s - self._controllers_s > CONTROLLERS_EVERY_S:
                 self._controllers_s = wall_s
                 self._simulation.show_controllers()
-        if self._rally is None or not in_space or wall_s - self._drawn_s < DRAW_EVERY_S:
+        if self._rally is None or not self._has_panel or wall_s - self._drawn_s < DRAW_EVERY_S:
             return
         self._request_lead_times(wall_s)
         history = self._rally.history
@@ -120,10 +129,11 @@ class WatchMode:
             return
         self._drawn, self._drawn_s = key, wall_s
         self._host.world.layers = frozenset(LAYERS) - state.watch.hidden
-        picture = moment.picture
+        picture = replace(moment.picture, people=self._rally.people(moment.t_us))
         if live is not None:
             picture = replace(picture, landing_target=live.player.snapshot.goal_m)
-        self._host.world.draw(picture)
+        if self.middle == "world":
+            self._host.world.draw(picture)
         self._request_pictures(state, moment, wall_s)
 
     def clicked(self, x: float, y: float) -> None:
@@ -148,10 +158,8 @@ class WatchMode:
         self._host.later(lambda: self._show_pictures(pngs))
 
     def _show_pictures(self, pngs: dict[str, bytes]) -> None:
-        if self._active and self.middle == "world":
-            with self._host.client.atomic():
-                self._cameras.show(pngs)
-                self._host.world.show_camera_pictures(pngs)
+        if self._active and self._has_panel:
+            self._cameras.show(pngs)
 
     def _show_status(self, moment: RallyMoment, live: LiveRally | None) -> None:
         figures = ""

@@ -12,6 +12,7 @@ from app.modes.mode import ModeHost
 from app.shared.live_rally import LiveRally
 from app.shared.policies import run_choices
 from app.widgets import Listing, when_changed, when_clicked
+from app.words.glossary import tooltip
 from core.errors import RallyscopeError
 from core.rally.control.controller import BuiltInController
 from core.rally.control.policy_controller import load_controller
@@ -19,7 +20,7 @@ from core.rally.link import messages as m
 from core.simulation.scenes.scene import SCENES
 
 RECORD: Final = "Record"
-STOP, RUN, STEP = "Stop the clock", "Run", "One step"
+STOP, RUN, STEP = "Stop the clock", "Run", "Step 10 ms"
 BUILT_IN: Final = BuiltInController().name
 PACES: Final = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/50": 0.02}
 SPEEDS_MPS: Final = (3.0, 9.0)
@@ -40,10 +41,12 @@ class SimulationPanel:
         with self._folder:
             self._serve = gui.add_button("Serve", icon=viser.Icon.PING_PONG, hint="A ball at the chosen speed")
             self._speed = gui.add_slider("Serve speed [m/s]", *SPEEDS_MPS, 0.5, 5.0)
-            self._auto = gui.add_checkbox("Serve again and again", True)
-            self._pause = gui.add_button_group("Clock", (STOP, RUN, STEP), hint="One step: 10 ms")
+            self._auto = gui.add_checkbox("Auto-serve", True, hint=tooltip("Auto-serve"))
+            self._pause = gui.add_button_group(
+                "Clock", (STOP, RUN, STEP), hint=f"A step is a block. {tooltip('Block')}"
+            )
             self._record = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color="red")
-            self._pace = gui.add_dropdown("Pace", tuple(PACES), hint="Slow motion of the simulation itself")
+            self._pace = gui.add_dropdown("Pace", tuple(PACES), hint=tooltip("Pace"))
             self._scene = gui.add_dropdown(
                 "Scene", tuple(SCENES), hint="What the cameras look at; people take more time"
             )

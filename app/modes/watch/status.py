@@ -5,17 +5,22 @@ from __future__ import annotations
 import html
 import math
 from collections import Counter
+from typing import Final
 
 import numpy as np
 
 from app import theme
 from app.scene.landing import CASE_NAMES, CASE_RGB
+from app.words.glossary import GLOSSARY, tooltip
+from app.words.percent import percent
 from core.physics.episode import Case
 from core.rally.control.decision import RacketDecision
 from core.rally.history.rally_history import Outcome, RallyMoment, RallyStep
 from core.rally.link.messages import WorldState
-from core.rally.live.live_snapshot import RallySnapshot
+from core.rally.live.live_snapshot import Percentiles, RallySnapshot
 from core.trajectory.prediction import HitPlane
+
+STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
 
 
 def moment_html(moment: RallyMoment, action_limit_deg: float, followed: float) -> str:
@@ -23,41 +28,59 @@ def moment_html(moment: RallyMoment, action_limit_deg: float, followed: float) -
     step = moment.step
     sent = moment.sent
     rows = [
-        ("Ball", "-" if moment.speed_mps is None else f"{moment.speed_mps:.2f} m/s"),
-        ("Contact in", _contact(step, moment.t_us)),
-        ("Residual", _residual(step)),
-        ("Before bounce", _hit(step.before.hit if step and step.before else None)),
-        ("After bounce", _hit(step.after.hit if step and step.after else None)),
-        ("Racket action", _action(sent, action_limit_deg)),
-        ("Quaternion", "-" if sent is None else " ".join(f"{value:+.3f}" for value in sent.target.q_wxyz)),
+        ("Ball speed", "-" if moment.speed_mps is None else f"{moment.speed_mps:.2f} m/s"),
+        ("Hit in", _contact(step, moment.t_us)),
+        ("Stereo mismatch", _residual(step)),
+        ("Hit predicted before the bounce", _hit(step.before.hit if step and step.before else None)),
+        ("Hit predicted after the bounce", _hit(step.after.hit if step and step.after else None)),
+        ("Racket turned by", _action(sent, action_limit_deg)),
+        ("Racket pose, wxyz", "-" if sent is None else " ".join(f"{value:+.3f}" for value in sent.target.q_wxyz)),
         ("Aims at", _target(sent)),
         ("Last ball", _last(moment.outcomes)),
-        ("Balls", _balls(moment.outcomes)),
+        ("Returned", _balls(moment.outcomes)),
     ]
     if followed < 1:
-        rows.append(("Chain", f"<span style='color:{theme.MUTED}'>has seen {followed:.0%} of the recording</span>"))
+        rows.append(
+            ("Followed", f"<span style='color:{theme.MUTED}'>has seen {percent(followed)} of the recording</span>")
+        )
     return _table(rows)
 
 
 def live_html(snapshot: RallySnapshot, state: WorldState, status: str) -> str:
     """How well the live rally is followed."""
     health = snapshot.health
-    slow = state.real_time_factor < 0.95 * state.speed_factor
-    pace = f"{min(state.real_time_factor, state.speed_factor):.2f} x real time"
-    colour = theme.BAD if slow or status != "connected" else theme.GOOD
     rows = [
-        ("Simulation", f"<span style='color:{colour}'>{html.escape(status)}, {pace}</span>"),
-        ("State", f"{health.state_hz:.0f} Hz, {_ms(health.step.p50_ms)} / {_ms(health.step.p99_ms)} ms a step"),
-        ("Window to racket", f"{_ms(health.window_to_sent.p50_ms)} / {_ms(health.window_to_sent.p99_ms)} ms p50 / p99"),
+        ("Simulation", _simulation(state, status)),
+        ("Followed", f"{health.state_hz:.0f} times a second, {_usually(health.step)} each"),
+        ("Seen to racket", _usually(health.window_to_sent)),
         ("Controller", html.escape(snapshot.controller)),
     ]
     if state.readout_delayed or state.readout_dropped:
-        rows.append(("Readout", _readout(state)))
+        rows.append(("Sensor readout", _readout(state)))
     if health.blocks_dropped:
-        rows.append(("Dropped", f"<span style='color:{theme.BAD}'>{health.blocks_dropped} blocks</span>"))
+        skipped = f"{health.blocks_dropped} since the session began, of 100 a second: this machine was busy"
+        rows.append(
+            ("Skipped blocks", f"<span style='color:{theme.MUTED}'>{skipped}. Many? Choose a slower Pace</span>")
+        )
     if snapshot.problem:
         rows.append(("Problem", f"<span style='color:{theme.BAD}'>{html.escape(snapshot.problem)}</span>"))
     return _table(rows)
+
+
+def _simulation(state: WorldState, status: str) -> str:
+    """Whether it is there and keeps pace, and what to do if not."""
+    if status != "connected":
+        return f"<span style='color:{theme.BAD}'>{html.escape(status)}, nothing is heard: start Rallyscope again</span>"
+    pace = f"{min(state.real_time_factor, state.speed_factor):.2f} x real time"
+    if state.paused:
+        return f"{html.escape(status)}, its clock stands still: press Run"
+    if state.real_time_factor < 0.95 * state.speed_factor:
+        return f"<span style='color:{theme.BAD}'>{html.escape(status)}, only {pace}: choose a slower Pace</span>"
+    return f"<span style='color:{theme.GOOD}'>{html.escape(status)}, {pace}</span>"
+
+
+def _usually(step: Percentiles) -> str:
+    return f"{_ms(step.p50_ms)} ms, seldom {_ms(step.p99_ms)} ms"
 
 
 def _readout(state: WorldState) -> str:
@@ -65,7 +88,7 @@ def _readout(state: WorldState) -> str:
     late = f"{state.readout_delayed:,} late, up to {state.readout_longest_us} us"
     if not state.readout_dropped:
         return late
-    return f"{late}, <span style='color:{theme.BAD}'>{state.readout_dropped:,} events lost</span>"
+    return f"{late}, <span style='color:{theme.BAD}'>{state.readout_dropped:,} events lost: take less Noise</span>"
 
 
 def landing_legend_html() -> str:
@@ -78,10 +101,15 @@ def landing_legend_html() -> str:
 
 def _table(rows: list[tuple[str, str]]) -> str:
     cells = "".join(
-        f"<tr><td style='color:{theme.MUTED};padding-right:10px;white-space:nowrap'>{name}</td><td>{value}</td></tr>"
+        f"<tr><td style='color:{theme.MUTED};padding-right:10px;max-width:120px'{_title(name)}>{name}</td>"
+        f"<td>{value}</td></tr>"
         for name, value in rows
     )
     return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'><table>{cells}</table></div>"
+
+
+def _title(name: str) -> str:
+    return f" title='{html.escape(tooltip(name), quote=True)}'" if name in GLOSSARY else ""
 
 
 def _contact(step: RallyStep | None, t_us: int) -> str:
@@ -102,7 +130,7 @@ def _residual(step: RallyStep | None) -> str:
     if step is None or step.point is None:
         return "-"
     sigma_mm = 1e3 * float(np.sqrt(np.trace(step.point.covariance_m2) / 3))
-    return f"{step.point.residual_px:.2f} px, sigma {sigma_mm:.1f} mm"
+    return f"{step.point.residual_px:.2f} px, ball &plusmn;{sigma_mm:.1f} mm"
 
 
 def _hit(hit: HitPlane | None) -> str:
@@ -115,7 +143,7 @@ def _hit(hit: HitPlane | None) -> str:
 def _action(sent: RacketDecision | None, limit_deg: float) -> str:
     if sent is None:
         return "-"
-    return ", ".join(f"{angle * limit_deg:+.1f}&deg;" for angle in sent.action) + f" ({sent.stage}-bounce)"
+    return ", ".join(f"{angle * limit_deg:+.1f}&deg;" for angle in sent.action) + f" {STAGES[sent.stage]}"
 
 
 def _target(sent: RacketDecision | None) -> str:
@@ -137,7 +165,7 @@ def _balls(outcomes: tuple[Outcome, ...]) -> str:
         return "-"
     counts = Counter(outcome.spot.case for outcome in outcomes)
     returned = counts[Case.RETURNED]
-    return f"{returned} of {len(outcomes)} returned ({returned / len(outcomes):.0%})"
+    return f"{returned} of {len(outcomes)} returned ({percent(returned / len(outcomes))})"
 
 
 def _ms(value: float) -> str:

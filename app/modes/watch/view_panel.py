@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import viser
 
-from app.modes.watch.commands import ShowLayer, ShowSpace
+from app import theme
+from app.modes.watch.commands import EnlargeNextCamera, ShowLayer, ShowSpace
 from app.modes.watch.status import landing_legend_html
 from app.scene.world import LAYERS
 from app.state.client_state import ClientState
@@ -14,6 +15,10 @@ from app.state.commands import Command
 from app.widgets import Choice, when_changed, when_clicked, when_triggered
 
 IN_SPACE, FLAT = "3D", "Pictures"
+WHY_FLAT_HTML = (
+    f"<div style='font-size:12.5px;color:{theme.MUTED};padding:4px 12px'>Pictures only: 3D needs two cameras and their "
+    "calibration (<code>rallyscope import LEFT RIGHT --calibration FILE</code>).</div>"
+)
 
 
 class ViewPanel:
@@ -31,6 +36,7 @@ class ViewPanel:
         self._gui = gui
         self._look_from = look_from
         self._space = Choice(gui, "Show", (IN_SPACE, FLAT), lambda chosen: send(ShowSpace(chosen == IN_SPACE)))
+        self._why_flat = gui.add_html(WHY_FLAT_HTML)
         self._views_folder = gui.add_folder(None)
         self._views = views
         self._add_views()
@@ -40,14 +46,17 @@ class ViewPanel:
             gui.add_html(landing_legend_html())
             self._save = gui.add_button("Save this view as PNG", icon=viser.Icon.CAMERA, hint="Drawn by your browser")
         when_clicked(self._save, save_picture)
+        next_camera = gui.add_command("Larger picture: the next camera, then the scene again", hotkey="G")
+        when_triggered(next_camera, lambda: send(EnlargeNextCamera()))
         when_triggered(gui.add_command("Look again from the chosen view", hotkey="V"), look_again)
         for layer, box in self._layers.items():
             when_changed(box, lambda on, layer=layer: send(ShowLayer(layer, bool(on))))
 
     def show(self, state: ClientState, *, is_stereo: bool, views: tuple[str, ...]) -> None:
         """Follow the state; a recording that is not stereo has no 3D."""
-        in_space = is_stereo and state.watch.in_space
+        in_space = is_stereo and state.watch.in_space and not state.watch.large
         self._space.show(IN_SPACE if in_space else FLAT)
+        self._space.visible, self._why_flat.visible = is_stereo, not is_stereo
         self._views_folder.visible = self._layers_folder.visible = in_space
         if views != self._views:
             self._views = views

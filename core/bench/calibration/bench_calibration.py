@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from core.bench.calibration.calibration_error import Part, SpaceErrors, perturb, seen_volume, space_errors
 from core.bench.calibration.swept_ball import BallSwing, click_corners, seen_by
 from core.bench.machine import describe_machine
+from core.bench.partial_rows import tell_rows
 from core.cameras import Camera, stereo_preset
 from core.cameras.calibration.point_track import PointTrack
 from core.cameras.calibration.rig import calibrate_rig
@@ -57,8 +58,9 @@ def run(progress: Progress) -> dict[str, object]:
     rows: list[Row] = []
     for placement in PLACEMENTS:
         for level_px in LEVELS_PX:
-            rows += [error_row(placement, level_px, noise_px, "both") for noise_px in (0.0, NOISE_PX)]
-        progress(0.1 * len(rows) / (len(PLACEMENTS) * len(LEVELS_PX) * 2))
+            found = [error_row(placement, level_px, noise_px, "both") for noise_px in (0.0, NOISE_PX)]
+            rows += found
+            tell_rows(progress, found, 0.1 * len(rows) / (len(PLACEMENTS) * len(LEVELS_PX) * 2))
     parts: list[Part] = ["pose", "lens"]
     by_part = [error_row(placement, 0.2, 0.0, part) for placement in PLACEMENTS for part in parts]
     rigs: list[Row] = []

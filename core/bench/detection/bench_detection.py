@@ -25,6 +25,7 @@ from core.bench.detection.exactness import (
 )
 from core.bench.detection.simulated_streams import simulate_flights
 from core.bench.machine import describe_machine
+from core.bench.partial_rows import tell_rows
 from core.config import replace_setting
 from core.detection import Detection, DetectorConfig, FastDetector, ReferenceDetector, TrackState, trace_window
 from core.detection.methods import method_config
@@ -65,7 +66,7 @@ def run(progress: Progress) -> dict[str, object]:
                 row = {"scene": "ball", "noise_hz": noise_hz, "window_us": window_us, "mode": mode, "method": method}
                 timed = time_both(streams[noise_hz], config, window_us, WINDOWS_TIMED, evict)
                 rows.append(row | timed | accuracy(streams[noise_hz], config, window_us))
-                progress(len(rows) / steps)
+                tell_rows(progress, rows[-1:], len(rows) / steps)
         stream, config = streams[noise_hz][0], method_config(method)
         windows = windows_between(stream, 0, duration_of(stream), config.window.window_us)
         live += compare_detectors(ReferenceDetector(config), FastDetector(config), windows)

@@ -16,6 +16,8 @@ from core.bench.machine import describe_machine
 from core.bench.perception import plan
 from core.bench.perception.comparisons import compare
 from core.bench.perception.measure import load_recording, measure_method, read_recording
+from core.bench.perception.measure_frames import METHOD as FRAME_METHOD
+from core.bench.perception.measure_frames import measure_frames, weights_stamp
 from core.bench.perception.page import html_page, markdown_page
 from core.bench.perception.pictures import draw_windows
 from core.bench.perception.results import (
@@ -61,8 +63,8 @@ def run(progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, cou
     replace_file(page, html_page(sections, pictures).encode(), durable=False)
     replace_file(report.parent / "images" / PICTURE, pictures[len(pictures) // 2].png, durable=False)
     return {
-        "rows": [_row(runs, method) for method in plan.METHODS],
-        "intervals": {method: _intervals(runs, method) for method in plan.METHODS},
+        "rows": [_row(runs, method) for method in plan.ROWS],
+        "intervals": {method: _intervals(runs, method) for method in plan.ROWS},
         "comparisons": [asdict(one) for one in compare(runs)],
         "seeds": [one.seed for one in runs],
         "report": str(report),
@@ -84,7 +86,7 @@ def run_seed(planned: DataSetPlan, folder: Path, progress: Progress, *, with_rec
         if one in missing:
             measure_recording(one, folder, planned.seed)
         reading = kept_reading(plan.reading_path(folder, planned.seed, one.name))
-        found = [kept_result(plan.result_path(folder, planned.seed, one.name, method)) for method in plan.METHODS]
+        found = [kept_result(path) for path in _result_paths(folder, planned.seed, one.name)]
         assert reading is not None
         readings.append(reading)
         results += [result for result in found if result is not None]
@@ -100,6 +102,9 @@ def measure_recording(planned: PlannedRecording, folder: Path, seed: int) -> Non
             path = plan.result_path(folder, seed, planned.name, method)
             if kept_result(path) is None:
                 keep(path, measure_method(recording, method))
+        path = _frame_path(folder, seed, planned.name)
+        if path is not None and kept_result(path) is None and (result := measure_frames(recording)) is not None:
+            keep(path, result)
         path = plan.reading_path(folder, seed, planned.name)
         if kept_reading(path) is None:
             keep(path, read_recording(recording))
@@ -108,8 +113,23 @@ def measure_recording(planned: PlannedRecording, folder: Path, seed: int) -> Non
 def _is_measured(folder: Path, seed: int, planned: PlannedRecording) -> bool:
     if kept_reading(plan.reading_path(folder, seed, planned.name)) is None:
         return False
-    paths = [plan.result_path(folder, seed, planned.name, method) for method in plan.METHODS]
+    paths = _result_paths(folder, seed, planned.name)
+    if planned.making.frames is None:  # then the frame detector has nothing to say
+        paths = paths[: len(plan.METHODS)]
     return all(kept_result(path) is not None for path in paths)
+
+
+def _result_paths(folder: Path, seed: int, recording: str) -> list[Path]:
+    """Of every method, that of the frame detector last, if it has weights."""
+    paths = [plan.result_path(folder, seed, recording, method) for method in plan.METHODS]
+    frames = _frame_path(folder, seed, recording)
+    return paths if frames is None else [*paths, frames]
+
+
+def _frame_path(folder: Path, seed: int, recording: str) -> Path | None:
+    """None without weights: the rows are empty then, and the report says why."""
+    stamp = weights_stamp()
+    return None if stamp is None else plan.frame_result_path(folder, seed, recording, FRAME_METHOD, stamp)
 
 
 def _are_there(planned: DataSetPlan, folder: Path) -> bool:

@@ -7,15 +7,14 @@ import time
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from core.bench.perception.loaded_camera import LoadedCamera
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.detection.refined_config import RefinedConfig
-from core.events import Events, SensorSize
+from core.events import Events
 from core.jit import njit
-from core.metrics.grid_score import image_velocity
+from core.metrics.grid_score import image_velocity, wholly_in_view
 from core.recordings import PixelTruth
 
 SENSOR_DELAY_US: Final = RefinedConfig().delay_us
@@ -83,18 +82,6 @@ def edge_events(events: Events, truth: PixelTruth) -> Events:
     at = truth.at(events.t_us - SENSOR_DELAY_US)
     distance = np.hypot(events.x_px - at.u_px, events.y_px - at.v_px)
     return events.rows(np.nan_to_num(np.abs(distance - at.r_px), nan=np.inf) <= RIM_PX)
-
-
-def wholly_in_view(at: PixelTruth, sensor: SensorSize) -> NDArray[np.bool_]:
-    """(N,) where nothing hides the ball and no part of it is outside the picture."""
-    with np.errstate(invalid="ignore"):
-        return (
-            at.visible
-            & (at.u_px >= at.r_px)
-            & (at.u_px <= sensor.width_px - 1 - at.r_px)
-            & (at.v_px >= at.r_px)
-            & (at.v_px <= sensor.height_px - 1 - at.r_px)
-        )
 
 
 def read_time_ns(events: Events) -> float:

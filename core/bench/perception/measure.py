@@ -13,7 +13,7 @@ import numpy as np
 
 from core.bench.detection.bench_rivals import ANY_SPEED, TimedDetector
 from core.bench.perception.hitting_point import space_errors
-from core.bench.perception.limits import CircleBounds, circle_bounds, read_time_ns, wholly_in_view
+from core.bench.perception.limits import CircleBounds, circle_bounds, read_time_ns
 from core.bench.perception.loaded_camera import LoadedCamera, load_camera
 from core.bench.perception.plan import METHODS, chain_of
 from core.bench.perception.recovery import recovery_times_ms
@@ -22,7 +22,7 @@ from core.cameras import Camera
 from core.detection import make_detector
 from core.detection.methods import Method, method_config
 from core.detection.window import windows_between
-from core.metrics.grid_score import GridScore, score_on_grid
+from core.metrics.grid_score import GridScore, score_on_grid, wholly_in_view
 from core.metrics.run import WindowAnswers, run_detector
 from core.rally.chain.follow import calibrated_cameras
 from core.recordings import BallTruth

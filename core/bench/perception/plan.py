@@ -15,6 +15,9 @@ from core.rally.data_sets.plan import Making
 from core.rally.data_sets.presets import PAPER7_FRAMES
 
 METHODS: Final[tuple[Method, ...]] = ("paper", "auto", "refined", "ebpp", "fe-fusion")
+FRAME_METHODS: Final = ("yolo",)
+"""Those that look at the pictures of the same recordings."""
+ROWS: Final = (*METHODS, *FRAME_METHODS)
 RIVALS: Final[tuple[Method, ...]] = ("ebpp", "fe-fusion")
 FIRST_SEED: Final = 7
 BALL_ONLY: Final = "ball"
@@ -40,6 +43,11 @@ def result_path(folder: Path, seed: int, recording: str, method: Method) -> Path
     """Of what one method did on one recording; named by its settings too: a changed one is another result."""
     settings = json.dumps(config_to_mapping(chain_of(method)), sort_keys=True, default=str)
     stamp = hashlib.sha256(settings.encode()).hexdigest()[:10]
+    return folder / "results" / str(seed) / f"{recording}-{method}-{stamp}.json"
+
+
+def frame_result_path(folder: Path, seed: int, recording: str, method: str, stamp: str) -> Path:
+    """The same of a method that looks at pictures; the stamp says which weights it has."""
     return folder / "results" / str(seed) / f"{recording}-{method}-{stamp}.json"
 
 

@@ -61,6 +61,11 @@ class PerceptionResult:
     """Errors of the hitting points that were predicted 100 ms before."""
     shown: ShownAnswer | None
     """In the first camera, of the window that is drawn; None where it said nothing."""
+    frame_bytes: int = 0
+    """Of the pictures that were read, not compressed; so the next two, 0 and None of methods that look at events."""
+    exposure_us: int = 0
+    sharp_recall: float | None = None
+    """What the detector finds of sharp pictures that it was not trained on: with less than 0.9 it is no rival."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +104,9 @@ def keep(path: Path, result: PerceptionResult | RecordingReading) -> None:
 def kept_result(path: Path) -> PerceptionResult | None:
     """A result that was kept; None if there is none, or one of another version."""
     stored: dict[str, Any] = read_json(path)
+    if not stored:
+        return None
+    stored = {"frame_bytes": 0, "exposure_us": 0, "sharp_recall": None} | stored  # kept before there were pictures
     if stored.keys() != {field.name for field in fields(PerceptionResult)}:
         return None
     shown = stored.pop("shown")

@@ -16,11 +16,12 @@ from core.bench.perception.comparisons import (
     scene_verdict,
 )
 from core.bench.perception.limits import SENSOR_DELAY_US
-from core.bench.perception.plan import METHODS
+from core.bench.perception.plan import FRAME_METHODS, METHODS, ROWS
 from core.bench.perception.summary import (
     EVENT_BYTES,
     FEWEST_SEEDS,
     FIGURES,
+    READOUT_US,
     SeedEstimate,
     SeedRun,
     bytes_per_detection,
@@ -37,6 +38,7 @@ from core.bench.perception.summary import (
     recall,
 )
 from core.bench.perception.words import one_line, paragraphs
+from core.detection.methods import FRAME_METHODS as FRAME_METHOD_WORDS
 from core.detection.methods import METHODS as METHOD_WORDS
 
 
@@ -80,8 +82,20 @@ def _conditions(runs: Sequence[SeedRun], machine: Mapping[str, object]) -> Repor
     seeds = ", ".join(str(run.seed) for run in runs)
     few = len(runs) < FEWEST_SEEDS
     brackets = one_line(words.OVER_RECORDINGS, fewest=FEWEST_SEEDS) if few else one_line(words.OVER_SEEDS)
-    filled = {"seeds": seeds, "count": len(runs), "brackets": brackets, "machine": machine_words(machine)}
+    filled = {
+        "seeds": seeds,
+        "count": len(runs),
+        "brackets": brackets,
+        "machine": machine_words(machine),
+        "frame_detector": _frame_detector_words(runs),
+    }
     return ReportSection("Conditions", paragraphs(words.CONDITIONS, **filled))
+
+
+def _frame_detector_words(runs: Sequence[SeedRun]) -> str:
+    sharp = [one.sharp_recall for run in runs for method in FRAME_METHODS for one in run.of(method)]
+    known = [value for value in sharp if value is not None]
+    return one_line(words.FRAME_DETECTOR, sharp=f"{min(known):.3f}") if known else one_line(words.NO_FRAME_DETECTOR)
 
 
 def _accuracy(runs: Sequence[SeedRun]) -> ReportSection:
@@ -110,13 +124,14 @@ def _cost(runs: Sequence[SeedRun]) -> ReportSection:
 
 
 def _methods() -> str:
-    return "; ".join(f"`{method}`: {METHOD_WORDS[method]}" for method in METHODS) + "."
+    said = METHOD_WORDS | FRAME_METHOD_WORDS
+    return "; ".join(f"`{method}`: {said[method]}" for method in ROWS) + "."
 
 
 def _figure_rows(runs: Sequence[SeedRun], forms: Mapping[str, str]) -> tuple[tuple[str, ...], ...]:
     return tuple(
         (f"`{method}`", *(cell(estimate(runs, method, FIGURES[name]), form) for name, form in forms.items()))
-        for method in METHODS
+        for method in ROWS
     )
 
 
@@ -146,6 +161,7 @@ def _frame_words(runs: Sequence[SeedRun]) -> str:
         wait_ms=exposure_ms / 2,
         exposure_ms=exposure_ms,
         period_ms=1e-3 * mean([one.frame_period_us for one in readings]),
+        readout_ms=1e-3 * READOUT_US,
         megabytes=1e-6 * mean([frame_bytes_per_ball(run.readings) for run in runs]),
     )
 
@@ -195,7 +211,7 @@ def _recordings(runs: Sequence[SeedRun]) -> ReportSection:
     )  # fmt: skip
     rows = []
     for reading in runs[0].readings if runs else ():
-        for method in METHODS:
+        for method in ROWS:
             results = [one for run in runs for one in run.of(method, [reading.recording])]
             hits = f"{sum(len(one.hit_mm) for one in results)} of {sum(one.hits for one in results)}"
             cells = (_known(figure(results), form) for figure, form in figures)
@@ -208,8 +224,8 @@ def _recordings(runs: Sequence[SeedRun]) -> ReportSection:
 
 
 def _definitions() -> ReportSection:
-    text = paragraphs(words.DEFINITIONS, event_bytes=EVENT_BYTES, delay_ms=1e-3 * SENSOR_DELAY_US)
-    return ReportSection("How it is measured", text)
+    delays = {"delay_ms": 1e-3 * SENSOR_DELAY_US, "readout_ms": 1e-3 * READOUT_US}
+    return ReportSection("How it is measured", paragraphs(words.DEFINITIONS, event_bytes=EVENT_BYTES, **delays))
 
 
 def _known(value: float, form: str) -> str:

@@ -15,6 +15,9 @@ from core.bench.perception.results import PerceptionResult, RecordingReading, me
 Results = Sequence[PerceptionResult]
 EVENT_BYTES: Final = 4
 """Of an event as the camera sends it: one 32-bit word of Prophesee's EVT 2.0. (The columns of our files have 13.)"""
+READOUT_US: Final = 8300
+"""From the end of an exposure to the whole picture in memory (assumed): a sensor of at most 120 pictures a second
+needs so long to read one."""
 FEWEST_SEEDS: Final = 3
 """For an interval over seeds; of fewer, the least and the greatest of single recordings are given."""
 RESAMPLES: Final = 2000
@@ -90,9 +93,9 @@ def hits_told(results: Results) -> float:
 
 
 def bytes_per_detection(results: Results) -> float:
-    """All events that were read, for each right answer."""
+    """All events, or pictures, that were read, for each right answer."""
     right = sum(one.answers - one.false for one in results)
-    return ratio(EVENT_BYTES * sum(one.events for one in results), right)
+    return ratio(sum(EVENT_BYTES * one.events + one.frame_bytes for one in results), right)
 
 
 def cpu_ms(percent: float) -> Callable[[Results], float]:
@@ -102,16 +105,24 @@ def cpu_ms(percent: float) -> Callable[[Results], float]:
 
 def latency_p50_ms(results: Results) -> float:
     """From the light to the answer: the sensor's delay, half a window of waiting for its end, the median step."""
-    if not results:
-        return math.nan
-    return 1e-3 * (SENSOR_DELAY_US + results[0].window_us / 2) + cpu_ms(50)(results)
+    return sensing_ms(results, 0.5) + cpu_ms(50)(results)
 
 
 def latency_p99_ms(results: Results) -> float:
     """The same for light that came first in a window, and a slow step: 99 % of all light is answered sooner."""
+    return sensing_ms(results, 1.0) + cpu_ms(99)(results)
+
+
+def sensing_ms(results: Results, share: float) -> float:
+    """From light that meets the sensor when so much of the window, or of the exposure, is still to come, until the
+    detector has its input. Light that comes between two exposures is not waited for: nobody sees it.
+    """
     if not results:
         return math.nan
-    return 1e-3 * (SENSOR_DELAY_US + results[0].window_us) + cpu_ms(99)(results)
+    one = results[0]
+    if one.exposure_us:
+        return 1e-3 * (share * one.exposure_us + READOUT_US)
+    return 1e-3 * (SENSOR_DELAY_US + share * one.window_us)
 
 
 def recovery_median_ms(results: Results) -> float:

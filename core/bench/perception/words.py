@@ -15,8 +15,7 @@ settings of each method as they come. Seeds: {seeds}. {brackets}
 The recordings are simulated after the paper's description; its own cannot be had. Equal figures would not mean equal
 recordings.
 
-There is no frame detector here yet (`yolo` is planned): what the paper compares with RGB is not measured, except the
-data, for which the size of the frames is enough.
+`yolo` looks at the frames of the same recordings, the others at their events. {frame_detector}
 
 More seeds: `--count 10`. A set is made where it is missing (415 seconds of one core's time, 0.5 GB), what was measured
 is kept, and the same command goes on where it was ended.
@@ -32,6 +31,17 @@ With fewer than {fewest} seeds there is no interval over seeds: in brackets are 
 single recordings, which says how much they differ and nothing of how sure the figure is.
 """
 
+FRAME_DETECTOR: Final = """
+It is YOLOv4-tiny with the weights that come with the package, trained on rendered pictures with seeds of their own
+(docs/detector.md); of sharp frames of 0.5 ms that it was not trained on it finds {sharp}, and with 0.9 or more it
+counts as a rival. A time of the recall's grid is found with a right answer within half a frame's period, of events
+within half a window, so that `yolo` is asked no more often than there are frames.
+"""
+NO_FRAME_DETECTOR: Final = """
+It has no weights here, so that its rows are empty and nothing is said of what the paper compares with RGB, except the
+data, for which the size of the frames is enough: `rallyscope train-detector yolo` makes some.
+"""
+
 COMPARISONS: Final = """
 The paper states ratios and not how they are computed; `how` says what is divided here. Where it says "up to", the best
 recording counts. The rivals are our implementations, tuned on other simulated flights; how the paper tuned its own,
@@ -43,7 +53,8 @@ detector that takes {frame_ms:.0f} ms or more. {frames}
 NO_FRAMES: Final = "The recordings have no frames."
 FRAMES: Final = """
 Of a frame, light waits {wait_ms:.1f} ms on average for the end of the exposure ({exposure_ms:.1f} ms), one frame
-comes every {period_ms:.1f} ms, and the read-out (not simulated) and the detector come on top. For each frame with a
+comes every {period_ms:.1f} ms, the read-out takes {readout_ms:.1f} ms (assumed: that of a sensor of 120 pictures a
+second at most), and the detector comes on top. For each frame with a
 ball, {megabytes:.2f} MB of frames have to be read.
 """
 DATA_HOW: Final = """
@@ -51,7 +62,21 @@ DATA_HOW: Final = """
 the best recording
 """
 DATA_OURS: Final = """
-{best}; all recordings {whole}; frames of one byte a pixel {mosaic}; per second, whatever is found, {rate}
+{best}; all recordings {whole}; frames of one byte a pixel {mosaic}; per second, whatever is found, {rate}; all frames
+per right answer of `yolo`, all recordings {found}
+"""
+LATENCY_HOW: Final = """
+1 - latency from events / latency of `yolo` on frames, both light to answer p50 over all recordings, exposure and
+read-out included
+"""
+LATENCY_OURS: Final = """
+{all}; if the network took no time {sensed}
+"""
+RECALL_HOW: Final = """
+recall from events / recall of `yolo` on frames - 1; the best recording
+"""
+RECALL_OURS: Final = """
+{best}; all recordings {whole}
 """
 
 SCENES: Final = """
@@ -82,12 +107,15 @@ chain says at its last step 100 ms before the ball is there; `told` is the share
 `paper` predicts by the paper's five-point rule and checks no sizes; the others with the filter.
 
 Bytes per detection: all events that the detector was given, {event_bytes} bytes each (EVT 2.0), over its right
-answers. (In the columns of our files an event has 13 bytes before compression.)
+answers; of `yolo` all frames, 3 bytes a pixel. (In the columns of our files an event has 13 bytes before
+compression.)
 
 CPU: processor time of one thread for one step of one camera that answered, warm, events in memory. Light to answer:
 the sensor's delay ({delay_ms:.2f} ms) + waiting for the end of the window + the step. p50 takes half a window and the
 median step; p99 the whole window, as for light that came first, and the 99th percentile of the steps: at most one
-answer in a hundred comes later. Transfer from the camera is not in it.
+answer in a hundred comes later. Transfer from the camera is not in it. For `yolo`: half the exposure (p50) or all
+of it (p99), the read-out ({readout_ms:.1f} ms, assumed) and the step; light between two exposures is not waited for,
+since nobody sees it.
 
 Recovery: from a ball's appearance, after at least 5 ms without one and for at least 10 ms, to the end of the first
 window with a right answer; balls that are never found count as endless.

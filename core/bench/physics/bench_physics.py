@@ -14,6 +14,7 @@ from typing import Final, Literal
 import numpy as np
 
 from core.bench.machine import describe_machine
+from core.bench.partial_rows import tell_rows
 from core.physics import Serves, Strokes, TaskConfig, strokes_from_actions
 from core.physics.impact import strike, surfaces_from_config
 from core.physics.task import STAGE_SPEEDS_MPS, task_profile
@@ -45,7 +46,7 @@ def run(progress: Progress) -> dict[str, object]:
         for dt_s in STEPS_S:
             row |= compare_physics(task, speed, dt_s, BALLS)
         rows.append(row)
-        progress(0.9 * len(rows) / len(cases))
+        tell_rows(progress, rows[-1:], 0.9 * len(rows) / len(cases))
     speed = throughput(SPEED_EPISODES)
     progress(0.93)
     soft = [soft_drops(surface, dt_s, DROPS) for surface in ("table", "racket") for dt_s in (0.0005, 0.001)]

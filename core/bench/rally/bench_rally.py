@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.bench.machine import describe_machine
+from core.bench.partial_rows import tell_rows
 from core.bench.rally.rally_report import write_rally_report
 from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720
@@ -101,7 +102,7 @@ def run(
     rows: list[dict[str, object]] = []
     for name, speed in cases:
         rows.append({"chain": name} | measure_rally(SENSOR_720, speed, balls, chain=chain_named(name)))
-        progress(len(rows) / len(cases))
+        tell_rows(progress, rows[-1:], len(rows) / len(cases))
     clock = "wall time per step of chain and controller; `chain_cores` is time of steps per simulated time"
     machine = describe_machine("numba", "numpy", "mujoco", clock=clock)
     if report is not None:

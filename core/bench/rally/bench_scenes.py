@@ -10,6 +10,7 @@ import numpy as np
 
 from core.bench.detection.simulated_streams import simulate_flights
 from core.bench.machine import describe_machine, machine_words
+from core.bench.partial_rows import tell_rows
 from core.bench.simulation.scene_picture import picture_of_scene
 from core.cameras import stereo_preset
 from core.detection import make_detector
@@ -65,8 +66,9 @@ def run(
     steps = len(scenes) * (len(PLACEMENTS) + 1)
     for number, scene in enumerate(scenes):
         for index, placement in enumerate(OF_RALLY if scene == "rally" else PLACEMENTS):
-            seen += detect_in(scene, placement)
-            progress((number * (len(PLACEMENTS) + 1) + index + 1) / steps)
+            found = detect_in(scene, placement)
+            seen += found
+            tell_rows(progress, found, (number * (len(PLACEMENTS) + 1) + index + 1) / steps)
         returned[scene] = play_in(scene, balls)
         progress((number + 1) * (len(PLACEMENTS) + 1) / steps)
     machine = describe_machine("numba", "numpy", clock="none: counts of simulated windows and balls")

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.bench.machine import describe_machine
+from core.bench.partial_rows import tell_rows
 from core.events import SensorSize
 from core.recordings import open_recording
 
@@ -63,8 +64,9 @@ def run(progress: Callable[[float], None]) -> Report:
             write_evt3(source, events)
             measured = [_import(tiny, source, recording) for _ in range(runs)]
             source.unlink()
-            rows += _import_rows(measured, events)
-            progress(share)
+            found = _import_rows(measured, events)
+            rows += found
+            tell_rows(progress, found, share)
         rows.append(_slice_row(recording))
         progress(1.0)
     return {"rows": rows, "machine": describe_machine("h5py", clock="wall time, files warm")}

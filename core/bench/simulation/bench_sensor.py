@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.bench.machine import describe_machine, machine_words
+from core.bench.partial_rows import tell_rows
 from core.bench.simulation.dense_sensor import DENSE_STEP_US, compare_events, dense_events
 from core.cameras import Camera
 from core.cameras.presets import DISTORTION, FOCAL_PX, PLACEMENTS
@@ -103,7 +104,7 @@ def run(progress: Callable[[float], None], *, report: Path = REPORT) -> dict[str
     rows: list[dict[str, object]] = []
     for clip in CLIPS:
         rows.append(measure_sensor(clip))
-        progress(len(rows) / len(CLIPS))
+        tell_rows(progress, rows[-1:], len(rows) / len(CLIPS))
     machine = describe_machine("numba", "numpy", clock="none: counts and times of simulated events")
     report.write_text(write_sensor_report(rows, machine), encoding="utf-8")
     return {"rows": rows, "report": str(report), "machine": machine}

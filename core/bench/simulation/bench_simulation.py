@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from core.bench.machine import describe_machine
+from core.bench.partial_rows import tell_rows, within
 from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720, SENSOR_1280
 from core.events import SensorSize
@@ -65,21 +66,30 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
     """A row per case, and the machine. Speeds are simulated seconds, of both cameras at once, per second of a clock."""
     measure_simulation(SpeedCase("ball", SensorSize(64, 64), 5.0, 0.1), serves=1)  # compile, or read the compiled code
     rows: list[dict[str, object]] = []
-    for case in CASES:
-        rows.append(measure_simulation(case))
-        progress(len(rows) / len(CASES))
+    for number, case in enumerate(CASES):
+        part = within(progress, number / len(CASES), (number + 1) / len(CASES))
+        rows.append(measure_simulation(case, progress=part))
+        tell_rows(progress, rows[-1:], (number + 1) / len(CASES))
     clock = f"CPU time of one thread, and wall time with a thread per camera; median and slowest of {RUNS} runs"
     return {"rows": rows, "machine": describe_machine("numba", "numpy", clock=clock)}
 
 
-def measure_simulation(case: SpeedCase, *, serves: int = SERVES) -> dict[str, object]:
+def measure_simulation(
+    case: SpeedCase, *, serves: int = SERVES, progress: Callable[[float], None] = lambda share: None
+) -> dict[str, object]:
     """Measure one setting: one row of the report."""
     balls = [LaunchConfig(speed_mps=case.speed_mps)] * serves
     path, strokes = draw_flights(scene_named(case.scene), balls, np.random.default_rng(SEED))
     bodies = make_actors(scene_named(case.scene).cast, SEED, strokes)
     end_us = min(int(np.ceil(path.end_s * 1e6 / BLOCK_US)) * BLOCK_US, LONGEST_US)
-    events, cpus_s, setups_s = zip(*(_take_turns(case, path, bodies, end_us) for _ in range(RUNS)), strict=True)
-    walls_s = [_wall_s(case, path, bodies, end_us) for _ in range(RUNS)]
+    turns: list[tuple[int, float, float]] = []
+    walls_s: list[float] = []
+    for run in range(RUNS):
+        turns.append(_take_turns(case, path, bodies, end_us))
+        progress((run + 0.6) / RUNS)
+        walls_s.append(_wall_s(case, path, bodies, end_us))
+        progress((run + 1) / RUNS)
+    events, cpus_s, setups_s = zip(*turns, strict=True)
     return {
         "scene": case.scene,
         "sensor": str(case.sensor),

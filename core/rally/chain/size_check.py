@@ -3,6 +3,8 @@
 After a bounce the ball's shadow is as round as the ball and nearer to the middle of the region of interest, and a
 detector that has changed over to it stays there. Shadow and ball differ in size: on simulated serves 99.5 % of the true
 circles have 0.8 to 1.6 times the expected radius, 99.7 % of the false ones less than 0.75.
+
+For limits so wide the radius on the axis at the same depth will do; `core.cameras.outline` has the exact one.
 """
 
 from __future__ import annotations

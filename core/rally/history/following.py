@@ -12,6 +12,7 @@ from core.rally.chain.config import ChainConfig
 from core.rally.chain.follow import calibrated_cameras
 from core.rally.control.controller import BuiltInController
 from core.rally.control.player import Player
+from core.rally.history.played_bodies import PlayedBodies, recorded_bodies
 from core.rally.history.rally_history import RallyHistory
 from core.rally.history.recorded_history import add_known
 from core.recordings import Recording
@@ -33,6 +34,8 @@ class Following:
     def __init__(self, recording: Recording) -> None:
         self.history = RallyHistory()
         self.cameras: dict[str, Camera] = calibrated_cameras(recording)
+        self.bodies = PlayedBodies()
+        """Who is in it, as far as that is known."""
         self.share = 0.0
         """Of the recording that has been followed."""
         self._recording = recording
@@ -51,6 +54,7 @@ class Following:
 
     def _run(self) -> None:
         try:
+            self.bodies = recorded_bodies(self._recording)
             if isinstance(self._recording, FileRecording):
                 add_known(self.history, self._recording.ball, self._recording)
             elif self._recording.ball is not None:

@@ -15,6 +15,7 @@ from core.rally.chain.chain import BallPoint
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import PlayerState
 from core.rally.history.rally_picture import LandingSpot, Pose, RallyPicture
+from core.rally.history.trail_speed import trail_speeds_mps
 from core.rally.history.uncertainty import spreads_of
 from core.recordings import BallTruth
 from core.trajectory import Prediction
@@ -226,9 +227,11 @@ class RallyHistory:
         sent = sent if sent is not None and _near(sent, t_us) else None
         tube = newest_expected.sigmas() if newest_expected else (np.empty((0, 3)), np.empty((0, 3)))
         bounce = next((one.bounce for one in (before, after) if one is not None and one.bounce is not None), None)
+        trail = np.array([point.p_world_m for point in points]).reshape(-1, 3)
         picture = RallyPicture(
             ball=None if newest is None else newest.p_world_m,
-            trail=np.array([point.p_world_m for point in points]).reshape(-1, 3),
+            trail=trail,
+            trail_speeds_mps=trail_speeds_mps(np.array([point.t_us for point in points], np.int64), trail),
             truth=truth,
             rays=rays,
             before_bounce=before.path if before else np.empty((0, 3)),
@@ -237,7 +240,9 @@ class RallyHistory:
             tube_sigmas=tube[1],
             spreads=spreads_of(newest_expected.prediction) if newest_expected else (),
             bounce=bounce,
+            bounce_in_s=_still_to_come(_bounce_s(newest_expected), t_us),
             hit=None if hit is None else hit.p_world_m,
+            hit_in_s=_still_to_come(None if hit is None else hit.t_s, t_us),
             racket=racket,
             racket_target=Pose(sent.target.p_m, sent.target.q_wxyz) if sent else None,
             landing_target=sent.landing_m if sent else None,
@@ -276,6 +281,18 @@ def _still(expected: ShownPrediction | None, t_us: int) -> ShownPrediction | Non
         return None
     end_us = expected.t_us if expected.hit is None else expected.hit.t_s * 1e6
     return expected if t_us <= end_us + EXPECTED_US else None
+
+
+def _bounce_s(expected: ShownPrediction | None) -> float | None:
+    """When the first bounce of a prediction is expected; None after it."""
+    if expected is None or expected.prediction.stage != "pre" or not expected.prediction.bounces:
+        return None
+    return float(expected.prediction.bounces[0].t_s)
+
+
+def _still_to_come(t_s: float | None, t_us: int) -> float | None:
+    left_s = None if t_s is None else t_s - t_us * 1e-6
+    return left_s if left_s is not None and left_s > 0 else None
 
 
 def _near(sent: RacketDecision, t_us: int) -> bool:

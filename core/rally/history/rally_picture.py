@@ -30,6 +30,16 @@ class UncertaintyEllipse:
     """(2, 3) half axes, one standard deviation long."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class People:
+    """Simulated persons at one time, as rounded rods and blades."""
+
+    parts: Array
+    """(P, PART_COLUMNS), see `core.simulation.bodies.parts`."""
+    ends_m: Array
+    """(P, 2, 3) their ends."""
+
+
 @dataclass(frozen=True, slots=True)
 class LandingSpot:
     """Where a past ball came down."""
@@ -47,6 +57,8 @@ class RallyPicture:
     """(3,) as it was measured."""
     trail: Array = field(default_factory=lambda: np.empty((0, 3)))
     """(N, 3), oldest first."""
+    trail_speeds_mps: Array = field(default_factory=lambda: np.empty(0))
+    """(N,) how fast it was there."""
     truth: Array | None = None
     rays: tuple[tuple[Array, Array], ...] = ()
     """From each camera to the ball that it sees."""
@@ -61,8 +73,12 @@ class RallyPicture:
     """Of the expected bounce and of the hit."""
     bounce: Array | None = None
     """Where it bounces or did bounce."""
+    bounce_in_s: float | None = None
+    """Until it bounces there; None if it is not expected to any more."""
     hit: Array | None = None
     """Where it is expected at the hitting plane."""
+    hit_in_s: float | None = None
+    people: People | None = None
     racket: Pose | None = None
     racket_target: Pose | None = None
     landing_target: Array | None = None

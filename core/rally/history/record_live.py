@@ -15,10 +15,12 @@ from core.rally.history.recorded_rally import (
     EPISODES,
     PREDICTIONS,
     RACKET,
+    SCENES_SEEN,
     TARGETS,
     episode_rows,
     prediction_rows,
     racket_rows,
+    scene_rows,
     target_rows,
 )
 from core.rally.link import messages as m
@@ -67,6 +69,7 @@ class LiveRecorder:
         )
         self._player = player
         self._decision: RacketDecision | None = None  # the writer's thread only
+        self._scene: str | None = None  # the writer's thread only
         self._zero_us: int | None = None
         self._blocks = 0
         self._heard: queue.Queue[Heard] = queue.Queue(QUEUE)
@@ -192,6 +195,11 @@ class LiveRecorder:
             BallTruth(ball.t_us - zero_us, ball.p_world_m, ball.v_world_mps, ball.spin_radps, ball.visible)
         )
         self._writer.append_rows(RACKET, racket_rows(state, zero_us))
+        if state.scene != self._scene:
+            self._scene = state.scene
+            self._writer.append_rows(
+                SCENES_SEEN, scene_rows(state.start_us - zero_us, state.scene, self._client.welcome.seed, zero_us)
+            )
         self._writer.extend_duration(state.t_us - zero_us)
         self._blocks += 1
         if self._blocks % FLUSH_BLOCKS == 0:

@@ -28,6 +28,8 @@ RACKET: Final = "/racket"
 PREDICTIONS: Final = "/predictions"
 TARGETS: Final = "/racket_targets"
 EPISODES: Final = "/episodes"
+SCENES_SEEN: Final = "/scenes"
+"""Of a recorded live rally: from when on which scene, with what tells who was in it."""
 REWARD: Final = RewardConfig(kind="case")
 """The live rally counts no episodes, so it is the reward with constant weights."""
 
@@ -84,6 +86,16 @@ def racket_rows(state: HasRacket, zero_us: int) -> Rows:
     rows = state.racket
     pose = {"p_world_m": rows[:, :3], "q_world_wxyz": rows[:, 3:7], "v_world_mps": rows[:, 7:10]}
     return {"t_us": state.racket_t_us - zero_us, **pose}
+
+
+def scene_rows(t_us: int, scene: str, seed: int, zero_us: int) -> Rows:
+    """One row: the scene from `t_us` on; `zero_us` is the simulation's clock at time 0."""
+    return {
+        "t_us": np.array([t_us], np.int64),
+        "zero_us": np.array([zero_us], np.int64),
+        "seed": np.array([seed], np.int64),
+        "name": np.array([scene.encode("ascii", "replace")], "S32"),
+    }
 
 
 def target_rows(decision: RacketDecision, zero_us: int) -> Rows:

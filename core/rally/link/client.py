@@ -22,6 +22,8 @@ LOST_S: Final = 1.0
 """Without a sign of life for so long, the server counts as lost; it beats ten times a second."""
 SILENT_S: Final = 60.0
 """So long a server that listens may be silent when hands are shaken: it is being started on a slow machine."""
+EVERYTHING: Final = b""
+"""All topics."""
 ASK_AGAIN_S: Final = 0.2
 SCENE_S: Final = 30.0
 """The answer to a new scene comes when every pixel has its picture: half a second in quiet."""
@@ -64,6 +66,7 @@ class SimulationClient:
         self._stop = threading.Event()
         self._heard_s = 0.0
         self._last_seq = 0
+        self._listening = True
         self.lost_messages = self.rejected_messages = 0
         """Published messages that never came; messages that came and were no messages."""
         self.state: m.WorldState | None = None
@@ -98,6 +101,13 @@ class SimulationClient:
         with self._lock:
             if listener in self._listeners:
                 self._listeners.remove(listener)
+
+    def listen(self, listening: bool) -> None:
+        """Hear everything, or, where nobody needs it, only that the server lives: it rests if nobody else listens.
+
+        A tenth of a second may pass until it is so.
+        """
+        self._listening = listening
 
     def serve(self, speed_mps: float = 5.0) -> m.Reply:
         """Serve a ball drawn for a speed of 3 to 9 m/s."""
@@ -221,9 +231,15 @@ class SimulationClient:
         socket.setsockopt(zmq.MAXMSGSIZE, m.MESSAGE_BYTES)
         socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
         socket.connect(self.address)
-        socket.subscribe(b"")
+        heard: bytes | None = None
         try:
             while not self._stop.is_set():
+                topic = EVERYTHING if self._listening else m.ALIVE
+                if topic != heard:
+                    socket.subscribe(topic)
+                    if heard is not None:
+                        socket.unsubscribe(heard)
+                    heard, self._last_seq = topic, 0  # what was not asked for is not lost
                 if not socket.poll(100):
                     continue
                 *_, data = socket.recv_multipart()

@@ -52,6 +52,7 @@ from core.rally.link.notices import BounceNotice, HitNotice, Notice, OutcomeNoti
 from core.recordings import BallTruth, PixelTruth
 
 __all__ = [
+    "ALIVE",
     "COMMANDS",
     "COMMAND_BYTES",
     "KINDS",
@@ -88,6 +89,8 @@ __all__ = [
 ]
 
 VERSION: Final = 1
+ALIVE: Final = b"alive"
+"""The topic of signs of life: states without rows."""
 
 Array = NDArray[np.float64]
 

@@ -36,6 +36,8 @@ LATE_S: Final = 0.05
 """A simulation that is later than this gives up what it missed instead of hurrying after it."""
 AUTO_SERVE_PAUSE_US: Final = 300_000
 TRIES: Final = 50
+COMMANDED_S: Final = 10.0
+"""So long a command counts as somebody, where nobody listens."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +69,9 @@ def split_address(address: str) -> tuple[str, int]:
 class SimulationServer:
     """Publishes on a port and takes commands on the next one. `run` it in the thread that made it.
 
-    From the moment it has its ports until it runs it answers that it is being prepared. Its time begins when the first
-    client commands or subscribes: until then a simulation would only take the processor from what prepares to watch it.
+    From the moment it has its ports until it runs it answers that it is being prepared. Time stands still while nobody
+    is there, and goes on where it stopped with the next subscriber or command: a simulation for nobody would only take
+    the processor from others. Who subscribes to nothing but signs of life is nobody.
     """
 
     def __init__(
@@ -92,8 +95,8 @@ class SimulationServer:
         self._context = zmq.Context()
         self.rejected = 0
         """Messages that were no command."""
-        self._attended = False
-        """Whether there has been a client."""
+        self._topics: set[bytes] = set()
+        self._commanded_s = float("-inf")
         self._speed, self._paused, self._steps = 1.0, False, 0
         self._noise_hz = config.world.stereo.sensor.noise_hz
         self._auto_mps, self._scene = config.auto_serve_mps, config.world.stereo.scene
@@ -108,6 +111,11 @@ class SimulationServer:
         except BaseException:
             self._hang_up()
             raise
+
+    @property
+    def attended(self) -> bool:
+        """Whether somebody listens, or commanded a moment ago."""
+        return bool(self._topics - {m.ALIVE}) or time.monotonic() - self._commanded_s < COMMANDED_S
 
     def prepare(self) -> None:
         """Compile all that a rally needs, if this machine has not done so before."""
@@ -163,7 +171,7 @@ class SimulationServer:
         self._world.set_noise(self._noise_hz)
         self._anchor()
         self._quiet_since_us = -AUTO_SERVE_PAUSE_US
-        self._beat_s = 0.0
+        self._beat_s = self._alive_s = 0.0
         self._factor = 0.0
 
     def _anchor(self) -> None:
@@ -176,7 +184,7 @@ class SimulationServer:
     def _turn(self) -> None:
         """One block, or a short wait for commands while paused. A block is computed while it lasts."""
         self._hear_of_subscribers()
-        if not self._attended or (self._paused and not self._steps):
+        if not self.attended or (self._paused and not self._steps):
             self._take_commands(time.monotonic() + HEARTBEAT_S / 2)
             self._beat()
             self._anchor()
@@ -205,8 +213,11 @@ class SimulationServer:
 
     def _hear_of_subscribers(self) -> None:
         while self._published.poll(0):
-            self._published.recv()  # a topic that somebody wants, or wants no longer
-            self._attended = True
+            wanted = self._published.recv()  # a topic that somebody wants, or that nobody wants any longer
+            if wanted[:1] == b"\x01":
+                self._topics.add(wanted[1:])
+            else:
+                self._topics.discard(wanted[1:])
 
     def _serve_by_itself(self) -> None:
         if self._world.ball_is_visible:
@@ -223,6 +234,8 @@ class SimulationServer:
             self._returned += judged.outcome.case == Case.RETURNED
             self._send("outcome", outcome_notice(judged, self._session, self._next()))
         self._send("state", self._state(block))
+        if m.ALIVE in self._topics and time.monotonic() - self._alive_s >= HEARTBEAT_S:
+            self._send_alive()
 
     def _state(self, block: Block | None) -> m.WorldState:
         world, no_times = self._world, np.empty(0, np.int64)
@@ -268,13 +281,15 @@ class SimulationServer:
     def _beat(self) -> None:
         if time.monotonic() - self._beat_s >= HEARTBEAT_S:
             # While a block waits for its time the world is ahead of what was published: no rows, only a sign of life.
-            self._published.send_multipart([b"alive", m.encode(self._state(None))])
-            self._beat_s = time.monotonic()
+            self._send_alive()
+
+    def _send_alive(self) -> None:
+        self._published.send_multipart([m.ALIVE, m.encode(self._state(None))])
+        self._beat_s = self._alive_s = time.monotonic()
 
     def _take_commands(self, until_s: float) -> None:
         """Answer everything that is there, and what comes until a time."""
         while self._commands.poll(max(0, round((until_s - time.monotonic()) * 1e3))):
-            self._attended = True
             *envelope, data = self._commands.recv_multipart()
             reply = self._answer(data)
             self._commands.send_multipart([*envelope, m.encode(reply)], zmq.NOBLOCK)
@@ -285,6 +300,8 @@ class SimulationServer:
         except LinkError as error:
             self.rejected += 1
             return self._reply(0, str(error)[:1000])
+        if not isinstance(command, m.Hello):  # to ask who is there is not to use it
+            self._commanded_s = time.monotonic()
         try:
             self._obey(command)
         except RallyscopeError as error:

@@ -88,11 +88,14 @@ class FrameCamera:
         self._bodies = None if bodies is None else FrameBodies(camera, bodies, self._views)
         self._tones = np.rint(255.0 * np.linspace(0.0, 1.0, TONES) ** (1.0 / config.gamma)).astype(np.uint8)
 
-    def take(self, path: BallPath, racket: RacketPath | None, t_us: int) -> NDArray[np.uint8]:
-        """The picture (height, width, 3 = RGB) whose exposure has its middle at `t_us`."""
+    def take(
+        self, path: BallPath, racket: RacketPath | None, t_us: int, *, exposure_us: int | None = None
+    ) -> NDArray[np.uint8]:
+        """The picture (height, width, 3 = RGB) whose exposure has its middle at `t_us`, as long as the config says."""
         least, scene = LEAST_INSTANTS, self._scenes[0]
-        start_us = t_us - self._config.exposure_us // 2
-        end_us = start_us + self._config.exposure_us
+        exposure_us = exposure_us or self._config.exposure_us
+        start_us = t_us - exposure_us // 2
+        end_us = start_us + exposure_us
         seen = None if racket is None else RacketView(racket, scene.racket, None)
         if self._bodies is not None:
             least = max(least, self._bodies.instants(start_us, end_us, STEP_PX))

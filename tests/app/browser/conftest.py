@@ -102,11 +102,10 @@ class Window:
 
     def seek(self, t_us: int) -> None:
         """Go to a time by its field."""
-        exact = self.page.get_by_text("Exact time, step and speed")
-        exact.click()
-        self.page.wait_for_timeout(400)
-        self.page.get_by_label("Time [µs]").fill(str(t_us))
-        exact.click()
+        field = self.page.get_by_label("Time [µs]")
+        field.fill(str(t_us))
+        field.press("Enter")
+        field.blur()
         wait_for(lambda: self.state.playhead.anchor_us == t_us, f"the cursor to reach {t_us} us")
 
     def screenshot(self, name: str) -> np.ndarray:

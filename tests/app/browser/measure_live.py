@@ -53,13 +53,13 @@ def measure_shown(seconds: float) -> None:
         lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
         browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=FLAGS)
         window = Window(browser.new_page(viewport={"width": 1280, "height": 720}), lab, in_space=True)
-        world = window.session.world
+        world, cameras = window.session.world, window.session._modes["Watch"]._cameras
         wait_for(lambda: world.visible, "the 3D scene")
         time.sleep(8.0)  # everything is compiled and loaded
         draws, pictures, paces = [], [], []
-        draw, show = world.draw, world.show_camera_pictures
+        draw, show = world.draw, cameras.show
         world.draw = lambda picture: (draws.append(time.monotonic()), draw(picture))
-        world.show_camera_pictures = lambda pngs: (pictures.append(time.monotonic()), show(pngs))
+        cameras.show = lambda pngs: (pictures.append(time.monotonic()), show(pngs))
         cpu_s, wall_s = time.process_time(), time.monotonic()
         while time.monotonic() - wall_s < seconds:
             time.sleep(0.2)

@@ -31,3 +31,6 @@ def test_a_part_of_a_recording_becomes_a_rerun_file_that_can_be_downloaded(windo
     assert (tmp_path / "down.rrd").read_bytes() == (workspace.exports / made.name).read_bytes()
     command = [sys.executable, "-m", "rerun", "rrd", "verify", str(tmp_path / "down.rrd")]
     assert subprocess.run(command, check=False, timeout=60).returncode == 0
+    page.locator("button", has_text="Export").last.click()
+    wait_for(lambda: len(exporter.files()) == 2, "the second file", 90)
+    wait_for(lambda: page.get_by_label("File").first.input_value() == "serve-2.rrd", "the newest to be chosen")

@@ -2,10 +2,12 @@
 
 import math
 import threading
+import time
 
 import pytest
 
 from app.modes.label.commands.cursor import ChangeView
+from app.modes.label.commands.hand import PlaceBall
 from app.modes.label.plan import plan_at
 from app.views.image_view import FOV_RAD, UNIT
 from labels.model import LabelState, PositionSource
@@ -92,6 +94,14 @@ class Labelling:
         self.page.mouse.click(x, y, delay=60)
         self._wait_for(lambda: self.label(self.work.t_us) != before, "the click to arrive")
 
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """From the centre to the rim."""
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=8)
+        self.page.wait_for_timeout(300)
+        self.page.mouse.up()
+
     def keys(self, *keys: str) -> None:
         for key in keys:
             self.page.keyboard.press(key)
@@ -116,6 +126,9 @@ class Labelling:
 
     def check_clicks(self, zooms: str) -> None:
         """Clicks at whole CSS pixels are stored where those are in the picture, at the middle of the CSS pixel."""
+        x, y = (float(v[0]) for v in self.truth(self.work.t_us))
+        self.window.session.later(lambda: self.mode._send(PlaceBall(x, y, 9.5)))  # clicks keep this radius
+        self._wait_for(lambda: self.label(self.work.t_us), "the first label")
         self.window.session.later(lambda: self.mode._send(ChangeView({"snap": False, "follow": False})))
         for key in zooms:
             self.keys(key)
@@ -147,8 +160,11 @@ def begin(window, wait_for, request) -> Labelling:
     wait_for(lambda: found.mode._pictures.shown is not None, "the first picture")
     found.page.wait_for_timeout(600)  # the sheet has another shape: the camera is moved
     name = request.node.name[5:30].strip("_")  # a layer of its own for each test
+    window.field("Annotator").fill("")  # it may be the name already: that of the last annotator is offered
     window.field("Annotator").fill(name)
-    wait_for(lambda: found.work.view.annotator == name and "left" in found.work.saved, "the layer")
+    wait_for(
+        lambda: found.mode._named and found.work.view.annotator == name and "left" in found.work.saved, "the layer"
+    )
     window.page.mouse.click(*found.on_sheet(1200, -10))  # keys do nothing while a field has the cursor
     found.settle(BALL_US)
     return found
@@ -287,3 +303,81 @@ def test_tune_scores_a_config_against_the_labels(labelling, wait_for) -> None:
     window.page.get_by_text("labels by").first.wait_for(timeout=60_000)
     window.page.wait_for_timeout(300)
     window.screenshot("tune-score-labels")
+
+
+def test_a_click_where_no_circle_fits_asks_and_stores_nothing_until_a_radius_is_given(labelling, wait_for) -> None:
+    x, y = 40.0, 24.0  # nothing happens there
+    labelling.page.mouse.click(*labelling.screen(x, y), delay=60)
+    wait_for(lambda: labelling.work.asking, "the question")
+    labelling.settle()
+    labelling.window.screenshot("label-click-without-a-circle")
+    labelling.page.get_by_text("no circle fits here: drag to set the radius, or press X for absent").wait_for()
+    assert not labelling.work.here.labels and labelling.mode._editor.writer.saved_at is None
+    labelling.drag(labelling.screen(x, y), labelling.screen(x + 12.0, y))
+    wait_for(lambda: labelling.label(BALL_US), "the drag to arrive")
+    assert abs(labelling.label(BALL_US).r_px - 12.0) < 2 / labelling.zoom and labelling.work.asking is None
+    labelling.keys("n")
+    labelling.settle(BALL_US + 2000)
+    labelling.page.mouse.click(*labelling.screen(x, y), delay=60)
+    wait_for(lambda: labelling.work.asking, "the question")
+    labelling.keys("x")
+    wait_for(lambda: labelling.label(BALL_US + 2000), "the key to arrive")
+    assert labelling.label(BALL_US + 2000).state is LabelState.NO_BALL
+
+
+def test_the_first_label_of_a_browser_asks_who_labels(window, wait_for, workspace) -> None:
+    t_us = 450_000  # the name that is offered may have labels elsewhere
+    window.seek(t_us)
+    window.press("Label")
+    mode = window.session._modes["Label"]
+    wait_for(lambda: mode._editor is not None and mode._editor.labelling.on_screen, "the picture")
+    window.page.mouse.click(20, 600)  # beside the pictures
+    asked = window.page.get_by_text("Who labels?")
+    for _ in range(8):  # a slow page may not have the keys of the mode yet
+        if asked.count() == 0:
+            window.page.keyboard.press("x")
+            window.page.wait_for_timeout(3000)
+    asked.wait_for()
+    field = window.field("Your name")
+    window.page.wait_for_timeout(500)
+    window.screenshot("label-who")
+    assert t_us not in mode._editor.labelling.here.labels
+    field.fill("x" * 41)
+    window.page.wait_for_timeout(1000)  # viser sends what is typed a moment later
+    window.press("Label under this name")
+    window.page.get_by_text("too long a name").wait_for()
+    field.fill("Carla K")
+    window.page.wait_for_timeout(1000)
+    window.press("Label under this name")
+    wait_for(lambda: t_us in mode._editor.labelling.here.labels, "the label that was asked for first")
+    assert mode._editor.labelling.here.labels[t_us].provenance.annotator == "carla-k"
+    assert (workspace.labels / "last-annotator.txt").read_text() == "carla-k"
+    window.page.keyboard.press("n")
+    window.page.keyboard.press("x")
+    wait_for(lambda: len(mode._editor.labelling.here.labels) == 2, "the second label, without a question")
+
+
+def test_two_browsers_of_one_annotator_see_each_other_within_a_second_and_undo_only_their_own(
+    labelling, other_window, wait_for, request
+) -> None:
+    other = begin(other_window, wait_for, request)
+    labelling.keys("n", "x")
+    wait_for(lambda: labelling.label(BALL_US + 2000), "the first browser's label")
+    begun_s = time.monotonic()
+    wait_for(lambda: other.label(BALL_US + 2000), "the label in the other browser", 5.0)
+    assert time.monotonic() - begun_s < 1.0
+    other.keys("x")
+    wait_for(lambda: labelling.label(BALL_US), "the other's label here")
+    labelling.keys("z")
+    wait_for(lambda: not labelling.label(BALL_US + 2000), "undo of the first browser's own label")
+    wait_for(lambda: not other.label(BALL_US + 2000), "and in the other browser")
+    assert labelling.label(BALL_US), "the other's label, though made later, stays"
+    labelling.keys("z")
+    labelling.settle()
+    assert labelling.label(BALL_US)
+    labelling.keys("p", "Shift+X")
+    wait_for(lambda: other.label(BALL_US).state is LabelState.OUT_OF_FRAME, "the change in the other browser")
+    other.keys("z")
+    other.page.get_by_text("Somebody else has changed the label").wait_for()
+    assert other.label(BALL_US).state is LabelState.OUT_OF_FRAME
+    other.window.screenshot("label-undo-left-as-it-is")

@@ -1,6 +1,7 @@
 """The live rally in 3D, in headless Chromium: the whole chain runs on simulated events."""
 
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,9 +16,11 @@ from app.shared.workspace import Workspace
 from app.state.commands import SetMethod
 from core.rally.link import messages as m
 from core.recordings import open_recording
+from labels.model import LabelState
+from labels.store import find_layers
 
 SPACE = (slice(0, 720), slice(320, 870))
-TABLE_RGB = (15, 50, 105)
+TABLE_RGB = (48, 122, 202)
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +46,11 @@ def rally_of(lab: App) -> LiveRally:
     return lab.services.rallies.live
 
 
+def is_above(position: np.ndarray) -> bool:
+    """Over the table, and not beside it."""
+    return bool(np.abs(position[:2]).max() < 0.5 and position[2] > 2.0)
+
+
 def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for, count_like) -> None:
     rally = rally_of(live_lab)
     wait_for(lambda: rally.player.snapshot.returned >= 2, "two balls to be returned through perception", 60)
@@ -52,12 +60,32 @@ def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for,
     assert len(spots) >= 2
 
 
+def test_the_rally_rests_without_a_browser_and_goes_on_within_a_second_of_one(
+    chromium, live_lab, open_window, wait_for
+) -> None:
+    rally = rally_of(live_lab)
+    wait_for(lambda: not live_lab.sessions, "no browser to be left")
+    wait_for(lambda: rests(rally), "the simulation to rest")
+    stood_us = rally.state.t_us
+    with open_window(live_lab, in_space=True):  # it returns when the recording is open
+        wait_for(lambda: rally.state.t_us > stood_us, "the rally to go on", 1.0)
+    wait_for(lambda: not live_lab.sessions and rests(rally), "it to rest again")
+    assert rally.client.status == "connected"
+
+
+def rests(rally: LiveRally) -> bool:
+    """Whether simulated time stands still for a quarter of a second."""
+    before_us = rally.state.t_us
+    time.sleep(0.25)
+    return rally.state.t_us == before_us
+
+
 def test_the_clock_stops_for_everybody_and_the_picture_with_it(live_window, live_lab, wait_for) -> None:
     rally = rally_of(live_lab)
     live_window.press("Stop the clock")
     wait_for(lambda: rally.state.paused, "the simulation to pause")
     stood_us = rally.state.t_us
-    live_window.press("One step")
+    live_window.press("Step 10 ms")
     wait_for(lambda: rally.state.t_us == stood_us + 10_000, "one block of 10 ms")
     live_window.press("Run")
     wait_for(lambda: not rally.state.paused, "the simulation to run")
@@ -103,7 +131,8 @@ def test_two_browsers_look_from_where_each_likes(live_window, live_lab, open_win
         wait_for(lambda: other.session.world.visible, "the other 3D scene")
         other.session.later(lambda: other.session.world.look_from("Top"))
         wait_for(lambda: other.session.world.view == "Top", "the other view")
-        wait_for(lambda: other.session.client.camera.position[2] > 5, "the camera to be up there")
+        wait_for(lambda: is_above(other.session.client.camera.position), "the camera to be up there", 60)
+        assert not is_above(live_window.session.client.camera.position)
         assert live_window.session.world.view == "Broadcast"
         other.screenshot("live-top")
 
@@ -124,6 +153,35 @@ def test_tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for
     wait_for(lambda: not live_window.session.world.visible, "the flat pictures")
     live_window.press("3D")
     wait_for(lambda: live_window.session.world.visible, "the 3D scene once more")
+
+
+def test_labels_of_the_live_rally_belong_to_a_recording_that_it_is_frozen_into(live_window, live_lab, wait_for) -> None:
+    live_uuid = rally_of(live_lab).recording.uuid
+    live_window.press("Label")
+    mode = live_window.session._modes["Label"]
+    wait_for(lambda: mode._editor is not None and mode._pictures.shown is not None, "Label of the live rally")
+    live_window.session.later(lambda: mode._use_name("lena"))
+    live_window.page.get_by_text("live: the first label freezes it into a recording").wait_for()
+    live_window.screenshot("live-label")
+    live_window.press("Pause")
+    wait_for(lambda: not live_window.state.playhead.playing and mode._editor.labelling.on_screen, "the cursor to stand")
+    shown = mode._pictures.shown.plan.main
+    live_window.page.mouse.click(20, 600)  # beside the pictures
+    live_window.page.keyboard.press("x")
+    live_window.page.get_by_text("Freezing the live rally", exact=True).wait_for(state="attached")
+    wait_for(lambda: live_window.state.recording.startswith("live-"), "the frozen recording to open", 60)
+    wait_for(lambda: mode._editor is not None and len(mode._editor.labelling.here.labels) == 1, "the label in it", 60)
+    now = mode._editor.labelling
+    (label,) = now.here.labels.values()
+    assert label.state is LabelState.NO_BALL and now.recording.uuid != live_uuid
+    start_us = shown.window_us[0]
+    frozen = now.source.stream.slice(*label.provenance.window_us)
+    assert label.provenance.window_us[1] - label.provenance.window_us[0] == shown.window_us[1] - start_us
+    live = rally_of(live_lab).recording.cameras[now.view.camera].slice(*shown.window_us)
+    assert len(live) == len(frozen) and np.array_equal(live.x_px, frozen.x_px), "the picture that was judged"
+    (layer,) = find_layers(live_lab.services.workspace.labels)
+    assert (layer.recording_uuid, layer.annotator) == (now.recording.uuid, "lena")
+    live_window.screenshot("live-label-frozen")
 
 
 def test_the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(live_window, live_lab, wait_for) -> None:

@@ -12,7 +12,7 @@ from app.shared.training.run_state import RunState
 from app.shared.training.trainer import Trainer
 
 pytestmark = pytest.mark.browser
-GREEN, ORANGE, BLUE_TABLE = (40, 230, 90), (255, 140, 40), (18, 62, 120)
+GREEN, ORANGE, BLUE_TABLE = (40, 230, 90), (255, 140, 40), (48, 122, 202)
 LEFT_PX = 340
 """Width of the panel with the curves."""
 PATIENT_S = 90.0

@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from app.state.commands import SetZoom
 from core.config import get_setting, load_config
 from core.detection import DetectorConfig
 
@@ -11,6 +12,14 @@ pytestmark = pytest.mark.browser
 YELLOW, GREEN = (255, 225, 60), (110, 235, 130)
 BALL_US = 300_000
 RADIUS_MAX = ("localise", "radius_max_px")
+
+
+@pytest.fixture
+def near(tune, wait_for):
+    """The same, nearer: where the picture is as wide as the sensor a ball's outline is a pixel."""
+    tune.session.send(SetZoom(3.0))
+    wait_for(lambda: tune.session.sheet.pictures[0].region.width < 500, "the nearer view")
+    return tune
 
 
 @pytest.fixture
@@ -23,23 +32,24 @@ def tune(window, wait_for):
     return window
 
 
-def test_the_stages_show_the_ball_its_hull_and_its_circle(tune, count_like) -> None:
-    canvas = tune.wait_for_pixels("tune", lambda canvas: count_like(canvas, YELLOW) > 40)
+def test_the_stages_show_the_ball_its_hull_and_its_circle(near, count_like) -> None:
+    canvas = near.wait_for_pixels("tune", lambda canvas: count_like(canvas, YELLOW) > 40)
     assert canvas.std() > 1
     for stage in ("denoise", "cluster", "geometry"):
-        assert tune.page.get_by_text(stage.capitalize(), exact=True).count() >= 1
+        assert near.page.get_by_text(stage.capitalize(), exact=True).count() >= 1
 
 
-def test_a_slider_changes_the_overlay_and_undo_brings_it_back(tune, wait_for, count_like) -> None:
-    tune.wait_for_pixels("before", lambda canvas: count_like(canvas, YELLOW) > 40)
-    tune.field("radius max [px]").fill("5")
-    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 5, "the setting")
-    tune.page.get_by_text("no ball").first.wait_for()
-    tune.wait_for_pixels("rejected", lambda canvas: count_like(canvas, YELLOW) < 10)
-    assert tune.page.get_by_text("> 5").count() >= 1, "the table says why"
-    tune.key("z")
-    wait_for(lambda: tune.state.config == DetectorConfig(), "undo")
-    tune.wait_for_pixels("undone", lambda canvas: count_like(canvas, YELLOW) > 40)
+def test_a_slider_changes_the_overlay_and_undo_brings_it_back(near, wait_for, count_like) -> None:
+    near.wait_for_pixels("before", lambda canvas: count_like(canvas, YELLOW) > 40)
+    near.field("radius max [px]").fill("5")
+    wait_for(lambda: get_setting(near.state.config, RADIUS_MAX) == 5, "the setting")
+    near.page.get_by_text("no ball").first.wait_for()
+    near.wait_for_pixels("rejected", lambda canvas: count_like(canvas, YELLOW) < 10)
+    assert near.page.get_by_text("> 5").count() >= 1, "the table says why"
+    near.field("radius max [px]").blur()
+    near.page.keyboard.press("z")
+    wait_for(lambda: near.state.config == DetectorConfig(), "undo")
+    near.wait_for_pixels("undone", lambda canvas: count_like(canvas, YELLOW) > 40)
 
 
 def test_two_configs_are_compared_on_one_window(tune, wait_for) -> None:
@@ -50,7 +60,8 @@ def test_two_configs_are_compared_on_one_window(tune, wait_for) -> None:
     tune.field("Compare A and B").click()
     wait_for(lambda: len(tune.session.sheet.pictures) == 2, "two pictures")
     tune.page.get_by_text("Config B:").first.wait_for()
-    assert tune.page.get_by_text("ball at").count() >= 1 and tune.page.get_by_text("no ball").count() >= 1
+    tune.page.get_by_text("ball at").first.wait_for()
+    tune.page.get_by_text("no ball").first.wait_for()
     tune.screenshot("compare")
 
 
@@ -67,6 +78,32 @@ def test_zoom_follows_the_ball_and_a_click_centres_it_elsewhere(tune, wait_for) 
     tune.screenshot("zoom")
 
 
+def test_a_rejected_ball_stays_in_view_in_red_and_its_verdict_leads_to_its_sliders(tune, wait_for, count_like) -> None:
+    tune.field("Zoom").fill("8")
+    wait_for(lambda: tune.session.sheet.pictures[0].region.width == 160, "the zoomed view")
+    region = tune.session.sheet.pictures[0].region
+    tune.field("radius max [px]").fill("5")
+    tune.page.get_by_text("no ball").first.wait_for()
+    assert tune.session.sheet.pictures[0].region == region
+    tune.wait_for_pixels("tune-rejected", lambda canvas: count_like(canvas, (255, 70, 70), 30) > 100)
+    tune.field("Zoom").evaluate("field => field.scrollIntoView()")
+    slider = tune.page.locator("#stage-localise")
+    assert slider.bounding_box()["y"] > 720
+    tune.page.get_by_role("link", name=re.compile(r"radius .* > 5")).first.click()
+    wait_for(lambda: 0 < slider.bounding_box()["y"] < 720, "the sliders of the stage")
+    assert slider.evaluate("mark => getComputedStyle(mark).backgroundColor") == "rgb(255, 140, 40)"
+    tune.screenshot("tune-verdict")
+
+
+def test_a_click_on_a_cluster_puts_its_row_first(tune, wait_for) -> None:
+    tune.field("Zoom").fill("8")
+    wait_for(lambda: tune.session.sheet.pictures[0].region.width == 160, "the zoomed view")
+    tune.click_picture(435, 250)  # the ball is in the middle
+    row = tune.page.locator("tr[style*=background]")
+    row.wait_for()
+    assert "ball" in row.inner_text()
+
+
 def test_a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, wait_for) -> None:
     tune.field("radius max [px]").fill("17")
     wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 17, "the setting")
@@ -75,10 +112,27 @@ def test_a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, w
     path = workspace.root / "configs" / "my-config.toml"
     wait_for(path.exists, "the file")
     assert load_config(DetectorConfig, path) == tune.state.config
+    wait_for(lambda: tune.field("Saved").input_value() == "my-config", "the choice of what was just saved")
     tune.press("Reset")
     wait_for(lambda: tune.state.config == DetectorConfig(), "reset")
+    tune.press("Save")
+    tune.page.get_by_text("Saved as my-config-2").wait_for()
+    assert load_config(DetectorConfig, path) != DetectorConfig(), "nothing is overwritten"
+    wait_for(lambda: tune.field("Saved").input_value() == "my-config-2", "the choice of the second")
+    tune.page.get_by_label("Saved").first.click()
+    tune.page.get_by_role("option", name="my-config", exact=True).click()
     tune.press("Load")
     wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 17, "the loaded config")
+
+
+def test_following_the_ball_is_offered_only_where_it_does_something(tune, wait_for) -> None:
+    assert tune.page.get_by_role("button", name="Follow the ball: zoom in first").is_disabled()
+    tune.field("Zoom").fill("8")
+    assert tune.page.get_by_role("button", name="Follows the ball").is_disabled()
+    wait_for(lambda: tune.session.sheet.pictures[0].region.width == 160, "the zoomed view")
+    tune.click_picture(100, 100)
+    tune.page.get_by_role("button", name="Follow the ball", exact=True).click()
+    wait_for(lambda: tune.state.tune.centre_px is None, "the view to follow the ball again")
 
 
 def test_a_config_is_scored_over_the_recording(tune) -> None:
@@ -139,23 +193,23 @@ def choose(tune, label: str, option: str) -> None:
     tune.page.get_by_role("option", name=option, exact=True).click()
 
 
-def test_a_method_without_stages_shows_its_ball_and_its_own_sliders(tune, wait_for, count_like) -> None:
-    choose(tune, "Method", "refined")
-    wait_for(lambda: tune.state.tune.method == "refined", "the method")
-    tune.page.get_by_text("moves (").first.wait_for()
-    tune.wait_for_pixels("tune-refined", lambda canvas: count_like(canvas, YELLOW) > 40)
-    motion = tune.field("motion [px]")
-    assert motion.is_visible() and tune.page.get_by_text("circularity min").count() == 0
-    assert tune.page.get_by_text("Stage", exact=True).count() == 0
+def test_a_method_without_stages_shows_its_ball_and_its_own_sliders(near, wait_for, count_like) -> None:
+    choose(near, "Method", "refined")
+    wait_for(lambda: near.state.tune.method == "refined", "the method")
+    near.page.get_by_text("moves (").first.wait_for()
+    near.wait_for_pixels("tune-refined", lambda canvas: count_like(canvas, YELLOW) > 40)
+    motion = near.field("motion [px]")
+    assert motion.is_visible() and near.page.get_by_text("circularity min").count() == 0
+    assert near.page.get_by_text("Stage", exact=True).count() == 0
     motion.fill("5")
-    wait_for(lambda: tune.state.config.refined.motion_px == 5.0, "the setting")
-    assert tune.state.staged_config == DetectorConfig()
-    tune.field("radius max [px]").fill("4")
-    tune.page.get_by_text("no ball").first.wait_for()
-    choose(tune, "Method", "paper")
-    tune.page.get_by_text("circularity min").first.wait_for()
-    assert tune.page.get_by_text("leading polarity").count() == 0, "the paper decides that itself"
-    tune.wait_for_pixels("tune-paper", lambda canvas: count_like(canvas, YELLOW) > 40)
+    wait_for(lambda: near.state.config.refined.motion_px == 5.0, "the setting")
+    assert near.state.staged_config == DetectorConfig()
+    near.field("radius max [px]").fill("4")
+    near.page.get_by_text("no ball").first.wait_for()
+    choose(near, "Method", "paper")
+    near.page.get_by_text("circularity min").first.wait_for()
+    assert near.page.get_by_text("leading polarity").count() == 0, "the paper decides that itself"
+    near.wait_for_pixels("tune-paper", lambda canvas: count_like(canvas, YELLOW) > 40)
 
 
 def test_methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_there(tune, wait_for, count_like) -> None:

@@ -6,7 +6,7 @@ from app.state.client_state import ClientState
 
 pytestmark = pytest.mark.browser
 YELLOW, ORANGE, BLUE = (255, 225, 60), (255, 150, 50), (80, 150, 255)
-BALL_US = 300_000
+BALL_US = 340_000
 """A moment at which both cameras see the ball."""
 
 
@@ -43,11 +43,40 @@ def test_the_event_rate_and_the_health_are_shown(window) -> None:
     window.screenshot("health")
 
 
+def test_buttons_can_be_pressed_without_a_mouse(window, wait_for) -> None:
+    page = window.page
+    play = page.get_by_role("button", name="Play", exact=True)
+    page.get_by_role("button", name="Tune", exact=True).focus()
+    page.keyboard.press("Enter")
+    wait_for(lambda: window.state.mode == "Tune", "Enter on Tune")
+    page.get_by_role("button", name="Label", exact=True).focus()
+    page.keyboard.press("Enter")
+    wait_for(lambda: window.state.mode == "Label", "Enter on Label")
+    page.get_by_role("button", name="Watch", exact=True).click()
+    wait_for(lambda: window.state.mode == "Watch", "Watch")
+    play.focus()
+    page.keyboard.press("Enter")
+    wait_for(lambda: window.state.playhead.playing, "Enter on Play")
+
+
+def test_an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window, workspace, wait_for) -> None:
+    rows = "\n".join(f"{10 * k},{k % 300},{k % 200},{k % 2}" for k in range(5000))
+    (workspace.recordings / "clip.csv").write_text(f"t,x,y,p\n{rows}\n")
+    window.page.wait_for_timeout(2500)  # the folder is looked at every two seconds
+    window.page.get_by_label("Recording").first.click()
+    window.page.get_by_role("option", name="clip.csv (CSV, imported when opened)").click()
+    wait_for(lambda: window.state.recording == "clip", "the imported recording")
+    assert workspace.recording_path("clip").is_file()
+    window.page.get_by_text("Pictures only: 3D needs two cameras").wait_for()
+    wait_for(lambda: window.page.get_by_label("Recording").first.input_value() == "clip", "its name in the list")
+    window.screenshot("imported")
+
+
 def test_a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window) -> None:
     before: ClientState = window.state
     window.page.get_by_label("Recording").first.click()
     window.page.get_by_role("option", name="broken", exact=True).click()
-    window.page.get_by_text("That does not work").first.wait_for()
+    window.page.get_by_text("The text is not events").first.wait_for()
     assert window.page.get_by_label("Recording").first.input_value() == "serve"
     window.session.open_recording("../../../etc/passwd")
     window.page.get_by_text("no such recording").first.wait_for()
@@ -65,8 +94,10 @@ def test_the_look_of_the_pictures_can_be_changed(window, wait_for, count_like) -
 
 
 def test_a_second_browser_has_its_own_time_and_mode(window, other_window, wait_for) -> None:
+    opened_us = other_window.state.playhead.anchor_us
+    assert 0 < opened_us < BALL_US, "at the first ball"
     window.seek(BALL_US)
     other_window.press("Tune")
     wait_for(lambda: other_window.state.mode == "Tune", "the other browser's mode")
     assert window.state.mode == "Watch"
-    assert other_window.state.playhead.anchor_us == 0
+    assert other_window.state.playhead.anchor_us == opened_us

@@ -4,6 +4,7 @@ import types
 import pytest
 
 from app.cli import bench, main
+from core.bench.partial_rows import tell_rows
 
 
 def arguments(*, json: bool) -> bench.BenchArguments:
@@ -18,6 +19,21 @@ def test_json_is_what_the_bench_returns(monkeypatch, capsys) -> None:
     assert json.loads(capsys.readouterr().out) == report
     bench.run(arguments(json=False))
     assert capsys.readouterr().out.splitlines() == ["    a", "1.500", 'machine: {"cpu": "x"}']
+
+
+def test_rows_are_said_as_they_are_measured(monkeypatch, capsys) -> None:
+    rows = [{"scene": "ball", "ratio": 1.5}, {"scene": "dark", "ratio": 2.0}]
+
+    def measure(progress) -> dict[str, object]:
+        tell_rows(progress, rows[:1], 0.5)
+        assert capsys.readouterr().err == "scene ball, ratio 1.500\n"  # before the second is measured
+        tell_rows(progress, rows[1:], 1.0)
+        return {"rows": rows}
+
+    monkeypatch.setattr(bench.importlib, "import_module", lambda name: types.SimpleNamespace(run=measure))
+    bench.run(arguments(json=True))
+    said = capsys.readouterr()
+    assert said.err == "scene dark, ratio 2.000\n" and json.loads(said.out) == {"rows": rows}
 
 
 def test_a_bench_that_is_not_there_yet_says_so(monkeypatch, capsys) -> None:

@@ -101,7 +101,7 @@ def test_the_config_and_the_window_of_the_command_line_count(recording, tmp_path
     [
         ([], "left, right"),
         (["--camera", "middle"], "middle"),
-        (["--camera", "left", "--method", "yolo"], "not built yet"),
+        (["--camera", "left", "--method", "yolo"], "no pictures"),
         (["--camera", "left", "--method", "magic"], "auto | paper"),
         (["--camera", "left", "--config", "no-such.toml"], "no-such.toml"),
         (["--camera", "left", "--window-us", "0"], "window-us"),

@@ -157,6 +157,24 @@ def test_a_source_that_is_missing_or_holds_nothing_is_one_clear_line(
         assert message in err and err.count("\n") == 1
 
 
+def test_agreement_about_nothing_is_said_in_words(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path
+) -> None:
+    words = ["agree", *common(recording, data), "--annotator", "anna", "--with", "bea"]
+    with LabelStore.open(data / "labels", UUID, "left", "bea") as store:
+        store.put(Label(t_us=7, state=LabelState.NO_BALL))
+        code, text, _ = call(capsys, *words)
+        assert code == 0 and text.splitlines()[1:] == ["no common labels: nothing can be compared"]
+        store.put(Label(t_us=MIDDLE_US, state=LabelState.OCCLUDED))
+        code, text, _ = call(capsys, *words)
+        assert code == 0 and "states: 0 of 1 the same" in text and "no common label in which both" in text
+        store.put(Label(t_us=MIDDLE_US, state=LabelState.VISIBLE, x_px=1.0, y_px=2.0))
+        code, text, _ = call(capsys, *words)
+        assert code == 0 and "kappa not defined" in text and "positions (1)" in text
+        assert "nan" not in text
+        assert "NaN" not in call(capsys, *words, "--json")[1]
+
+
 def test_whose_labels_has_to_be_said_when_there_are_several(
     capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
 ) -> None:
@@ -181,3 +199,26 @@ def test_pictures_that_are_not_named_by_their_time_need_frame_times(
         assert store.labels().t_us.tolist() == [500, 1500]
     times.write_text("time\n0\n")
     assert call(capsys, *words, "--frame-times", times)[0] == 2
+
+
+def test_stores_are_merged_and_conflicts_are_listed(
+    capsys: pytest.CaptureFixture[str], data: Path, tmp_path: Path
+) -> None:
+    with LabelStore.open(tmp_path / "other", UUID, "left", "bea") as store:
+        store.put(Label(t_us=MIDDLE_US, state=LabelState.NO_BALL))
+        store.put(Label(t_us=5, state=LabelState.NO_BALL))
+        other = store.path
+    mine = data / "labels" / UUID
+    code, text, _ = call(capsys, "merge", mine, other, "--out", tmp_path / "c.sqlite")
+    assert code == 0
+    first, conflict = text.splitlines()
+    assert first.startswith("9 labels merged into") and "1 conflicts, 2 labels left out" in first
+    assert conflict == f"left {MIDDLE_US} us: anna: visible; bea: no_ball"
+    code, text, _ = call(capsys, "merge", mine, other, "--out", tmp_path / "d.sqlite", "--prefer", "bea", "--json")
+    report = json.loads(text)
+    assert code == 0 and (report["labels"], report["left_out"]) == (10, 1)
+    assert report["conflicts"][0]["annotators"] == ["anna", "bea"] and report["recording_uuid"] == UUID
+    code, _, err = call(capsys, "merge", mine, other, "--out", tmp_path / "d.sqlite")
+    assert code == 2 and "a file already" in err and err.count("\n") == 1
+    code, _, err = call(capsys, "merge", mine, "--out", tmp_path / "e.sqlite", "--within-px", "-1")
+    assert code == 2 and err.count("\n") == 1

@@ -68,7 +68,7 @@ def test_the_config_and_the_window_count(serve_recording: Path, tmp_path, capsys
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["--method", "yolo"], "not built yet"),
+        (["--method", "yolo"], "rallyscope detect --method yolo"),
         (["--method", "magic"], "auto | paper"),
         (["--config", "no-such.toml"], "no-such.toml"),
         (["--window-us", "0"], "window-us"),

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from app.export.exporter import Exporter, ExportState
+from app.export.frozen import freeze, write_frozen
 from app.export.selection import Span
-from app.export.unfinished import check_cancelled, unfinished_file
-from app.modes.export.frozen import freeze
+from app.export.unfinished import ExportCancelledError, check_cancelled, unfinished_file
 from app.shared.workspace import Workspace
 from core.errors import CommandError
 from core.recordings import open_recording
@@ -91,3 +91,30 @@ def test_a_frozen_recording_is_the_part_that_it_was_taken_from(serve_recording) 
         assert np.array_equal(held.slice(0, 150_000).t_us, left.slice(100_000, 150_000).t_us)
         assert held.calibration is left.calibration and held.sensor == left.sensor
         assert np.array_equal(held.counts_per_ms(), left.counts_per_ms())
+
+
+def test_a_frozen_recording_that_is_written_has_its_events_and_truth_from_time_0_on(serve_recording, tmp_path) -> None:
+    span, path, told = Span(100_000, 300_000), tmp_path / "frozen.h5", []
+    with open_recording(serve_recording) as recording:
+        uuid = write_frozen(freeze(recording, span), span, path, progress=told.append, cancelled=lambda: False)
+        with open_recording(path) as written:
+            assert (written.uuid, written.duration_us) == (uuid, 200_000) and uuid != recording.uuid
+            for name, camera in recording.cameras.items():
+                there, here = camera.slice(100_000, 300_000), written.cameras[name].slice(0, 200_000)
+                assert np.array_equal(here.t_us, there.t_us - 100_000) and np.array_equal(here.x_px, there.x_px)
+                assert np.array_equal(here.on, there.on)
+                assert np.array_equal(written.cameras[name].calibration.K, camera.calibration.K)
+                before, after = camera.truth.at([250_000]), written.cameras[name].truth.at([150_000])
+                assert after.u_px == pytest.approx(before.u_px)
+            assert written.ball.t_us[0] >= 0 and written.ball.t_us[-1] < 200_000
+    assert told == sorted(told) and told[-1] == 1.0
+    assert [file.name for file in tmp_path.iterdir()] == ["frozen.h5"]
+
+
+def test_a_frozen_recording_that_is_cancelled_leaves_nothing(serve_recording, tmp_path) -> None:
+    span = Span(0, 300_000)
+    with open_recording(serve_recording) as recording:
+        frozen = freeze(recording, span)
+    with pytest.raises(ExportCancelledError):
+        write_frozen(frozen, span, tmp_path / "f.h5", progress=lambda share: None, cancelled=lambda: True)
+    assert list(tmp_path.iterdir()) == []

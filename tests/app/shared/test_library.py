@@ -27,3 +27,29 @@ def test_recordings_have_files_of_the_workspace_and_guests_their_own(library: Li
 def test_what_is_live_or_not_in_the_list_has_no_file(library: Library, name: str, says: str) -> None:
     with pytest.raises(RecordingError, match=says):
         library.file_of(name)
+
+
+def test_an_event_file_in_the_folder_is_offered_with_its_kind_and_becomes_a_recording(tmp_path: Path) -> None:
+    workspace = Workspace(tmp_path)
+    rows = "\n".join(f"{1000 * k},{k % 30},{k % 20},{k % 2}" for k in range(500))
+    (workspace.recordings / "clip.csv").write_text(f"t,x,y,p\n{rows}\n")
+    (workspace.recordings / "notes.txt").write_text("not for the list")
+    library = Library(workspace)
+    (name,) = library.names()
+    assert name == "clip.csv (CSV, imported when opened)" and library.to_import(name)
+    recording = library.open(name)
+    assert sum(stream.event_count for stream in recording.cameras.values()) == 500
+    assert library.names() == ("clip",) and library.settled_name(name) == "clip" and library.has(name)
+    assert (workspace.recordings / "clip.h5").is_file() and not library.to_import(name)
+    assert library.open("clip") is recording and library.open(name) is recording
+    library.close()
+
+
+def test_an_event_file_that_cannot_be_read_says_so_and_stays_in_the_list(tmp_path: Path) -> None:
+    workspace = Workspace(tmp_path)
+    (workspace.recordings / "broken.raw").write_bytes(b"no events")
+    library = Library(workspace)
+    (name,) = library.names()
+    with pytest.raises(RecordingError, match=r"broken\.raw"):
+        library.open(name)
+    assert library.names() == (name,)

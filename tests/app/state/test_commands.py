@@ -141,3 +141,13 @@ def test_a_jump_ends_the_playing(state: ClientState) -> None:
     stopped = c.StopAt(300_000).apply(playing, 1.0)
     assert not stopped.playhead.playing and stopped.playhead.position_us(9.0) == 300_000
     assert c.StopAt(10**9).apply(playing, 1.0).playhead.position_us(9.0) == 1_000_000
+
+
+def test_the_shuttle_plays_then_changes_speed_and_steps_back_while_it_stands(state: ClientState) -> None:
+    standing = c.StopAt(100_000).apply(state, 0.0)
+    playing = c.Shuttle(+1).apply(standing, 0.0)
+    assert playing.playhead.playing and playing.playhead.speed == standing.playhead.speed
+    faster = c.Shuttle(+1).apply(playing, 0.0)
+    assert faster.playhead.speed > playing.playhead.speed
+    assert c.Shuttle(-1).apply(faster, 0.0).playhead.speed == playing.playhead.speed
+    assert c.Shuttle(-1).apply(standing, 0.0).playhead.position_us(0.0) == 90_000

@@ -37,3 +37,23 @@ def test_an_impossible_speed_changes_nothing(speed: float) -> None:
 def test_a_change_of_speed_does_not_jump() -> None:
     head = Playhead(1_000_000, speed=1.0).play(0.0).at_speed(0.1, 0.3)
     assert head.position_us(0.3) == 300_000 and head.position_us(1.3) == 400_000
+
+
+def test_a_section_is_played_again_and_again() -> None:
+    head = Playhead(1_000_000, speed=1.0).looping((200_000, 300_000), 0.0).play(0.0)
+    assert head.position_us(0.0) == 200_000  # it begins in the section
+    assert [head.position_us(at) for at in (0.05, 0.1, 0.25, 1.03)] == [250_000, 200_000, 250_000, 230_000]
+    assert head.settle(50.0).playing
+
+
+def test_a_seek_out_of_the_section_plays_on_and_into_it_loops() -> None:
+    head = Playhead(1_000_000, speed=1.0).looping((200_000, 300_000), 0.0).play(0.0)
+    assert head.seek(500_000, 0.0).position_us(0.2) == 700_000
+    assert head.seek(150_000, 0.0).position_us(0.1) == 250_000
+    assert head.looping(None, 0.05).position_us(0.2) == 400_000
+
+
+def test_a_section_too_short_to_see_is_none() -> None:
+    assert Playhead(1_000_000).looping((5, 5), 0.0).loop_us is None
+    assert Playhead(1_000_000).looping((300_000, 100_000), 0.0).loop_us == (100_000, 300_000)
+    assert Playhead(1_000_000).looping((-5, 9_000_000), 0.0).loop_us == (0, 1_000_000)

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from core.detection.window import windows_between
-from core.events import Events, SensorSize, Window
+from core.detection.yolo.config import YoloConfig
+from core.detection.yolo.detector import one_torch_thread
+from core.detection.yolo.weights import YoloWeights
+from core.events import CameraFrame, Events, SensorSize, Window
+from core.learning.detector_training.config import DetectorTrainingConfig
+from core.learning.detector_training.pool import TrainingPictures
+from core.learning.detector_training.rooms import LabelledPictures
+from core.learning.detector_training.streaks import BallStreak, draw_streak
+from core.learning.detector_training.training import new_state, run_steps
 
 
 @dataclass(frozen=True)
@@ -101,3 +110,55 @@ def make_scene() -> Callable[..., Scene]:
 def make_flight() -> type[Flight]:
     """The class of flights."""
     return Flight
+
+
+def _add_frames(windows: Sequence[Window], flight: Flight | None, seed: int = 0) -> list[Window]:
+    """The windows, each with a picture of the disc in its middle, exposed for half of it; of noise without a flight."""
+    rng, found = np.random.default_rng(seed), []
+    for window in windows:
+        t_us, sensor = (window.start_us + window.end_us) // 2, window.events.sensor
+        image = rng.integers(50, 70, (sensor.height_px, sensor.width_px, 3), np.uint8)
+        if flight is not None:
+            (u, v), ms = flight.centre(t_us), (window.end_us - window.start_us) / 2000
+            image = draw_streak(image, BallStreak(
+                x_px=u + 0.5, y_px=v + 0.5, r_px=flight.r_px, light=(0.8, 0.4, 0.08),
+                motion_px=(ms * flight.du_px_per_ms, ms * flight.dv_px_per_ms),
+            ))  # fmt: skip
+        image.flags.writeable = False
+        frame = CameraFrame(t_us, (window.end_us - window.start_us) // 2, image)
+        found.append(dataclasses.replace(window, frame=frame))
+    return found
+
+
+@pytest.fixture(scope="session")
+def add_frames() -> Callable[..., list[Window]]:
+    """Gives windows pictures of a flight."""
+    return _add_frames
+
+
+def draw_circles(count: int, seed: int, side_px: int = 160) -> LabelledPictures:
+    """Orange discs of r = 8 px before plain walls of any dark colour."""
+    rng, images, circles = np.random.default_rng(seed), [], []
+    for _ in range(count):
+        wall = np.full((side_px, side_px, 3), rng.integers(20, 130, 3), np.uint8)
+        x, y = rng.uniform(16, side_px - 16, 2).tolist()
+        images.append(draw_streak(wall, BallStreak(x_px=x, y_px=y, r_px=8.0, light=(0.8, 0.4, 0.08))))
+        circles.append((x, y, 8.0))
+    return LabelledPictures(np.stack(images), np.array(circles))
+
+
+@pytest.fixture(scope="session")
+def circles() -> Callable[..., LabelledPictures]:
+    """Draws pictures with a disc each."""
+    return draw_circles
+
+
+@pytest.fixture(scope="session")
+def small_yolo() -> YoloWeights:
+    """A quarter as wide as published, over-fitted for some twenty seconds on forty drawn discs."""
+    yolo = YoloConfig(input_width_px=320, input_height_px=256, width=0.25)
+    config = DetectorTrainingConfig(yolo=yolo, steps=800, crop_px=64, batch=8, learning_rate=3e-3, warm_up_steps=20)
+    with one_torch_thread():  # sums in another order end in another network
+        state = new_state(config, "cpu")
+        assert run_steps(state, config, TrainingPictures((draw_circles(40, seed=1),)))
+    return YoloWeights(state.network, yolo, None, {})

@@ -4,8 +4,8 @@ from core.config import replace_setting
 from core.detection import FastDetector, RefinedDetector, auto_config, make_detector
 from core.detection.ebpp.detector import EbppDetector
 from core.detection.fe_fusion.detector import FeFusionDetector
-from core.detection.methods import PLANNED
-from core.errors import CommandError, NotBuiltError
+from core.detection.methods import FRAME_METHODS
+from core.errors import CommandError
 from core.events import SensorSize
 
 SENSOR = SensorSize(64, 48)
@@ -27,9 +27,9 @@ def test_a_method_without_stages_runs_with_its_own_section(method: str, section:
     assert detector.config is getattr(mine, section)
 
 
-@pytest.mark.parametrize("method", PLANNED)
-def test_a_planned_method_says_that_it_is_not_built(method: str) -> None:
-    with pytest.raises(NotBuiltError, match=method):
+@pytest.mark.parametrize("method", FRAME_METHODS)
+def test_a_method_that_looks_at_pictures_says_where_it_can_be_used(method: str) -> None:
+    with pytest.raises(CommandError, match=f"{method}.*pictures.*rallyscope detect"):
         make_detector(method, SENSOR)
 
 

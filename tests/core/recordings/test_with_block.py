@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from app.export.frozen import freeze
 from app.export.selection import Span
-from app.modes.export.frozen import freeze
 from core.errors import RecordingError
 from core.rally.live.ring_recording import RingRecording
 from core.recordings import open_recording

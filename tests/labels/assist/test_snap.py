@@ -32,6 +32,17 @@ def test_the_covariance_covers_the_error() -> None:
     assert np.mean(trial.mahalanobis[np.isfinite(trial.error_px)] < 9.21) > 0.8  # 99 % of two dimensions
 
 
+@pytest.mark.parametrize("scene", ["ball", "dark", "low-contrast"])
+def test_the_radius_is_the_balls_whatever_its_speed(scene: str) -> None:
+    trial = try_snap(25, np.random.default_rng(21), scene=scene)  # not one of the balls that it was calibrated on
+    there = np.isfinite(trial.radius_ratio)
+    assert there.sum() >= 20
+    assert np.median(trial.radius_ratio[there]) == pytest.approx(1.0, abs=0.05)
+    faster = trial.speed_px_per_ms > np.median(trial.speed_px_per_ms[there])
+    slow, fast = (np.median(trial.radius_ratio[there & side]) for side in (~faster, faster))
+    assert slow == pytest.approx(fast, abs=0.05)
+
+
 def test_where_the_click_was_does_not_matter(clip: Clip) -> None:
     x, y = truth_of(clip)
     places = []

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from core.cameras import ball_circles, stereo_preset
-from core.table import GRAVITY_MPS2
+from core.cameras import Camera, ball_circles, stereo_preset
+from core.events import SensorSize
+from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 from labels.arrays import label_arrays
 from labels.assist.curve import NOT_COVERED
 from labels.assist.flight import FittedFlight, curve_of_flight, fit_flight
@@ -45,7 +46,23 @@ def test_true_pairs_leave_no_residual_and_lead_to_the_point() -> None:
     np.testing.assert_allclose(check.p_world_m, POINTS, atol=1e-6)
     np.testing.assert_allclose(check.residual_px, 0, atol=1e-4)
     expected = ball_circles(LEFT, POINTS).r_px
-    np.testing.assert_allclose(check.expected_r_px[:, 0], expected, rtol=0.2)
+    np.testing.assert_allclose(check.expected_r_px[:, 0], expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("p", [(0.0, 0.0, 2.0), (1.1, 0.0, 1.6), (-0.9, 0.5, 1.3)])
+def test_the_expected_radius_is_that_of_the_circle_with_the_area_of_the_balls_ellipse(p) -> None:
+    """A sphere at (x, y, z) before a lens of focal length f is an ellipse in closed form; off the axis it is larger."""
+    x, y, z = p
+    K = np.array([[1000.0, 0, 640], [0, 1000.0, 360], [0, 0, 1]])
+    beside = np.eye(4)
+    beside[0, 3] = 0.4
+    cameras = [Camera(SensorSize(1280, 720), K, np.zeros(5), pose) for pose in (np.eye(4), beside)]
+    first, second = cameras
+    check = check_stereo(first, first.project([p]), second, second.project([p]))
+    for found_px, at in zip(check.expected_r_px[0], (x, x - 0.4), strict=True):
+        across = z * z - BALL_RADIUS_M**2
+        long, short = BALL_RADIUS_M * np.sqrt(at * at + y * y + across) / across, BALL_RADIUS_M / np.sqrt(across)
+        assert found_px == pytest.approx(1000 * np.sqrt(long * short), rel=1e-6)
 
 
 def test_pairs_with_a_missing_side_are_nan() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -161,3 +162,54 @@ def test_unvisited_pictures_have_no_file_and_no_row(balls: LabelSet, tmp_path: P
         assert len(imported.labels) == len(balls.labels), name
         assert written.files
     assert LabelState.NO_BALL in {label.state for label in balls.labels}
+
+
+RADII = {
+    "voc": rb' r="[^"]*"',
+    "cvat": rb'(?<=name="r_px">)[^<]*',
+    "coco": rb'(?<="r_px": )[^,}]*',
+    "csv": rb"(?<=,)5\.5(?=,)",
+}
+"""Where a format says a radius of its own."""
+
+
+@pytest.mark.parametrize("text", ["0", "-2.5", "nan", "0.0"])
+@pytest.mark.parametrize("name", sorted(RADII))
+def test_a_radius_of_0_is_refused_and_counted_wherever_a_format_can_say_one(
+    name: str, text: str, context: ImportContext, tmp_path: Path
+) -> None:
+    ball = Label(t_us=1_000_000, state=LabelState.VISIBLE, x_px=100.0, y_px=90.0, r_px=5.5)
+    labels = LabelSet("rec", "left", "anna", context.sensor, (ball,))
+    (file,) = FORMATS[name].write(labels, target(FORMATS[name], tmp_path), ExportOptions()).files
+    content, found = file.read_bytes(), RADII[name]
+    said = f' r="{text}"' if name == "voc" else text
+    changed, count = re.subn(found, said.encode(), content)
+    assert count >= 1, "the radius is written somewhere"
+    file.write_bytes(changed)
+    imported = FORMATS[name].read(file, context)
+    assert imported.labels == () and len(imported.rejections) == 1
+    assert "\n" not in str(imported.rejections[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "text"),
+    [
+        ("tracknet", "a.csv", "Frame,Visibility,X,Y\n0,1,10,20\n"),
+        ("coco", "a.json", '{"images": [{"id": 1, "file_name": "f_t000001000000us.png"}], "categories": [{"id": 1, '
+         '"name": "ball"}], "annotations": [{"id": 1, "image_id": 1, "category_id": 1, "keypoints": [10, 20, 2], '
+         '"bbox": [10, 20, 0, 0]}]}'),
+        ("cvat", "a.xml", '<annotations><image id="0" name="f_t000001000000us.png"><points label="ball" '
+         'points="10,20"/></image></annotations>'),
+        ("csv", "a.csv", "t_us,state,x_px,y_px\n1000000,visible,10,20\n"),
+    ],
+)  # fmt: skip
+def test_a_point_without_a_size_becomes_a_ball_whose_radius_is_not_known(
+    name: str, file: str, text: str, tmp_path: Path, context: ImportContext
+) -> None:
+    (tmp_path / file).write_text(text)
+    context = dataclasses.replace(context, frame_times_us=np.array([1_000_000]))
+    imported = FORMATS[name].read(tmp_path / file, context)
+    assert imported.rejections == ()
+    assert [(label.t_us, label.state, label.r_px) for label in imported.labels] == [
+        (1_000_000, LabelState.VISIBLE, None)
+    ]

@@ -50,14 +50,20 @@ class Accept:
 
 @dataclass(frozen=True, slots=True)
 class Reject:
-    """What is proposed here is wrong; it is not shown any more."""
+    """What is proposed here is wrong; it is kept that it is, and not shown any more."""
 
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
-        here = labelling.here
-        if not labelling.on_screen or here.draft(labelling.t_us) is None:
+        here, draft = labelling.here, labelling.draft(labelling.t_us)
+        if not labelling.on_screen or draft is None:
             return LabelStep(labelling)
-        rejecting = replace(here, rejected=here.rejected | {labelling.t_us})
-        return LabelStep(replace(labelling, works={**labelling.works, labelling.view.camera: rejecting}))
+
+        def act(store: LabelStore) -> tuple[int, ...]:
+            store.reject(draft.t_us, draft.x_px, draft.y_px, draft.r_px, draft.detector)
+            return ()
+
+        rejecting = replace(here, rejected=here.rejected | {(draft.t_us, draft.detector)})
+        works = {**labelling.works, labelling.view.camera: rejecting}
+        return LabelStep(replace(labelling, works=works), LabelEdit(act))
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +120,7 @@ class Interpolate:
 def _unjudged(labelling: Labelling, proposals: Proposals, first_us: int, last_us: int) -> tuple[ProposedLabel, ...]:
     here, times = labelling.here, labelling.grid.times()
     times = times[(times >= first_us) & (times <= last_us)].tolist()
-    open_us = (t_us for t_us in times if t_us not in here.labels and t_us not in here.rejected)
+    open_us = (t_us for t_us in times if t_us not in here.labels and (t_us, proposals.detector) not in here.rejected)
     return tuple(draft for t_us in open_us if (draft := proposed_at(proposals, t_us)) is not None)
 
 

@@ -8,9 +8,9 @@ from typing import Final
 from app.modes.label.commands.assisted import Accept, AcceptSegment, Interpolate, Reject
 from app.modes.label.commands.cursor import (
     ChangeView,
+    Escape,
     GoToEnd,
     GoToUnchecked,
-    LeaveSecondLook,
     OtherCamera,
     StepBy,
 )
@@ -61,7 +61,7 @@ COMMANDS: Final[Mapping[str, LabelCommand]] = {
     "undo": UndoLabel(),
     "redo": UndoLabel(redo=True),
     "clear": Clear(),
-    "escape": LeaveSecondLook(),
+    "escape": Escape(),
     "camera": OtherCamera(),
     **{f"window_{row}": ChangeView({"window_us": window_us}) for row, window_us in enumerate(WINDOWS_US)},
     **{f"zoom_{row}": ChangeView({"zoom": zoom}) for row, zoom in enumerate(ZOOMS)},

@@ -11,7 +11,6 @@ import numpy as np
 from app.modes.label.commands.step import LabelStep, Note
 from app.modes.label.labelling import Labelling
 from app.modes.label.view import WINDOWS_US, ZOOMS
-from app.shared.workspace import slug_from
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,14 +33,12 @@ class ChangeView:
 
 @dataclass(frozen=True, slots=True)
 class SetAnnotator:
-    """Another person labels; a name not typed yet is no name."""
+    """Another person labels, under a name that `annotator_from` has made."""
 
     name: str
 
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
-        if not self.name.strip():
-            return LabelStep(labelling)
-        return ChangeView({"annotator": slug_from(self.name)}).apply(labelling, wall_s)
+        return ChangeView({"annotator": self.name}).apply(labelling, wall_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +105,16 @@ class BeginSecondLook:
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         view = replace(labelling.view, blind=True)
         return LabelStep(replace(labelling, view=view, back_us=labelling.t_us).at(self.t_us, wall_s))
+
+
+@dataclass(frozen=True, slots=True)
+class Escape:
+    """Forget a click that waits for its radius; else leave the second look."""
+
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
+        if labelling.asking is not None:
+            return LabelStep(replace(labelling, click=None))
+        return LeaveSecondLook().apply(labelling, wall_s)
 
 
 @dataclass(frozen=True, slots=True)

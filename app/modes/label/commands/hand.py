@@ -9,14 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-from app.modes.label.commands.step import LabelEdit, LabelStep, change_label
+from app.modes.label.commands.step import LabelEdit, LabelStep, Note, advanced, change_label
 from app.modes.label.label_changes import copied, label_from_click, moved, placed, snapped, with_state
-from app.modes.label.labelling import Labelling
+from app.modes.label.label_writer import Saved
+from app.modes.label.labelling import Labelling, UnfitClick
 from app.modes.label.sources import LabelSource
 from core.errors import LabelError
 from core.events import Events
 from labels.model import Label, LabelState
-from labels.store import LabelStore
+from labels.store import LabelStore, UndoStep
 
 SNAP_REACH_US: Final = 17_000
 LEAST_RADIUS_PX: Final = 0.5
@@ -42,11 +43,34 @@ class PlaceBall:
         draft = labelling.draft(t_us)
         snap = labelling.view.snap and source.stream is not None and self.r_px is None
 
-        def make(before: Label | None) -> Label:
-            label = label_from_click(self.x_px, self.y_px, picture, before, draft, r_px=self.r_px)
-            return snapped(label, _near(source, t_us)) if snap else label
+        unfit: list[UnfitClick] = []
 
-        return change_label(labelling, t_us, make, wall_s, advance=labelling.view.advance)
+        def act(store: LabelStore) -> tuple[int, ...]:
+            label = label_from_click(self.x_px, self.y_px, picture, store.at(t_us), draft, r_px=self.r_px)
+            label = snapped(label, _near(source, t_us)) if snap else label
+            if label.r_px is None:
+                unfit.append(UnfitClick(labelling.layer, t_us, self.x_px, self.y_px, snap))
+                return ()
+            store.put(label)
+            return (t_us,)
+
+        def then(_: Saved) -> AskRadius | None:
+            return AskRadius(unfit[0]) if unfit else None
+
+        step = LabelStep(replace(labelling, click=None), LabelEdit(act, then=then))
+        return advanced(step, wall_s) if labelling.view.advance and t_us == labelling.t_us else step
+
+
+@dataclass(frozen=True, slots=True)
+class AskRadius:
+    """A click found no circle: nothing is stored until somebody says how large the ball is."""
+
+    click: UnfitClick
+
+    def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
+        if labelling.layer != self.click.layer:
+            return LabelStep(labelling)
+        return LabelStep(replace(labelling.at(self.click.t_us, wall_s), click=self.click))
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +85,9 @@ class SetNumbers:
         picture = labelling.judged_picture(wall_s)
 
         def make(before: Label | None) -> Label:
+            if self.r_px is None and (before is None or before.r_px is not None):
+                remedy = "type one, or drag from the centre to the rim"
+                raise LabelError("a ball needs a radius", expected="above 0 px", got="0", remedy=remedy)
             if before is None:
                 return label_from_click(self.x_px, self.y_px, picture, None, None, r_px=self.r_px)
             return placed(before, self.x_px, self.y_px, self.r_px, picture)
@@ -92,9 +119,12 @@ class Resize:
     by_px: float
 
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
-        picture = labelling.judged_picture(wall_s)
+        picture, click = labelling.judged_picture(wall_s), labelling.asking
 
         def make(before: Label | None) -> Label | None:
+            if before is None and click is not None:
+                r_px = FIRST_RADIUS_PX + self.by_px
+                return label_from_click(click.x_px, click.y_px, picture, None, None, r_px=r_px)
             if before is None or before.x_px is None or before.y_px is None:
                 return None
             r_px = max((before.r_px or FIRST_RADIUS_PX) + self.by_px, LEAST_RADIUS_PX)
@@ -160,12 +190,18 @@ class Clear:
 
 @dataclass(frozen=True, slots=True)
 class UndoLabel:
-    """Take the latest change back, or bring it back, and show it."""
+    """Take back, or bring back, what this browser changed last, and show it. What others did stays."""
 
     redo: bool = False
 
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
-        return LabelStep(labelling, LabelEdit(lambda store: store.redo() if self.redo else store.undo(), show=True))
+        steps: list[UndoStep] = []
+
+        def act(store: LabelStore) -> tuple[int, ...]:
+            steps.append(store.step_back(redo=self.redo))
+            return steps[0].touched_us
+
+        return LabelStep(labelling, LabelEdit(act, show=True, said=lambda _: _undo_note(steps[0], self.redo)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,6 +211,16 @@ class ToggleBreak:
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
         breaks_us = tuple(sorted(set(labelling.breaks_us) ^ {labelling.t_us}))
         return LabelStep(replace(labelling, breaks_us=breaks_us))
+
+
+def _undo_note(step: UndoStep, redo: bool) -> Note | None:
+    what = "Redo" if redo else "Undo"
+    if not step.done:
+        return Note(f"Nothing to {what.lower()}", "Only what this window did under this name is taken back.", "yellow")
+    if not step.left_us:
+        return None
+    where = f"at {step.left_us[0] / 1e6:.6f} s" if len(step.left_us) == 1 else f"at {len(step.left_us)} times"
+    return Note(f"{what}: left as it is", f"Somebody else has changed the label {where} since.", "yellow")
 
 
 def _near(source: LabelSource, t_us: int) -> Events:

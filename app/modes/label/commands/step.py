@@ -32,8 +32,10 @@ class LabelEdit:
     act: Act
     show: bool = False
     """Go to what was changed."""
-    said: Callable[[Saved], Note] | None = None
+    said: Callable[[Saved], Note | None] | None = None
     """What is said once it is saved."""
+    then: Callable[[Saved], LabelCommand | None] | None = None
+    """What is to be done once it was carried out."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +70,9 @@ def change_label(labelling: Labelling, t_us: int, make: Make, wall_s: float, *, 
         return (t_us,)
 
     step = LabelStep(labelling, LabelEdit(act))
-    if advance and t_us == labelling.t_us and not labelling.view.blind:
-        return replace(step, labelling=labelling.moved(+1, wall_s))
-    return step
+    return advanced(step, wall_s) if advance and t_us == labelling.t_us else step
+
+
+def advanced(step: LabelStep, wall_s: float) -> LabelStep:
+    """The same, and on to the next time; a second look ends by itself."""
+    return step if step.labelling.view.blind else replace(step, labelling=step.labelling.moved(+1, wall_s))

@@ -15,9 +15,9 @@ from app.export.formats import ExportRequest, export
 from app.export.scenes.drawn_scene import TABLE_RGB, SceneDrawing
 from app.export.selection import Span
 from app.export.unfinished import ExportCancelledError
-from app.scene.ball import BALL_RGB
-from app.scene.viewpoints import VIEWPOINTS
-from app.views.viewpoint import Viewpoint
+from app.scene.ball import BALL_RGB, CORE_RGB
+from app.scene.painted import RING_TO
+from app.views.viewpoint import FOV_RAD, Viewpoint
 from core.events import SensorSize
 from core.rally.history.rally_picture import RallyPicture
 from core.recordings import RecordingWriter, open_recording
@@ -91,14 +91,16 @@ def test_a_cancelled_export_leaves_no_file(kind, serve_recording, tmp_path) -> N
 
 
 def test_a_ball_is_drawn_where_the_pinhole_says_and_the_net_hides_it() -> None:
-    size = SensorSize(400, 300)
+    size = SensorSize(800, 600)
     drawing = SceneDrawing(size, Viewpoint((3.0, 0.0, 0.05), (0.0, 0.0, 0.05)), plane_x_m=-1.42)
     ball = RallyPicture(ball=np.array([1.0, 0.0, 0.05]))
     image = drawing.draw(ball)
-    rows, columns = np.nonzero(np.abs(image.astype(int) - BALL_RGB).max(axis=-1) < 10)
-    assert abs(columns.mean() - 199.5) < 0.6 and abs(rows.mean() - 149.5) < 0.6
-    radius = 150 / np.tan(VIEWPOINTS["Broadcast"].fov_rad / 2) * 0.02 / 2.0
-    assert len(rows) == pytest.approx(np.pi * radius**2, rel=0.3)
+    radius = 300 / np.tan(FOV_RAD / 2) * 0.02 / 2.0
+    core, ring = (np.nonzero(np.abs(image.astype(int) - rgb).max(axis=-1) < 6) for rgb in (CORE_RGB, BALL_RGB))
+    for rows, columns in (core, ring):
+        assert abs(columns.mean() - 399.5) < 0.6 and abs(rows.mean() - 299.5) < 0.6
+    assert len(core[0]) == pytest.approx(np.pi * radius**2, rel=0.3)
+    assert len(ring[0]) == pytest.approx(np.pi * radius**2 * (RING_TO**2 - 1), rel=0.5), "less its soft edges"
     behind = drawing.draw(RallyPicture(ball=np.array([-0.3, 0.0, 0.05])))
     assert share_like(behind, BALL_RGB, 10) < share_like(drawing.draw(RallyPicture(ball=np.array([0.3, 0.0, 0.05]))),
                                                          BALL_RGB, 10)  # fmt: skip

@@ -13,12 +13,13 @@ from app.cli.main import main
 from app.modes.label.assistant import Assistant
 from app.modes.label.commands.by_name import COMMANDS
 from app.modes.label.commands.cursor import ChangeView, GoTo, StepBy
-from app.modes.label.commands.hand import PlaceBall, SetState
+from app.modes.label.commands.hand import PlaceBall, SetNumbers, SetState
 from app.modes.label.editor import LabelCallbacks, LabelEditor
 from app.modes.label.labelling import Labelling, begin_labelling
 from app.modes.label.plan import CameraWork, LabelScene, PicturePlan, agreement_at, centre_at, plan_at
 from app.modes.label.view import LabelView
 from app.modes.services import LABEL_TOOL
+from app.pictures.palette import Ink
 from core.detection import DetectorConfig
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter, open_recording
@@ -33,16 +34,27 @@ BALL_US = 300_000
 class Bench:
     """An editor with a loop of its own."""
 
-    def __init__(self, folder: Path, recording: Path, cameras: tuple[str, ...] = ("left", "right")) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        recording: Path,
+        cameras: tuple[str, ...] = ("left", "right"),
+        *,
+        session: str = "browser",
+        registry: LabelStoreRegistry | None = None,
+    ) -> None:
         from concurrent.futures import ThreadPoolExecutor
 
         self.folder, self.errors, self.notes = folder, [], []
         self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self.recording = open_recording(recording)
-        callbacks = LabelCallbacks(self._inbox.put, self.errors.append, self.notes.append, lambda t_us: None)
-        stores = LabelStoreRegistry(folder, tool=LABEL_TOOL)
+        callbacks = LabelCallbacks(
+            lambda command: True, self._inbox.put, self.errors.append, self.notes.append, lambda t_us: None
+        )
+        stores = registry or LabelStoreRegistry(folder, tool=LABEL_TOOL)
         view = LabelView(camera="left", annotator="anna")
-        self.editor = LabelEditor(stores, begin_labelling(self.recording, view, 2000, time.monotonic()), callbacks)
+        labelling = begin_labelling(self.recording, view, 2000, time.monotonic())
+        self.editor = LabelEditor(stores, labelling, callbacks, session)
         self.pool = ThreadPoolExecutor(1)
         self.assistant = Assistant(self.editor, self.pool)
         self.wait(lambda: set(cameras) <= set(self.work.saved))
@@ -71,7 +83,10 @@ class Bench:
     def scene(self) -> LabelScene:
         work = self.work
         there = CameraWork() if work.there is None else work.there
-        return LabelScene(work.source, work.partner, work.view, "polarity", "orange / blue", work.here, there)
+        asking = None if work.asking is None else (work.asking.x_px, work.asking.y_px)
+        return LabelScene(
+            work.source, work.partner, work.view, "polarity", "orange / blue", work.here, there, asking=asking
+        )
 
     def look(self, t_us: int | None = None) -> PicturePlan:
         """As if the picture at the cursor had been shown."""
@@ -123,6 +138,115 @@ def test_a_click_is_snapped_and_on_the_disk(bench: Bench) -> None:
     assert made.tool.startswith("rallyscope") and made.annotator == "anna"
 
 
+EMPTY = (12.0, 9.0)
+"""A corner of the sensor where nothing happens."""
+
+
+def test_a_click_where_no_circle_fits_is_not_stored_but_asks_for_a_radius(bench: Bench) -> None:
+    bench.look(BALL_US)
+    bench.editor.send(PlaceBall(*EMPTY))
+    bench.wait(lambda: bench.work.asking)
+    assert "no circle fits here: drag to set the radius, or press X for absent" in bench.work.asking.question
+    assert not bench.work.here.labels and not bench.errors
+    marks = bench.look().main.marks
+    assert [(mark.x_px, mark.y_px, mark.r_px, mark.ink) for mark in marks] == [(*EMPTY, None, Ink.ASKS)]
+    stored = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna"))
+    assert stored.all() == () and stored.version == 0
+    bench.editor.send(PlaceBall(*EMPTY, 6.5))
+    bench.wait()
+    assert bench.work.here.labels[BALL_US].r_px == 6.5 and bench.work.asking is None
+
+
+@pytest.mark.parametrize(
+    ("answer", "state", "r_px"),
+    [
+        ("no_ball", LabelState.NO_BALL, None),
+        ("larger", LabelState.VISIBLE, 5.25),
+        ("smaller", LabelState.VISIBLE, 4.75),
+    ],
+)
+def test_a_click_without_a_circle_is_answered_by_a_key(
+    bench: Bench, answer: str, state: LabelState, r_px: float | None
+) -> None:
+    bench.look(BALL_US)
+    bench.editor.send(PlaceBall(*EMPTY))
+    bench.wait(lambda: bench.work.asking)
+    bench.editor.send(COMMANDS[answer])
+    bench.wait()
+    label = bench.work.here.labels[BALL_US]
+    assert (label.state, label.r_px) == (state, r_px) and bench.work.click is None
+
+
+def test_a_click_without_a_circle_is_forgotten_by_escape_or_by_going_elsewhere(bench: Bench) -> None:
+    bench.look(BALL_US)
+    bench.editor.send(PlaceBall(*EMPTY))
+    bench.wait(lambda: bench.work.asking)
+    bench.press("escape")
+    assert bench.work.asking is None
+    bench.editor.send(PlaceBall(*EMPTY))
+    bench.wait(lambda: bench.work.asking)
+    bench.press("next")
+    assert bench.work.asking is None and not bench.work.here.labels
+
+
+def test_going_on_after_each_click_comes_back_to_one_without_a_circle(bench: Bench) -> None:
+    bench.editor.send(ChangeView({"advance": True}))
+    bench.look(BALL_US)
+    bench.editor.send(PlaceBall(*EMPTY))
+    assert bench.work.t_us == BALL_US + 2000
+    bench.wait(lambda: bench.work.asking)
+    assert bench.work.t_us == BALL_US
+
+
+def test_without_snapping_the_first_click_asks_too_and_later_ones_keep_the_radius(bench: Bench) -> None:
+    bench.editor.send(ChangeView({"snap": False}))
+    bench.look(BALL_US)
+    bench.editor.send(PlaceBall(50.0, 60.0))
+    bench.wait(lambda: bench.work.asking)
+    assert bench.work.asking.question.startswith("how large is it?")
+    bench.editor.send(PlaceBall(50.0, 60.0, 7.0))
+    bench.editor.send(PlaceBall(52.0, 61.0))
+    bench.wait()
+    label = bench.work.here.labels[BALL_US]
+    assert (label.x_px, label.y_px, label.r_px) == (52.0, 61.0, 7.0)
+
+
+@pytest.mark.parametrize("r_px", [None, 3.5])
+def test_numbers_that_are_typed_in_need_a_radius_above_0(bench: Bench, r_px: float | None) -> None:
+    bench.look(BALL_US)
+    bench.editor.send(SetNumbers(20.0, 30.0, r_px))
+    bench.wait()
+    assert (BALL_US in bench.work.here.labels) == (r_px is not None)
+    if r_px is None:
+        assert "needs a radius" in str(bench.errors[0])
+    else:
+        bench.editor.send(SetNumbers(21.0, 30.0, None))
+        bench.wait()
+        assert bench.work.here.labels[BALL_US].x_px == 20.0 and "needs a radius" in str(bench.errors[0])
+
+
+def test_two_browsers_of_one_annotator_see_each_other_and_undo_only_what_is_theirs(
+    tmp_path: Path, serve_recording: Path
+) -> None:
+    registry = LabelStoreRegistry(tmp_path / "labels")
+    one, two = (Bench(tmp_path / "labels", serve_recording, session=name, registry=registry) for name in "ab")
+    two.click_truth(BALL_US + 4000)
+    one.click_truth(BALL_US)
+    two.editor.look_again(time.monotonic() + 9.0)
+    two.wait(lambda: BALL_US in two.work.here.labels)
+    two.press("undo")
+    assert sorted(two.work.here.labels) == [BALL_US]
+    two.press("undo")
+    assert sorted(two.work.here.labels) == [BALL_US] and two.notes[-1].title == "Nothing to undo"
+    two.look(BALL_US)
+    two.press("right")
+    one.press("undo")
+    assert one.notes[-1].title == "Undo: left as it is" and "Somebody else has changed" in one.notes[-1].text
+    assert BALL_US in one.work.here.labels
+    for bench in (one, two):
+        bench.close()
+
+
 def test_nudges_in_quick_succession_all_count(bench: Bench) -> None:
     bench.click_truth(BALL_US)
     before = bench.work.here.labels[BALL_US]
@@ -169,6 +293,9 @@ def test_a_rejected_proposal_is_gone_and_the_time_stays_unchecked(bench: Bench) 
     bench.look(BALL_US)
     bench.press("reject")
     assert bench.work.here.draft(BALL_US) is None and not bench.work.here.labels
+    stored = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna"))
+    assert bench.work.here.proposals is not None
+    assert stored.rejected() == {(BALL_US, bench.work.here.proposals.detector)} == bench.work.saved["left"].rejected
 
 
 def test_proposals_of_both_cameras_come_together(bench: Bench) -> None:
@@ -281,7 +408,7 @@ def test_frames_are_labelled_at_their_own_times_and_exposures_and_exported(tmp_p
     assert bench.work.t_us == 19_000
     plan = bench.look()
     assert (plan.main.frame, plan.main.window_us) == (1, (17_000, 21_000))
-    bench.editor.send(PlaceBall(30.25, 20.5))
+    bench.editor.send(PlaceBall(30.25, 20.5, 4.0))
     bench.wait()
     label = bench.work.here.labels[19_000]
     assert (label.x_px, label.y_px, label.provenance.source) == (30.25, 20.5, PositionSource.BY_HAND)

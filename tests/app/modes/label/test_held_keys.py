@@ -32,7 +32,9 @@ class Hand:
         mode = session._modes["Label"]
         assert isinstance(mode, LabelMode)
         self.mode = mode
-        self.wait(lambda: mode._editor is not None and self.work.on_screen and "right" in self.work.saved)
+        self.wait(lambda: mode._editor is not None)
+        session.later(lambda: mode._use_name("hand"))
+        self.wait(lambda: self.work.view.annotator == "hand" and self.work.on_screen and "right" in self.work.saved)
 
     @property
     def editor(self) -> LabelEditor:

@@ -1,11 +1,14 @@
 """What the figures say of the live rally's health."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from app.modes.watch.status import live_html
+from app import theme
+from app.modes.watch.status import live_html, moment_html
+from core.rally.history.rally_history import RallyHistory, RallyMoment
 from core.rally.link.messages import WorldState
 
 
@@ -34,6 +37,27 @@ def test_late_and_lost_events_are_said(snapshot) -> None:
     assert "1,200 late, up to 70 us" in late and "lost" not in late
     lost = live_html(snapshot, state(readout_delayed=5, readout_dropped=34_000), "connected")
     assert "34,000 events lost" in lost
+
+
+def test_skipped_blocks_are_explained_and_not_red(snapshot) -> None:
+    snapshot.health.blocks_dropped = 3
+    said = live_html(snapshot, state(), "connected")
+    assert "Skipped blocks" in said and "3 since the session began" in said and theme.BAD not in said
+
+
+def test_what_is_wrong_is_red_and_says_what_to_do(snapshot) -> None:
+    assert theme.BAD not in live_html(snapshot, state(), "connected")
+    slow = live_html(snapshot, replace(state(), real_time_factor=0.5), "connected")
+    assert theme.BAD in slow and "only 0.50 x real time: choose a slower Pace" in slow
+    paused = live_html(snapshot, replace(state(), real_time_factor=0.5, paused=True), "connected")
+    assert theme.BAD not in paused and "press Run" in paused
+
+
+def test_figures_have_plain_names_with_their_meaning_as_a_tooltip() -> None:
+    nothing = RallyMoment(0, RallyHistory().at(0, {}).picture, None, None, None, ())
+    said = moment_html(nothing, 15.0, 1.0)
+    for name in ("Stereo mismatch", "Hit predicted before the bounce", "Hit predicted after the bounce"):
+        assert f"title='{name}: " in said
 
 
 def test_a_lost_simulation_and_a_slow_one_are_bad(snapshot) -> None:

@@ -56,13 +56,46 @@ def test_a_scene_holds_if_all_three_figures_are_reached() -> None:
     assert scene_verdict([], paper) == "not measured"
 
 
-def test_what_needs_a_frame_detector_is_said_to_be_unmeasured() -> None:
+def test_what_needs_a_frame_detector_is_said_to_be_unmeasured_without_one() -> None:
     rows = {one.claim: one for one in compare([run_of(("real1", "paper", 1.0), ("real1", "ebpp", 20.0))])}
     assert [one.claim for one in rows.values() if one.verdict == NOT_MEASURED] == [
-        "up to 96.4 % less latency than RGB",
-        "up to 27.5 % more recall than RGB",
+        "up to 96.4 % less latency than RGB, `paper`",
+        "up to 96.4 % less latency than RGB, `refined`",
+        "up to 27.5 % more recall than RGB, `paper`",
+        "up to 27.5 % more recall than RGB, `refined`",
     ]
     assert rows["up to 99.8 % less data than RGB, `paper`"].verdict == "holds"
     accurate = rows["up to 89.7 % more accurate than event rivals, ball only: `paper` and `ebpp`"]
     assert accurate.ours == "95.0 %; of the median errors 95.0 %" and accurate.verdict == "holds"
     assert rows["up to 89.7 % more accurate than event rivals, ball only: `refined` and `ebpp`"].ours.startswith("-;")
+
+
+def run_with_frames(sharp_recall: float) -> SeedRun:
+    """Events: 90 of 100 found, 1.33 ms to the answer. Frames: 60 and 70 of 100 found, 2.5 + 8.3 + 20 ms."""
+    events = [replace(RESULT, recording=name) for name in ("real1", "real2")]
+    frames = [
+        replace(RESULT, recording=name, method="yolo", found=found, events=0, cpu_ms=(20.0,), exposure_us=5000,
+                frame_bytes=60 * 2_000_000, answers=found, sharp_recall=sharp_recall)
+        for name, found in (("real1", 60), ("real2", 70))
+    ]  # fmt: skip
+    readings = tuple(replace(READING, recording=name) for name in ("real1", "real2"))
+    return SeedRun(7, (*events, *frames), readings)
+
+
+def test_the_frame_detector_is_asked_for_latency_recall_and_data() -> None:
+    run = run_with_frames(0.95)
+    assert comparisons.latency_saved(run, "paper") == pytest.approx(1 - 1.33 / 30.8, abs=1e-3)
+    assert comparisons.latency_saved(run, "paper", sensing=True) == pytest.approx(1 - 1.33 / 10.8, abs=1e-3)
+    assert comparisons.best_recall_gain(run, "paper") == pytest.approx(0.5)
+    assert comparisons.recall_gain(run, "paper") == pytest.approx(90 / 65 - 1)
+    assert comparisons.data_saved_of_found(run, "paper") == pytest.approx(1 - 4000 / (240e6 / 130))
+    rows = {one.claim: one for one in compare([run])}
+    assert rows["up to 96.4 % less latency than RGB, `paper`"].verdict == "does not hold"
+    assert rows["up to 27.5 % more recall than RGB, `paper`"].verdict == "holds"
+    assert rows["up to 27.5 % more recall than RGB, `refined`"].verdict == "not measured"
+
+
+def test_a_frame_detector_that_misses_sharp_balls_is_no_rival() -> None:
+    for one in compare([run_with_frames(0.89)]):
+        if "less latency than RGB, `paper`" in one.claim or "more recall than RGB, `paper`" in one.claim:
+            assert one.verdict == "no verdict: recall 0.89 of sharp frames is no rival's"

@@ -12,10 +12,20 @@ def test_a_row_holds_the_speed_of_both_cameras(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(bench_simulation, "CASES", (case, case))
     monkeypatch.setattr(bench_simulation, "RUNS", 1)
     shares: list[float] = []
-    report = bench_simulation.run(shares.append)
+    told: list[object] = []
+
+    class Watcher:
+        def __call__(self, share: float) -> None:
+            shares.append(round(share, 6))
+
+        def row(self, row: object) -> None:
+            told.append((row, shares[-1]))
+
+    report = bench_simulation.run(Watcher())
     rows = report["rows"]
     assert isinstance(rows, list)
-    assert len(rows) == 2 and shares == [0.5, 1.0]
+    assert len(rows) == 2 and shares == [0.3, 0.5, 0.5, 0.8, 1.0, 1.0]  # a row has steps: it may take minutes
+    assert told == [(rows[0], 0.5), (rows[1], 1.0)]
     first, second = rows
     assert (first["scene"], first["sensor"], first["speed_mps"]) == ("dark", "96x96", 6.0)
     assert first["events_per_s"] == second["events_per_s"] > 2 * 96 * 96 * 2.0

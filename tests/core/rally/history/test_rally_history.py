@@ -89,7 +89,7 @@ def test_outcomes_count_from_their_time_on() -> None:
     now = history.at(5000, {})
     assert now.picture.spots == tuple(spots)
     text = moment_html(now, 15.0, 1.0)
-    assert "1 of 2 returned (50%)" in text and "out" in text
+    assert "1 of 2 returned (50 %)" in text and "out" in text
 
 
 def test_forgetting_keeps_what_is_younger(followed, recording) -> None:
@@ -118,7 +118,7 @@ def test_one_pass_is_shared_and_flat_recordings_have_none(recording) -> None:
 
 def test_the_figures_say_how_far_the_chain_has_come() -> None:
     empty = RallyHistory().at(0, {})
-    assert "43%" in moment_html(empty, 15.0, 0.43) and "Chain" not in moment_html(empty, 15.0, 1.0)
+    assert "43 %" in moment_html(empty, 15.0, 0.43) and "Followed" not in moment_html(empty, 15.0, 1.0)
 
 
 def test_where_the_racket_was_sent_counts_and_not_what_the_chain_would_do_now(recording) -> None:
@@ -133,5 +133,5 @@ def test_where_the_racket_was_sent_counts_and_not_what_the_chain_would_do_now(re
     now = moment(following, 400_000)
     np.testing.assert_array_equal(now.picture.racket_target.p_world_m, pose.p_m)
     np.testing.assert_array_equal(now.picture.landing_target, goal)
-    assert "+7.5&deg;, -7.5&deg; (post-bounce)" in moment_html(now, 15.0, 1.0)
+    assert "+7.5&deg;, -7.5&deg; after the bounce" in moment_html(now, 15.0, 1.0)
     assert moment(following, 800_000).picture.racket_target is None, "the ball is long gone"

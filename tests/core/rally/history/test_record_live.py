@@ -70,6 +70,7 @@ def test_a_recorded_rally_plays_back_as_it_was_seen(client, tmp_path):
     with h5py.File(recorder.path) as file:
         assert file["/episodes/case"][()].tolist() == [5]
         assert file["/episodes/s"][0, 0] == pytest.approx(-1.42)
+        assert file["/scenes/name"][()].tolist() == [b"ball"] and file["/scenes/zero_us"][0] == zero_us
         assert len(file["/racket/t_us"]) == len(file["/racket/q_world_wxyz"]) > 100
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import msgpack
 import numpy as np
@@ -254,6 +256,68 @@ def test_time_begins_for_one_who_only_listens(fresh):
         listener.connect(fresh)
         listener.subscribe(b"state")
         assert [m.decode(listener.recv_multipart()[1], m.KINDS).t_us for _ in range(3)][-1] >= 30_000
+
+
+def processor_s(process: subprocess.Popen) -> float:
+    """Processor time of a process so far."""
+    fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def test_time_stands_still_for_nobody_and_goes_on_where_it_stopped(client_of_its_own):
+    process, client = client_of_its_own
+    ear = Ear()
+    client.add_listener(ear)
+    wait_for(lambda: ear.states and ear.states[-1].t_us > 100_000)
+    client.listen(False)
+    time.sleep(0.5)
+    stood_us, spent_s = client.state.t_us, processor_s(process)
+    time.sleep(2.0)
+    assert client.state.t_us == stood_us
+    assert processor_s(process) - spent_s < 0.1 * 2.0
+    assert client.status == "connected"
+    heard = len(ear.batches)
+    came_s = time.monotonic()
+    client.listen(True)
+    wait_for(lambda: len(ear.batches) > heard + 1)
+    assert time.monotonic() - came_s < 1.0
+    wait_for(lambda: ear.states[-1].t_us > stood_us + 100_000)
+    starts_us = [batch.start_us for batch in ear.batches[heard:]]
+    assert starts_us[0] <= stood_us + 10_000  # a block may have been under way
+    assert client.lost_messages == 0
+
+
+def test_another_listener_keeps_time_passing_and_whoever_rests_hears_that_the_server_lives(client_of_its_own):
+    _, client = client_of_its_own
+    with zmq.Context() as context, context.socket(zmq.SUB) as recorder:
+        recorder.connect(client.address)
+        recorder.subscribe(b"state")
+        client.listen(False)
+        time.sleep(0.5)
+        before_us = client.state.t_us
+        time.sleep(1.5)
+        assert client.status == "connected"
+        assert client.state.t_us > before_us
+
+
+def test_a_command_counts_as_somebody_for_a_while(client_of_its_own):
+    _, client = client_of_its_own
+    client.listen(False)
+    time.sleep(0.5)
+    client.serve(5.0)
+    before_us = client.state.t_us
+    wait_for(lambda: client.state.t_us > before_us + 200_000)
+
+
+@pytest.fixture
+def client_of_its_own():
+    """A client, and the process of its server."""
+    process, address = start("tcp://127.0.0.1:0", "--auto-serve", "5")
+    client = SimulationClient(address)
+    yield process, client
+    client.close()
+    process.kill()
+    process.wait()
 
 
 def test_a_killed_server_is_noticed_and_its_successor_found():

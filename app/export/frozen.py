@@ -1,0 +1,96 @@
+"""A part of a live rally held in memory, so that it does not go on, or is forgotten, while it is exported or kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from app.export.events.event_slices import event_slices, share_of
+from app.export.selection import Span
+from app.export.unfinished import Cancelled, Progress
+from core.errors import RecordingError
+from core.files import replacing
+from core.recordings import BallTruth, CameraStream, PixelTruth, Recording, RecordingWriter
+from core.recordings.frozen import FrozenCamera, freeze_camera
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordingSnapshot:
+    """A Recording with the clock of the one that it was taken from."""
+
+    uuid: str
+    duration_us: int
+    streams: dict[str, FrozenCamera]
+    ball: BallTruth | None
+    notes: tuple[str, ...]
+
+    @property
+    def cameras(self) -> dict[str, CameraStream]:
+        """All cameras of the snapshot by name."""
+        return dict(self.streams)
+
+    def close(self) -> None:
+        """Do nothing: a snapshot holds no file."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def freeze(recording: Recording, span: Span) -> RecordingSnapshot:
+    """What the recording holds of the span now.
+
+    Raises:
+        RecordingError: if another session of the simulation began meanwhile.
+    """
+    uuid = recording.uuid
+    streams = {name: freeze_camera(one, span.start_us, span.end_us) for name, one in recording.cameras.items()}
+    frozen = RecordingSnapshot(uuid, span.end_us, streams, recording.ball, recording.notes)
+    if recording.uuid != uuid:
+        raise RecordingError("the live rally began anew while it was frozen", remedy="do it again")
+    return frozen
+
+
+def write_frozen(frozen: RecordingSnapshot, span: Span, path: Path, *, progress: Progress, cancelled: Cancelled) -> str:
+    """Write the events, calibrations and truth of a span to a recording whose time begins at 0; its identity.
+
+    Raises:
+        RecordingError: if it cannot be written.
+        ExportCancelledError: if `cancelled` said so; nothing is left behind then.
+    """
+    sensors = {name: stream.sensor for name, stream in frozen.streams.items()}
+    calibration = {name: stream.calibration for name, stream in frozen.streams.items() if stream.calibration}
+    config = {"source": "live simulation, frozen", "session": frozen.uuid}
+    with replacing(path, durable=True) as partial:
+        with RecordingWriter(partial, sensors, calibration=calibration, config=config) as writer:
+            for number, (name, stream) in enumerate(frozen.streams.items()):
+                share = share_of(number, len(frozen.streams), progress)
+                for events in event_slices(stream, span, share, cancelled):
+                    writer.append(name, events)
+                if stream.truth is not None:
+                    writer.write_truth(name, _pixel_truth_within(stream.truth, span))
+            if frozen.ball is not None:
+                writer.write_ball(_ball_within(frozen.ball, span))
+            writer.extend_duration(span.length_us)
+        return writer.uuid
+
+
+def _pixel_truth_within(truth: PixelTruth, span: Span) -> PixelTruth:
+    rows = (truth.t_us >= span.start_us) & (truth.t_us < span.end_us)
+    return PixelTruth(
+        truth.t_us[rows] - span.start_us, truth.u_px[rows], truth.v_px[rows], truth.r_px[rows], truth.visible[rows]
+    )
+
+
+def _ball_within(ball: BallTruth, span: Span) -> BallTruth:
+    rows = (ball.t_us >= span.start_us) & (ball.t_us < span.end_us)
+    return BallTruth(
+        ball.t_us[rows] - span.start_us,
+        ball.p_world_m[rows],
+        ball.v_world_mps[rows],
+        ball.spin_radps[rows],
+        ball.visible[rows],
+    )

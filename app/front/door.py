@@ -1,0 +1,212 @@
+"""The door before viser: it starts viser's server, and no request reaches it unjudged.
+
+viser 1.1.1 checks neither Host nor Origin, knows no token, and leaves no room for a check. A proxy before it would
+leave its own port open to every page in the browser, so the check is put where viser starts its websocket server:
+requests are judged in viser's own process and its messages take no further step. `FrontDoor` refuses to start where
+that hook was not used, and a test asks as a foreign page would.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http
+import json
+import secrets
+import threading
+import urllib.parse
+from collections.abc import Awaitable, Callable, Iterator
+from contextvars import ContextVar
+from http.cookies import CookieError, SimpleCookie
+from typing import Any, Final
+
+import viser
+import websockets.asyncio.server
+from viser.infra import WebsockClientConnection
+from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+from app.front.admission import TOKEN_COOKIE, Admission, Caller
+from app.front.page_text import page_gzip, page_html, refusal_html
+from app.front.pages import Pages, Visit
+
+BROWSER_COOKIE: Final = "rallyscope-browser"
+BROWSER_COOKIE_S: Final = 400 * 86_400
+PAGE_PATH: Final = "/rallyscope/page"
+ALIVE_PATH: Final = "/rallyscope/alive"
+MAX_ID_LENGTH: Final = 64
+SAFETY_HEADERS: Final = {
+    "Content-Security-Policy": "frame-ancestors 'none'",  # a foreign page shows ours in no frame to have it clicked
+    "X-Frame-Options": "DENY",
+    "X-Content-Type-Options": "nosniff",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",  # a link with a token goes to nobody
+    "Cache-Control": "no-cache",
+}
+_starting = threading.Lock()
+Handler = Callable[[ServerConnection], Awaitable[None]]
+
+
+class FrontDoor:
+    """A viser server that lets in only whom the rules admit."""
+
+    def __init__(self, host: str, port: int, admission: Admission) -> None:
+        """Starts to listen at once; the port has been checked to be free."""
+        self.pages = Pages()
+        """For messages beside viser's."""
+        self._admission = admission
+        self._visits: dict[int, Visit] = {}
+        self._visiting: ContextVar[Visit] = ContextVar("visit")
+        self._open = False
+        with _starting, self._hooked() as used:
+            self.server = viser.ViserServer(host=host, port=port, verbose=False)
+            """viser's own."""
+        if not used:
+            self.server.stop()
+            raise RuntimeError("viser started its server in a way that we do not know; its version must be the pinned")
+        infra = self.server._websock_server
+        infra.on_client_connect(self._come)
+        infra.on_client_disconnect(self._go)
+        self._open = True
+
+    def visit(self, client: viser.ClientHandle) -> Visit:
+        """What the page of this client said when it came."""
+        return self._visits.get(client.client_id, Visit())
+
+    def _come(self, client: WebsockClientConnection) -> None:
+        self._visits[client.client_id] = self._visiting.get()
+
+    def _go(self, client: WebsockClientConnection) -> None:
+        self._visits.pop(client.client_id, None)
+
+    @contextlib.contextmanager
+    def _hooked(self) -> Iterator[list[bool]]:
+        """Until it ends, what starts a websocket server starts one with our judgement in it."""
+        original = websockets.asyncio.server.serve
+        used: list[bool] = []
+
+        def serve(handler: Handler, *address: Any, process_request: Any, **options: Any) -> Any:
+            used.append(True)
+
+            def judged(connection: ServerConnection, request: Request) -> Response | None:
+                answer = self._answer(request)
+                return process_request(connection, request) if answer is None else answer
+
+            return original(self._handle(handler), *address, process_request=judged, **options)
+
+        websockets.asyncio.server.serve = serve  # type: ignore[assignment]
+        try:
+            yield used
+        finally:
+            websockets.asyncio.server.serve = original  # type: ignore[misc]
+
+    def _answer(self, request: Request) -> Response | None:
+        """Our answer to a request; None leaves it to viser."""
+        if not self._open:
+            return _response(http.HTTPStatus.SERVICE_UNAVAILABLE, b"starting", "text/plain")
+        path, query = _split(request.path)
+        caller = _caller(request, query.get("token"))
+        verdict = self._admission.judge(caller)
+        if verdict in ("wrong host", "wrong origin"):
+            return _refuse(http.HTTPStatus.FORBIDDEN, verdict)
+        is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
+        if verdict == "needs token":
+            return _refuse(http.HTTPStatus.UNAUTHORIZED, verdict)
+        if is_socket:
+            return None
+        if self._admission.is_token(query.get("token")):
+            return self._welcome(request, path)
+        if path == ALIVE_PATH:
+            return _response(http.HTTPStatus.OK, json.dumps({"alive": True}).encode(), "application/json")
+        if path in ("/", "/index.html"):
+            return _page(request)
+        return None
+
+    def _welcome(self, request: Request, path: str) -> Response:
+        """The token goes out of the address and into a cookie."""
+        answer = _response(http.HTTPStatus.SEE_OTHER, b"", "text/plain")
+        answer.headers["Location"] = _without_token(request.path) if path in ("/", "/index.html") else "/"
+        answer.headers["Set-Cookie"] = f"{TOKEN_COOKIE}={self._admission.cookie}; HttpOnly; SameSite=Lax; Path=/"
+        return answer
+
+    def _handle(self, viser_handler: Handler) -> Handler:
+        async def handle(connection: ServerConnection) -> None:
+            assert connection.request is not None
+            path, query = _split(connection.request.path)
+            if path == PAGE_PATH:
+                await self.pages.serve(query.get("page", "")[:MAX_ID_LENGTH], connection)
+                return
+            browser = _cookies(connection.request).get(BROWSER_COOKIE, "")
+            self._visiting.set(
+                Visit(query.get("page", "")[:MAX_ID_LENGTH], browser[:MAX_ID_LENGTH], query.get("link", ""))
+            )
+            await viser_handler(connection)
+
+        return handle
+
+
+def _split(target: str) -> tuple[str, dict[str, str]]:
+    """Path and query of a request; of a value given twice the last counts."""
+    path, _, query = target.partition("?")
+    try:
+        return path, dict(urllib.parse.parse_qsl(query, max_num_fields=32))
+    except ValueError:
+        return path, {}
+
+
+def _without_token(target: str) -> str:
+    path, _, query = target.partition("?")
+    kept = [(key, value) for key, value in urllib.parse.parse_qsl(query, max_num_fields=32) if key != "token"]
+    return path + ("?" + urllib.parse.urlencode(kept) if kept else "")
+
+
+def _caller(request: Request, token: str | None) -> Caller:
+    hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
+    authorization = request.headers.get_all("Authorization")
+    if token is None and len(authorization) == 1 and authorization[0].lower().startswith(("token ", "bearer ")):
+        token = authorization[0].split(" ", 1)[1].strip()
+    return Caller(
+        host=hosts[0] if len(hosts) == 1 else None,
+        origin=origins[0] if len(origins) == 1 else None,
+        has_origin=bool(origins),
+        cookie=_cookies(request).get(TOKEN_COOKIE),
+        token=token,
+    )
+
+
+def _cookies(request: Request) -> dict[str, str]:
+    try:
+        parsed = SimpleCookie("; ".join(request.headers.get_all("Cookie")))
+    except CookieError:
+        return {}
+    return {name: morsel.value for name, morsel in parsed.items()}
+
+
+def _page(request: Request) -> Response:
+    packed = "gzip" in request.headers.get("Accept-Encoding", "")
+    answer = _response(http.HTTPStatus.OK, page_gzip() if packed else page_html(), "text/html; charset=utf-8")
+    if packed:
+        answer.headers["Content-Encoding"] = "gzip"
+    if BROWSER_COOKIE not in _cookies(request):
+        cookie = f"{BROWSER_COOKIE}={secrets.token_hex(16)}; HttpOnly; SameSite=Lax; Path=/; Max-Age={BROWSER_COOKIE_S}"
+        answer.headers["Set-Cookie"] = cookie
+    return answer
+
+
+def _refuse(status: http.HTTPStatus, verdict: str) -> Response:
+    texts = {
+        "wrong host": "It answers only as localhost, 127.0.0.1 or [::1]. From another machine use a tunnel: "
+        "ssh -L 8080:localhost:8080 with that machine's name, then open http://localhost:8080.",
+        "wrong origin": "Only its own page may connect.",
+        "needs token": "Open the link with the token that the server printed when it started, or type the token.",
+    }
+    title = "Rallyscope does not answer here" if status == http.HTTPStatus.FORBIDDEN else "Rallyscope wants its token"
+    body = refusal_html(title, texts[verdict], form=verdict == "needs token")
+    return _response(status, body, "text/html; charset=utf-8")
+
+
+def _response(status: http.HTTPStatus, body: bytes, kind: str) -> Response:
+    headers = Headers(SAFETY_HEADERS)
+    headers["Content-Type"] = kind
+    headers["Content-Length"] = str(len(body))
+    return Response(status.value, status.phrase, headers, body)

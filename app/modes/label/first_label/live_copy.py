@@ -1,0 +1,108 @@
+"""Live rallies go on and are forgotten: what is labelled of one is frozen into a recording first."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from app.background.jobs import Job
+from app.export.frozen import freeze, write_frozen
+from app.export.selection import Span
+from app.modes.mode import ModeHost
+from core.errors import RecordingError
+from core.rally.live.ring_recording import RingRecording
+from core.recordings import Recording
+
+
+@dataclass(frozen=True, slots=True)
+class FrozenPart:
+    """A recording that was made of a live rally."""
+
+    name: str
+    uuid: str
+
+
+class LiveCopy:
+    """Freezes what a live rally remembers, once it is to be labelled. Methods are called by the loop."""
+
+    def __init__(self, host: ModeHost) -> None:
+        self._host = host
+        self._job: Job[FrozenPart] | None = None
+        self._made: FrozenPart | None = None
+        self._t_us = 0
+        self._then: Callable[[], None] = _nothing
+
+    @property
+    def share(self) -> float | None:
+        """How much is written, 0..1, until it is open; None: nothing is being frozen."""
+        if self._job is None:
+            return None if self._made is None else 1.0
+        return self._job.share
+
+    def begin(self, recording: RingRecording, t_us: int, step_us: int, then: Callable[[], None]) -> None:
+        """Freeze it and open the recording, at the same moment as `t_us` is now; `then` is called once that is shown.
+
+        Raises:
+            RecordingError: if the moment is forgotten already.
+        """
+        if self.share is not None:
+            return
+        oldest_us = recording.start_us
+        if not oldest_us <= t_us < recording.duration_us:
+            raise RecordingError(
+                "this moment of the live rally is forgotten already", remedy="go on, and label a later one"
+            )
+        # The moment falls on a step of those that are to be labelled.
+        span = Span(t_us - (t_us - oldest_us) // step_us * step_us, recording.duration_us)
+        workspace = self._host.services.workspace
+        name = time.strftime("live-%Y%m%d-%H%M%S")
+        path = workspace.recording_path(name)
+
+        def work(progress: Callable[[float], None], cancelled: Callable[[], bool]) -> FrozenPart:
+            frozen = freeze(recording, span)
+            return FrozenPart(name, write_frozen(frozen, span, path, progress=progress, cancelled=cancelled))
+
+        self._t_us, self._then = t_us - span.start_us, then
+        host = self._host
+        self._job = Job(
+            work,
+            lambda made: host.later(lambda: self._open(made)),
+            lambda error: host.later(lambda: self._failed(error)),
+        )
+        seconds = span.length_us / 1e6
+        host.note("Freezing the live rally", f"Its last {seconds:.0f} s become the recording {name}.", "blue")
+
+    def moment_in(self, recording: Recording) -> int | None:
+        """Where the cursor is to be, if this is the recording that was asked for."""
+        return self._t_us if self._made is not None and recording.uuid == self._made.uuid else None
+
+    def shown(self, recording: Recording, t_us: int) -> None:
+        """This moment of a recording is on the screen."""
+        if self.moment_in(recording) == t_us:
+            then, self._then, self._made = self._then, _nothing, None
+            then()
+
+    def forget(self) -> None:
+        """The person has gone elsewhere: the recording is still made, and nothing more."""
+        self._then, self._made = _nothing, None
+
+    def close(self) -> None:
+        """The browser is gone."""
+        if self._job is not None:
+            self._job.cancel()
+
+    def _open(self, made: FrozenPart) -> None:
+        self._job = None
+        if self._then is not _nothing:
+            self._made = made
+            self._host.open_recording(made.name)
+
+    def _failed(self, error: Exception) -> None:
+        self._job = None
+        self.forget()
+        self._host.report(error)
+
+
+def _nothing() -> None:
+    """What is done after a freeze that nobody waits for."""

@@ -1,0 +1,117 @@
+"""What the server keeps for each browser: its detector configs with their undo. The view itself is in the address."""
+
+from __future__ import annotations
+
+import json
+import logging
+import re
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from app.shared.workspace import Workspace
+from app.state.client_state import Configs
+from app.state.settings_text import default_config, differing_settings, with_settings
+from app.state.undo import History
+from core.detection.methods import METHODS, STAGED, Method
+from core.errors import CommandError, ConfigError
+from core.files import replace_file
+
+logger = logging.getLogger(__name__)
+MAX_STEPS: Final = 50
+"""Of undo and of redo that are kept."""
+MAX_BROWSERS: Final = 500
+MAX_FILE_BYTES: Final = 2_000_000
+_BROWSER: Final = re.compile(r"[0-9a-f]{32}")
+STAGED_NAME: Final[Method] = "auto"
+"""Under which the configs are kept that the methods with stages share."""
+
+
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """The settings of one browser."""
+
+    configs: History[Configs]
+    own_configs: Mapping[Method, History[Configs]] = field(default_factory=dict)
+
+
+class BrowserMemory:
+    """One file a browser in a folder of the workspace; thread-safe."""
+
+    def __init__(self, workspace: Workspace) -> None:
+        self._workspace = workspace
+        self._lock = threading.Lock()
+
+    def recall(self, browser: str) -> Remembered | None:
+        """What was kept; None for a browser that is not known, or whose file cannot be used."""
+        if not _BROWSER.fullmatch(browser):
+            return None
+        try:
+            path = self._path(browser)
+            if not path.is_file() or path.stat().st_size > MAX_FILE_BYTES:
+                return None
+            return _decode(json.loads(path.read_bytes()))
+        except (OSError, ValueError, TypeError, KeyError, RecursionError, CommandError, ConfigError) as error:
+            logger.warning("the settings of a browser cannot be read again: %s", error)
+            return None
+
+    def keep(self, browser: str, remembered: Remembered) -> None:
+        """Write it down; a browser that keeps no cookie is forgotten."""
+        if not _BROWSER.fullmatch(browser):
+            return
+        data = json.dumps(_encode(remembered), separators=(",", ":")).encode()
+        with self._lock:
+            try:
+                replace_file(self._path(browser), data, durable=False)
+                self._forget_the_oldest()
+            except (OSError, CommandError) as error:
+                logger.warning("the settings of a browser are not kept: %s", error)
+
+    def _path(self, browser: str) -> Path:
+        return self._workspace.browsers / f"{browser}.json"
+
+    def _forget_the_oldest(self) -> None:
+        files = list(self._workspace.browsers.glob("*.json"))
+        if len(files) > MAX_BROWSERS:
+            for path in sorted(files, key=lambda path: path.stat().st_mtime)[: len(files) - MAX_BROWSERS]:
+                path.unlink(missing_ok=True)
+
+
+def _encode(remembered: Remembered) -> dict[str, object]:
+    histories: dict[Method, History[Configs]] = {STAGED_NAME: remembered.configs, **remembered.own_configs}
+    return {"version": 1, "methods": {method: _encode_history(method, one) for method, one in histories.items()}}
+
+
+def _encode_history(method: Method, history: History[Configs]) -> dict[str, object]:
+    def pair(configs: Configs) -> list[dict[str, object]]:
+        base = default_config(method)
+        return [differing_settings(configs.a, base), differing_settings(configs.b, base)]
+
+    return {
+        "present": pair(history.present),
+        "past": [pair(one) for one in history.past[-MAX_STEPS:]],
+        "future": [pair(one) for one in history.future[:MAX_STEPS]],
+    }
+
+
+def _decode(content: Mapping) -> Remembered:
+    if content["version"] != 1:
+        raise ValueError("of another version")
+    methods = content["methods"]
+    known: dict[Method, History[Configs]] = {
+        method: _decode_history(method, methods[method]) for method in METHODS if method in methods
+    }
+    configs = known.pop(STAGED_NAME)
+    return Remembered(configs, {method: one for method, one in known.items() if method not in STAGED})
+
+
+def _decode_history(method: Method, content: Mapping) -> History[Configs]:
+    def pair(two: list) -> Configs:
+        base = default_config(method)
+        a, b = two
+        return Configs(with_settings(base, a), with_settings(base, b))
+
+    past, future = content["past"][-MAX_STEPS:], content["future"][:MAX_STEPS]
+    return History(pair(content["present"]), tuple(map(pair, past)), tuple(map(pair, future)))

@@ -1,0 +1,179 @@
+"""What a browser looks at as a link, and back: a colleague who opens it sees the same moment with the same settings.
+
+A link is what stands behind the # of the address: `v=1&recording=demo&mode=Tune&t=123456&a.cluster.eps_px=3.5`. What is
+as usual is left out. It may come from anyone: opening one only makes the commands that the controls make.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import urllib.parse
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from app.modes.watch.commands import EnlargeCamera, ShowLayer, ShowSpace
+from app.pictures.event_picture import RENDERINGS
+from app.pictures.palette import POLARITY_COLOURS
+from app.state import commands
+from app.state.client_state import (
+    ARRANGEMENTS,
+    MODES,
+    OVERLAYS,
+    SLOTS,
+    ClientState,
+    Configs,
+    RenderSettings,
+    TuneView,
+    WatchView,
+)
+from app.state.commands import Command
+from app.state.settings_text import default_config, differing_settings, with_settings
+from core.detection.methods import METHODS, Method
+from core.errors import ConfigError
+
+MAX_LENGTH: Final = 4_000
+VERSION: Final = "1"
+_LOOK, _TUNE, _WATCH = RenderSettings(), TuneView(), WatchView()
+Values = Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Use:
+    """Put both configs of the chosen method in place, as one step that can be undone."""
+
+    configs: Configs
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return state.with_history(state.history.change(self.configs, topic=None, wall_s=wall_s))
+
+
+def link_of(state: ClientState, now_us: int) -> str:
+    """The link to what this state shows at `now_us`; without the settings where they would make it too long."""
+    view = {key: text for key, text in _view(state, now_us) if text}
+    base = default_config(state.tune.method)
+    settings = {
+        f"{slot.lower()}.{name}": json.dumps(value)
+        for slot in SLOTS
+        for name, value in differing_settings(state.history.present.of(slot), base).items()
+    }
+    link = _encode({"v": VERSION, **view, **settings})
+    return link if len(link) <= MAX_LENGTH else _encode(view)
+
+
+def values_of(link: str) -> Values:
+    """What a link says; nothing where it is none."""
+    if len(link) > MAX_LENGTH:
+        return {}
+    try:
+        return dict(urllib.parse.parse_qsl(link, max_num_fields=300))
+    except ValueError:
+        return {}
+
+
+def commands_of(values: Values, state: ClientState) -> tuple[Command, ...]:
+    """What brings a state to where the link leads; its recording is open already. What makes no sense is left out."""
+    found: list[Command] = []
+    for key, make in _COMMANDS.items():
+        if key in values:
+            try:
+                found += make(values[key])
+            except (ValueError, TypeError, OverflowError):
+                continue
+    method = values.get("method", _TUNE.method)
+    if values.get("v") == VERSION and method in METHODS:
+        with contextlib.suppress(ConfigError, ValueError, TypeError, RecursionError):
+            found.append(_Use(_configs(values, method)))  # type: ignore[arg-type]
+    return tuple(found)
+
+
+def _view(state: ClientState, now_us: int) -> Iterator[tuple[str, str]]:
+    """Every value of the view by its key; "" where it is as usual."""
+    look, tune, watch = state.look, state.tune, state.watch
+    yield "recording", state.recording
+    yield "mode", state.mode if state.mode != "Watch" else ""
+    yield "t", "" if state.playhead.following else str(now_us)
+    yield "camera", state.camera if state.camera != state.cameras[0] else ""
+    yield "speed", f"{state.playhead.speed:g}"
+    loop = state.playhead.loop_us
+    yield "loop", "" if loop is None else f"{loop[0]},{loop[1]}"
+    yield "marks", ",".join(map(str, state.marks_us))
+    yield "step", str(state.step_us) if state.step_us != 1_000 else ""
+    yield "window", str(look.window_us) if look.window_us != _LOOK.window_us else ""
+    yield "draw", look.rendering if look.rendering != _LOOK.rendering else ""
+    yield "colours", look.colours if look.colours != _LOOK.colours else ""
+    yield "arrange", look.arrangement if look.arrangement != _LOOK.arrangement else ""
+    yield "stage", tune.overlay if tune.overlay != _TUNE.overlay else ""
+    yield "zoom", f"{tune.zoom:g}" if tune.zoom != _TUNE.zoom else ""
+    yield "at", "{:.1f},{:.1f}".format(*tune.centre_px) if tune.centre_px is not None else ""
+    yield "slot", tune.slot if tune.slot != _TUNE.slot else ""
+    yield "compare", "1" if tune.compare else ""
+    yield "method", tune.method if tune.method != _TUNE.method else ""
+    yield "methods", ",".join(tune.compared) if tune.compared != _TUNE.compared else ""
+    yield "beside", "1" if tune.side_by_side else ""
+    yield "truth", "0" if not tune.show_truth else ""
+    yield "space", "0" if not watch.in_space else ""
+    yield "large", watch.large
+    yield "hidden", ",".join(sorted(watch.hidden))
+
+
+_COMMANDS: Final[Mapping[str, Callable[[str], list[Command]]]] = {
+    "mode": lambda text: [commands.SetMode(_one(text, MODES))],  # type: ignore[arg-type]
+    "camera": lambda text: [commands.SetCamera(text)],
+    "speed": lambda text: [commands.SetPlaybackSpeed(float(text))],
+    "t": lambda text: [commands.StopAt(int(text))],
+    "loop": lambda text: [commands.Loop(_section(text))],
+    "marks": lambda text: [commands.ToggleMark(int(one)) for one in dict.fromkeys(text.split(","))],
+    "step": lambda text: [commands.SetStep(int(text))],
+    "window": lambda text: [commands.SetWindow(int(text))],
+    "draw": lambda text: [commands.SetRendering(_one(text, RENDERINGS))],  # type: ignore[arg-type]
+    "colours": lambda text: [commands.SetColours(_one(text, POLARITY_COLOURS))],  # type: ignore[arg-type]
+    "arrange": lambda text: [commands.SetArrangement(_one(text, ARRANGEMENTS))],  # type: ignore[arg-type]
+    "stage": lambda text: [commands.SetOverlay(_one(text, OVERLAYS))],  # type: ignore[arg-type]
+    "zoom": lambda text: [commands.SetZoom(float(text))],
+    "at": lambda text: [commands.LookAt(_point(text))],
+    "slot": lambda text: [commands.SetSlot(_one(text, SLOTS))],  # type: ignore[arg-type]
+    "compare": lambda text: [commands.SetCompare(text == "1")],
+    "method": lambda text: [commands.SetMethod(_one(text, METHODS))],  # type: ignore[arg-type]
+    "methods": lambda text: [
+        commands.CompareMethod(name, name in text.split(","))  # type: ignore[arg-type]
+        for name in METHODS
+    ],
+    "beside": lambda text: [commands.SetSideBySide(text == "1")],
+    "truth": lambda text: [commands.ShowTruth(text != "0")],
+    "space": lambda text: [ShowSpace(text != "0")],
+    "large": lambda text: [EnlargeCamera(text)],
+    "hidden": lambda text: [ShowLayer(layer, on=False) for layer in text.split(",")[:32]],
+}
+"""In the order in which they are applied: what one needs comes before it."""
+
+
+def _configs(values: Values, method: Method) -> Configs:
+    base = default_config(method)
+    told: dict[str, dict[str, object]] = {slot: {} for slot in SLOTS}
+    for key, text in values.items():
+        slot, dot, name = key.partition(".")
+        if dot and slot.upper() in told:
+            told[slot.upper()][name] = json.loads(text)
+    return Configs(with_settings(base, told["A"]), with_settings(base, told["B"]))
+
+
+def _one(text: str, allowed) -> str:
+    if text not in allowed:
+        raise ValueError(text)
+    return text
+
+
+def _point(text: str) -> tuple[float, float]:
+    x, y = map(float, text.split(","))
+    return x, y
+
+
+def _section(text: str) -> tuple[int, int]:
+    start, end = map(int, text.split(","))
+    return start, end
+
+
+def _encode(values: Values) -> str:
+    return urllib.parse.urlencode(values, safe=",.")

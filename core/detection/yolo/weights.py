@@ -1,0 +1,101 @@
+"""Weights of the network as a safetensors file: numbers and plain text, nothing in it is ever executed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+
+from core.config import config_from_mapping, config_to_mapping
+from core.detection.yolo.config import YoloConfig
+from core.detection.yolo.network import YoloTiny
+from core.errors import ConfigError, RallyscopeError
+from core.files import replace_file
+
+FORMAT: Final = "rallyscope-yolo-1"
+SHIPPED: Final = Path(__file__).with_name("weights.safetensors")
+"""Comes with the package, if it does."""
+KERNEL: Final = 4
+"""Axes of a convolution's weights: all but a thousandth of the numbers."""
+LEAST_RECALL: Final = 0.9
+"""On sharp pictures: with less it is no rival, since then training and not blur would decide."""
+
+
+@dataclass(frozen=True, slots=True)
+class SharpScore:
+    """What the network does with pictures of 0.5 ms exposure that it was not trained on."""
+
+    recall: float
+    """Of the pictures with the whole ball in view, those with an answer within 8 px."""
+    precision: float
+    """Of the answers, those within 8 px of a ball."""
+    median_error_px: float
+    pictures: int
+    """With the whole ball in view."""
+    seed: int
+
+    @property
+    def is_rival(self) -> bool:
+        """Whether blur decides what it misses."""
+        return self.recall >= LEAST_RECALL
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class YoloWeights:
+    """A trained network and what it was made by."""
+
+    network: YoloTiny
+    """In evaluation mode."""
+    config: YoloConfig
+    score: SharpScore | None
+    """None of a network that nobody has scored."""
+    training: dict[str, object]
+    """The training's config as plain values."""
+
+
+def save_weights(path: Path, weights: YoloWeights) -> None:
+    """Write it in one step, the convolutions with half the digits: 12 MB for the published size."""
+    score = weights.score
+    about = {
+        "format": FORMAT,
+        "config": json.dumps(config_to_mapping(weights.config)),
+        "score": json.dumps(None if score is None else {name: getattr(score, name) for name in SharpScore.__slots__}),
+        "training": json.dumps(weights.training),
+    }
+    tensors = {
+        name: (value.half() if value.ndim == KERNEL else value).contiguous().cpu()
+        for name, value in weights.network.state_dict().items()
+    }
+    replace_file(path, save(tensors, about), durable=True)
+
+
+def load_weights(path: Path | None = None) -> YoloWeights:
+    """A trained network, by default the one that comes with the package.
+
+    Raises:
+        ConfigError: if there is no such file, it is damaged, or it is not of this network.
+    """
+    path, remedy = path or SHIPPED, "make one with `rallyscope train-detector yolo --out FILE`"
+    if not path.is_file():
+        raise ConfigError("no weights for `yolo`", expected="a safetensors file", where=path, remedy=remedy)
+    try:
+        with safe_open(path, "pt") as file:
+            about = dict(file.metadata() or {})
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
+        if about.get("format") != FORMAT:
+            raise ConfigError("not weights of `yolo`", expected=FORMAT, got=about.get("format"))
+        config = config_from_mapping(YoloConfig, json.loads(about["config"]), where=str(path))
+        score = json.loads(about["score"])
+        network = YoloTiny(config.width).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
+        network.load_state_dict({name: value.float() if value.is_floating_point() else value
+                                 for name, value in tensors.items()})  # fmt: skip
+        found = YoloWeights(network.eval(), config, score and SharpScore(**score), json.loads(about["training"]))
+    except (OSError, SafetensorError, KeyError, ValueError, TypeError, RuntimeError, RallyscopeError) as error:
+        got = str(error).splitlines()[0]
+        raise ConfigError("these weights cannot be used", got=got, where=path, remedy=remedy) from error
+    return found

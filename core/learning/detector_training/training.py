@@ -1,0 +1,175 @@
+"""The training itself: step after step from crops that depend on the seed and the step alone, kept now and then."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+from torch import Tensor
+
+from core.config import config_to_mapping
+from core.detection.yolo.detector import WHITE
+from core.detection.yolo.network import YoloTiny
+from core.errors import ConfigError
+from core.files import replace_file
+from core.learning.detector_training.config import DetectorTrainingConfig
+from core.learning.detector_training.crops import CropBatch, draw_batch
+from core.learning.detector_training.loss import yolo_loss
+from core.learning.detector_training.pool import TrainingPictures
+
+CROPS_STREAM: Final = 0x63726F70
+MOMENTS: Final = ("step", "exp_avg", "exp_avg_sq")
+"""What AdamW remembers of each weight."""
+CLIP: Final = 10.0
+"""Longest gradient."""
+Progress = Callable[[float], None]
+
+
+@dataclass(eq=False)
+class TrainingState:
+    """A network in training. `run_steps` changes it."""
+
+    network: YoloTiny
+    optimizer: torch.optim.AdamW
+    step: int
+    losses: list[float]
+    """Of every step so far."""
+    plans: list[tuple[int, int]]
+    """From which step on so many steps were planned: one that is ended may go on with fewer, or with more."""
+
+
+def new_state(config: DetectorTrainingConfig, device: str) -> TrainingState:
+    """First weights; the same seed gives the same ones."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(config.seed)
+        network = YoloTiny(config.yolo.width)
+    network.to(device).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
+    optimizer = torch.optim.AdamW(
+        network.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, foreach=False
+    )
+    return TrainingState(network, optimizer, 0, [], [(0, config.steps)])
+
+
+def run_steps(
+    state: TrainingState,
+    config: DetectorTrainingConfig,
+    pool: TrainingPictures,
+    *,
+    device: str = "cpu",
+    checkpoint: Path | None = None,
+    progress: Progress = lambda share: None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> bool:
+    """Train up to the last step; False if cancelled before. The state is kept in `checkpoint`, then and now and then.
+
+    Raises:
+        ConfigError: if there is no picture to train on.
+    """
+    rows = pool.rows()
+    if not len(rows):
+        raise ConfigError("no pictures to train on")
+    state.network.train()
+    while state.step < config.steps:
+        if cancelled():
+            break
+        rng = np.random.default_rng([config.seed, CROPS_STREAM, state.step])
+        state.losses.append(
+            _train_step(state, config, draw_batch(pool, rows, config.batch, config.crop_px, rng), device)
+        )
+        state.step += 1
+        if checkpoint is not None and state.step % config.checkpoint_every == 0:
+            save_state(checkpoint, state, config)
+        progress(state.step / config.steps)
+    if checkpoint is not None:
+        save_state(checkpoint, state, config)
+    state.network.eval()
+    return state.step >= config.steps
+
+
+def learning_rate(config: DetectorTrainingConfig, step: int) -> float:
+    """Rises in a straight line, falls along a cosine."""
+    if step < config.warm_up_steps:
+        return config.learning_rate * (step + 1) / config.warm_up_steps
+    done = (step - config.warm_up_steps) / max(1, config.steps - config.warm_up_steps)
+    return config.learning_rate * 0.5 * (1 + math.cos(math.pi * done))
+
+
+def as_levels(images: NDArray[np.uint8], device: str) -> Tensor:
+    """(B, 3, h, w) of 0..1 from pictures (B, h, w, 3)."""
+    pixels = torch.from_numpy(images).to(device).permute(0, 3, 1, 2)
+    return pixels.to(dtype=torch.float32, memory_format=torch.channels_last) / WHITE
+
+
+def _train_step(state: TrainingState, config: DetectorTrainingConfig, batch: CropBatch, device: str) -> float:
+    for group in state.optimizer.param_groups:
+        group["lr"] = learning_rate(config, state.step)
+    circles = torch.from_numpy(batch.circles).to(device=device, dtype=torch.float32)
+    half = config.precision == "bfloat16"
+    with torch.autocast(torch.device(device).type, dtype=torch.bfloat16, enabled=half):
+        heads = state.network(as_levels(batch.images, device))
+    loss = yolo_loss(heads, circles)
+    state.optimizer.zero_grad(set_to_none=True)
+    loss.backward()
+    torch.nn.utils.clip_grad_norm_(state.network.parameters(), CLIP)
+    state.optimizer.step()
+    return float(loss.detach())
+
+
+def save_state(path: Path, state: TrainingState, config: DetectorTrainingConfig) -> None:
+    """Write all that the next step depends on, in one step: after a kill there is the old file or the new one."""
+    tensors = {f"network.{name}": value for name, value in state.network.state_dict().items()}
+    for number, moments in state.optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer.{number}.{name}": moments[name] for name in MOMENTS}
+    about = {
+        "step": str(state.step),
+        "losses": json.dumps([round(loss, 5) for loss in state.losses]),
+        "config": _described(config),
+        "plans": json.dumps(state.plans),
+    }
+    replace_file(path, save({name: value.contiguous().cpu() for name, value in tensors.items()}, about), durable=True)
+
+
+def load_state(path: Path, config: DetectorTrainingConfig, device: str) -> TrainingState:
+    """What `save_state` kept. The number of steps may be another one: it counts from here on.
+
+    Raises:
+        ConfigError: if the file is damaged, or of a training with other settings.
+    """
+    state, remedy = new_state(config, device), "remove it to start over, or write the weights elsewhere"
+    try:
+        with safe_open(path, "pt") as file:
+            about = dict(file.metadata() or {})
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
+        if about["config"] != _described(config):
+            raise ConfigError(
+                "a training with other settings was begun here", expected=_described(config), got=about["config"],
+                where=path, remedy=remedy,
+            )  # fmt: skip
+        network = {name.removeprefix("network."): one for name, one in tensors.items() if name.startswith("network.")}
+        state.network.load_state_dict(network)
+        kept = state.optimizer.state_dict()
+        count = len(list(state.network.parameters()))
+        if any(name.startswith("optimizer.") for name in tensors):
+            kept["state"] = {n: {name: tensors[f"optimizer.{n}.{name}"] for name in MOMENTS} for n in range(count)}
+        state.optimizer.load_state_dict(kept)
+        step, plans = int(about["step"]), [(int(begun), int(steps)) for begun, steps in json.loads(about["plans"])]
+        if plans[-1][1] != config.steps:
+            plans.append((step, config.steps))
+        return TrainingState(state.network, state.optimizer, step, json.loads(about["losses"]), plans)
+    except (OSError, SafetensorError, KeyError, ValueError, RuntimeError) as error:
+        got = str(error).splitlines()[0]
+        raise ConfigError("not a checkpoint of this training", got=got, where=path, remedy=remedy) from error
+
+
+def _described(config: DetectorTrainingConfig) -> str:
+    """All settings but the number of steps."""
+    return json.dumps({**config_to_mapping(config), "steps": None}, sort_keys=True)

@@ -1,0 +1,166 @@
+"""Connections to a label store, and what SQLite's errors mean to a person."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+from urllib.parse import quote
+
+from core.errors import LabelError
+from core.files import sync
+from labels.database.network_drive import refuse_network_drive
+from labels.database.schema import check_schema, create_tables, is_empty, recording_of
+
+WAITS_S: Final = 20.0
+"""For others who write; each of them takes some milliseconds."""
+CHECKPOINT_PAGES: Final = 1000
+"""So long the log grows before it is worked into the file: some 4 MB."""
+LONGEST_VALUE: Final = 1_000_000
+"""Bytes; a longer text in a file is no label's."""
+
+
+class DamagedStoreError(LabelError):
+    """A file that SQLite cannot make sense of."""
+
+
+def open_to_write(path: Path, recording_uuid: str) -> sqlite3.Connection:
+    """A connection that writes, made durable by each commit; the file is made if there is none.
+
+    Raises:
+        LabelError: if it cannot be written, is damaged, or is not the store of this recording.
+    """
+    refuse_network_drive(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _not_writable(path, error.strerror) from error
+    with telling(path, "cannot write labels here"):
+        db = _connect(path, "rwc")
+    try:
+        with telling(path, "cannot write labels here"):
+            _log_ahead(db)
+            db.execute("PRAGMA synchronous = FULL")
+            db.execute("PRAGMA foreign_keys = ON")
+            db.execute(f"PRAGMA wal_autocheckpoint = {CHECKPOINT_PAGES}")
+            _create_if_empty(db, path, recording_uuid)
+            check_schema(db, path)
+            _check_recording(db, path, recording_uuid)
+    except BaseException:
+        db.close()
+        raise
+    return db
+
+
+def open_to_read(path: Path) -> sqlite3.Connection:
+    """A connection that writes nothing: others may write meanwhile, the disk may be read-only.
+
+    Raises:
+        LabelError: if there is no store, it cannot be read, or it is damaged.
+    """
+    refuse_network_drive(path)
+    with telling(path, "cannot read the labels"):
+        try:
+            return _checked(_connect(path, "ro"), path)
+        except sqlite3.OperationalError:
+            # No log beside it and no way to make one: nobody writes, and the file is all there is.
+            log = path.with_name(f"{path.name}-wal")
+            if not path.is_file() or (log.exists() and log.stat().st_size):
+                raise
+            return _checked(_connect(path, "ro&immutable=1"), path)
+
+
+@contextmanager
+def transaction(db: sqlite3.Connection) -> Iterator[None]:
+    """All of the block or nothing; the end of it waits until it is on the disk."""
+    db.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+        db.execute("COMMIT")
+    except BaseException:
+        with contextlib.suppress(sqlite3.Error):  # SQLite may have rolled back itself
+            if db.in_transaction:
+                db.execute("ROLLBACK")
+        raise
+
+
+@contextmanager
+def telling(path: Path, what: str, remedy: str = "") -> Iterator[None]:
+    """Inside, an error of SQLite becomes one line.
+
+    Raises:
+        DamagedStoreError: if the file is damaged.
+        LabelError: for any other error of SQLite.
+    """
+    try:
+        yield
+    except sqlite3.OperationalError as error:
+        if "locked" in str(error):
+            raise LabelError(what, got="another program keeps it busy", where=path, remedy="try again") from error
+        if error.sqlite_errorname in ("SQLITE_CANTOPEN", "SQLITE_READONLY") and not remedy:
+            raise _not_writable(path, str(error), what) from error
+        raise LabelError(what, got=error, where=path, remedy=remedy or None) from error
+    except sqlite3.DatabaseError as error:
+        advice = f"what can be read of it: rallyscope labels merge {path} --out NEW.sqlite"
+        raise DamagedStoreError("a damaged label store", got=error, where=path, remedy=advice) from error
+
+
+def _connect(path: Path, mode: str) -> sqlite3.Connection:
+    address = f"file:{quote(str(path.absolute()))}?mode={mode}"
+    db = sqlite3.connect(address, uri=True, timeout=WAITS_S, isolation_level=None, check_same_thread=False)
+    distrust(db)
+    return db
+
+
+def distrust(db: sqlite3.Connection) -> None:
+    """The file may come from anywhere: its schema is not trusted, its pages are checked, nothing is attached."""
+    db.execute("PRAGMA trusted_schema = OFF")
+    db.execute("PRAGMA cell_size_check = ON")
+    db.execute("PRAGMA mmap_size = 0")
+    db.setlimit(sqlite3.SQLITE_LIMIT_ATTACHED, 0)
+    db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, LONGEST_VALUE)
+
+
+def _checked(db: sqlite3.Connection, path: Path) -> sqlite3.Connection:
+    try:
+        check_schema(db, path)
+    except BaseException:
+        db.close()
+        raise
+    return db
+
+
+def _log_ahead(db: sqlite3.Connection) -> None:
+    """Several that open a new file at once must wait for each other, which SQLite does not do here by itself."""
+    until_s = time.monotonic() + WAITS_S
+    while True:
+        try:
+            db.execute("PRAGMA journal_mode = WAL")
+            return
+        except sqlite3.OperationalError as error:
+            if "locked" not in str(error) or time.monotonic() > until_s:
+                raise
+            time.sleep(0.005)
+
+
+def _create_if_empty(db: sqlite3.Connection, path: Path, recording_uuid: str) -> None:
+    if not is_empty(db):
+        return
+    with transaction(db):
+        if is_empty(db):  # else another has made it meanwhile
+            create_tables(db, recording_uuid)
+    sync(path.parent)  # a new file survives a power cut only with its folder's entry
+
+
+def _check_recording(db: sqlite3.Connection, path: Path, recording_uuid: str) -> None:
+    found = recording_of(db, path)
+    if found != recording_uuid:
+        raise LabelError("labels of something else", expected=recording_uuid, got=found, where=path)
+
+
+def _not_writable(path: Path, got: str | None, what: str = "cannot write labels here") -> LabelError:
+    return LabelError(what, got=got, where=path, remedy="choose a folder on a writable disk with --data")

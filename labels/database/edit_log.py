@@ -1,0 +1,151 @@
+"""Edits, undo and redo as rows that are only ever added. Each function runs inside a transaction of its caller."""
+
+from __future__ import annotations
+
+import sqlite3
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from labels.database.rows import COLUMNS, LISTED, NO_LABEL, Values, value_at, values_of
+from labels.model import Label
+
+Kind = str
+EDIT, UNDO, REDO, REJECTED = "edit", "undo", "redo", "rejected proposal"
+NEWEST: Final = 2**62
+"""After every edit that there is."""
+_ADD = f"INSERT INTO changes (layer, t_us, edit, {LISTED}) VALUES (?, ?, ?{', ?' * len(COLUMNS)})"
+
+
+@dataclass(frozen=True, slots=True)
+class Writer:
+    """Who writes: a layer, and which of the programs or browsers that write it."""
+
+    layer: int
+    session: str
+    """Empty: undo takes back whatever was done last in the layer. Else only what this session did."""
+    tool: str
+
+
+@dataclass(frozen=True, slots=True)
+class UndoStep:
+    """What an undo or a redo did."""
+
+    touched_us: tuple[int, ...] = ()
+    left_us: tuple[int, ...] = ()
+    """Times that somebody else has changed since: they stay as that other left them."""
+
+    @property
+    def done(self) -> bool:
+        """Whether there was anything to take back or to bring back."""
+        return bool(self.touched_us or self.left_us)
+
+
+class SessionHistory:
+    """What a session can take back and bring back, followed as rows are added."""
+
+    def __init__(self) -> None:
+        self.done: list[int] = []
+        self.undone: list[int] = []
+        self._seen = 0
+
+    def follow(self, db: sqlite3.Connection, writer: Writer) -> None:
+        """Take up what was added since."""
+        mine = (writer.session,) if writer.session else ()
+        rows = db.execute(
+            f"SELECT edit, kind, of FROM edits WHERE layer = ? {'AND session = ?' if mine else ''} "
+            "AND edit > ? ORDER BY edit",
+            (writer.layer, *mine, self._seen),
+        )
+        for edit, kind, of in rows:
+            self._seen = edit
+            if kind == EDIT:
+                self.done.append(edit)
+                self.undone.clear()
+            elif kind == UNDO and self.done[-1:] == [of]:
+                self.undone.append(self.done.pop())
+            elif kind == REDO and self.undone[-1:] == [of]:
+                self.done.append(self.undone.pop())
+
+
+def find_layer(db: sqlite3.Connection, camera: str, annotator: str, blind: bool) -> int | None:
+    """The number of a layer."""
+    names = (camera, annotator, int(blind))
+    row = db.execute("SELECT layer FROM layers WHERE camera = ? AND annotator = ? AND blind = ?", names).fetchone()
+    return None if row is None else row[0]
+
+
+def make_layer(db: sqlite3.Connection, camera: str, annotator: str, blind: bool) -> int:
+    """The number of a layer, which is added if there is none."""
+    known = find_layer(db, camera, annotator, blind)
+    if known is not None:
+        return known
+    made = db.execute(
+        "INSERT INTO layers (camera, annotator, blind) VALUES (?, ?, ?)", (camera, annotator, int(blind))
+    ).lastrowid
+    assert made is not None
+    return made
+
+
+def newest_edit(db: sqlite3.Connection, layer: int, *, after: int = 0) -> int:
+    """The number of the latest edit of a layer; `after` if there is none behind that one."""
+    # The plus keeps SQLite from walking through all edits of the layer by its index.
+    query = "SELECT max(edit) FROM edits WHERE edit > ? AND +layer = ?"
+    return db.execute(query, (after, layer)).fetchone()[0] or after
+
+
+def add_edit(
+    db: sqlite3.Connection,
+    writer: Writer,
+    put: Iterable[Label],
+    delete: Iterable[int],
+    *,
+    made_at_us: int | None = None,
+) -> tuple[int, ...]:
+    """One act of a person; returns the times it touches. Times without a label are not deleted."""
+    gone = [t_us for t_us in dict.fromkeys(delete) if value_at(db, writer.layer, t_us, upto=NEWEST) is not None]
+    changes = [*((label.t_us, values_of(label)) for label in put), *((t_us, NO_LABEL) for t_us in gone)]
+    if changes:
+        _add_changes(db, writer.layer, _add_row(db, writer, EDIT, None, made_at_us), changes)
+    return tuple(t_us for t_us, _ in changes)
+
+
+def add_rejection(
+    db: sqlite3.Connection, writer: Writer, t_us: int, x_px: float, y_px: float, r_px: float | None, detector: str
+) -> None:
+    """A proposal that a person found wrong. It changes no label and is no step of undo."""
+    edit = _add_row(db, writer, REJECTED, None)
+    db.execute("INSERT INTO rejections VALUES (?, ?, ?, ?, ?, ?)", (edit, t_us, x_px, y_px, r_px, detector))
+
+
+def step_back(db: sqlite3.Connection, writer: Writer, history: SessionHistory, *, redo: bool = False) -> UndoStep:
+    """Take back the session's latest edit that stands, or bring back the one it took back last."""
+    history.follow(db, writer)
+    candidates = history.undone if redo else history.done
+    if not candidates:
+        return UndoStep()
+    edit, layer = candidates[-1], writer.layer
+    changes: list[tuple[int, Values]] = []
+    left: list[int] = []
+    for (t_us,) in db.execute("SELECT t_us FROM changes WHERE edit = ? ORDER BY t_us", (edit,)).fetchall():
+        before, after = value_at(db, layer, t_us, upto=edit - 1), value_at(db, layer, t_us, upto=edit)
+        found, wanted = (before, after) if redo else (after, before)
+        if value_at(db, layer, t_us, upto=NEWEST) == found:
+            changes.append((t_us, wanted or NO_LABEL))
+        else:
+            left.append(t_us)
+    _add_changes(db, layer, _add_row(db, writer, REDO if redo else UNDO, edit), changes)
+    return UndoStep(tuple(t_us for t_us, _ in changes), tuple(left))
+
+
+def _add_row(db: sqlite3.Connection, writer: Writer, kind: Kind, of: int | None, made_at_us: int | None = None) -> int:
+    now_us = time.time_ns() // 1000 if made_at_us is None else made_at_us
+    row = (writer.layer, writer.session, kind, of, now_us, writer.tool)
+    made = db.execute("INSERT INTO edits (layer, session, kind, of, made_at_us, tool) VALUES (?, ?, ?, ?, ?, ?)", row)
+    assert made.lastrowid is not None
+    return made.lastrowid
+
+
+def _add_changes(db: sqlite3.Connection, layer: int, edit: int, changes: Iterable[tuple[int, Values]]) -> None:
+    db.executemany(_ADD, ((layer, t_us, edit, *values) for t_us, values in changes))

@@ -1,0 +1,154 @@
+"""A label as a row of `changes`, and back."""
+
+from __future__ import annotations
+
+import sqlite3
+from typing import Final
+
+import numpy as np
+
+from core.errors import LabelError
+from labels.arrays import SOURCES, STATES, LabelArrays, arrays_of_columns
+from labels.model import Label, LabelState, PositionSource, Provenance
+
+Values = tuple[str | float | int | None, ...]
+COLUMNS: Final = (
+    "state",
+    "x_px",
+    "y_px",
+    "r_px",
+    "cov_xx_px2",
+    "cov_xy_px2",
+    "cov_yy_px2",
+    "source",
+    "annotator",
+    "made_at_us",
+    "tool",
+    "detector",
+    "window_start_us",
+    "window_end_us",
+    "rendering",
+    "time_spent_ms",
+)
+"""What a change says of its time, in order."""
+NO_LABEL: Final[Values] = (None,) * len(COLUMNS)
+"""The change that makes a time unchecked again."""
+LISTED: Final = ", ".join(COLUMNS)
+_NOTHING: Final = 255
+_ROW: Final = np.dtype(
+    [("t_us", "i8"), ("state", "u1"), ("source", "u1"), ("x_px", "f8"), ("y_px", "f8"), ("r_px", "f8")]
+)
+
+
+def _index(column: str, names: tuple[str, ...]) -> str:
+    """SQL for the place of a text in a list."""
+    whens = " ".join(f"WHEN '{name}' THEN {at}" for at, name in enumerate(names))
+    return f"CASE {column} {whens} ELSE {_NOTHING} END"
+
+
+_EVERYTHING: Final = (
+    f"SELECT t_us, {_index('state', STATES)}, {_index('source', SOURCES)}, "
+    "ifnull(x_px, 9e999), ifnull(y_px, 9e999), ifnull(r_px, 9e999) "
+    "FROM changes WHERE layer = ? AND edit <= ? ORDER BY t_us, edit"
+)
+
+
+def values_of(label: Label) -> Values:
+    """The columns of a label, without its time."""
+    made = label.provenance
+    return (
+        label.state.value,
+        label.x_px,
+        label.y_px,
+        label.r_px,
+        *(label.covariance_px2 or (None, None, None)),
+        made.source.value,
+        made.annotator,
+        made.made_at_us,
+        made.tool,
+        made.detector,
+        *(made.window_us or (None, None)),
+        made.rendering,
+        made.time_spent_ms,
+    )
+
+
+def label_of(t_us: int, values: Values) -> Label:
+    """The label that `values_of` took apart.
+
+    Raises:
+        LabelError: if a value is impossible: something else than this program wrote it.
+    """
+    state, x, y, r, xx, xy, yy, source, by, at_us, tool, detector, begin, end, rendering, spent = values
+    try:
+        provenance = Provenance(
+            source=PositionSource(source),
+            annotator=str(by),
+            made_at_us=int(at_us or 0),
+            tool=str(tool or ""),
+            detector=str(detector or ""),
+            window_us=None if begin is None or end is None else (int(begin), int(end)),
+            rendering=str(rendering or ""),
+            time_spent_ms=int(spent or 0),
+        )
+        return Label(
+            t_us=t_us,
+            state=LabelState(state),
+            x_px=_number(x),
+            y_px=_number(y),
+            r_px=_number(r),
+            covariance_px2=None if xx is None or xy is None or yy is None else (float(xx), float(xy), float(yy)),
+            provenance=provenance,
+        )
+    except ValueError as error:
+        raise LabelError("not a label", got=error, where=f"label at {t_us} us") from error
+
+
+def current_arrays(db: sqlite3.Connection, layer: int, *, upto: int) -> LabelArrays:
+    """Every label of a layer as it was after the edit `upto`, as sorted columns: 200,000 in a quarter of a second.
+
+    Raises:
+        LabelError: if there is a source that nobody knows.
+    """
+    rows = np.fromiter(db.execute(_EVERYTHING, (layer, upto)), _ROW)
+    last = np.ones(len(rows), np.bool_)
+    last[:-1] = rows["t_us"][1:] != rows["t_us"][:-1]  # what was said last of each time
+    rows = rows[last & (rows["state"] != _NOTHING)]
+    if np.any(rows["source"] == _NOTHING):
+        raise LabelError("labels whose source nobody knows")
+    numbers = (np.where(np.isfinite(rows[name]), rows[name], np.nan) for name in ("x_px", "y_px", "r_px"))
+    columns = (rows[name].copy() for name in ("state", "source"))
+    return arrays_of_columns(rows["t_us"].copy(), *numbers, *columns)
+
+
+def current_rows(db: sqlite3.Connection, layer: int, *, upto: int) -> sqlite3.Cursor:
+    """(t_us, edit, every column) of every label of a layer as it was after the edit `upto`, by time."""
+    # SQLite takes bare columns from the row that has the maximum: what was said last.
+    return db.execute(
+        f"SELECT t_us, max(edit), {LISTED} FROM changes WHERE layer = ? AND edit <= ? "
+        "GROUP BY t_us HAVING state IS NOT NULL",
+        (layer, upto),
+    )
+
+
+def changes_since(db: sqlite3.Connection, layer: int, edit: int, *, most: int) -> list[tuple[int, Values]]:
+    """What was said last of the times that were changed after an edit; so many of them at most."""
+    rows = db.execute(
+        f"SELECT t_us, max(edit), {LISTED} FROM changes INDEXED BY changes_of_edit WHERE edit > ? AND layer = ? "
+        "GROUP BY t_us LIMIT ?",
+        (edit, layer, most),
+    )
+    return [(row[0], row[2:]) for row in rows]
+
+
+def value_at(db: sqlite3.Connection, layer: int, t_us: int, *, upto: int) -> Values | None:
+    """What is said of one time after the edit `upto`; None: it is unchecked."""
+    row = db.execute(
+        f"SELECT {LISTED} FROM changes WHERE layer = ? AND t_us = ? AND edit <= ? ORDER BY edit DESC LIMIT 1",
+        (layer, t_us, upto),
+    ).fetchone()
+    return None if row is None or row[0] is None else row
+
+
+def _number(value: str | float | int | None) -> float | None:
+    return None if value is None else float(value)

@@ -1,0 +1,167 @@
+"""The door and the page as a browser sees them: foreign pages, a reload, a server that is gone and comes back."""
+
+import http.server
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, Page
+
+from app.state.commands import EditSetting, LookAt, SetMode, SetOverlay, SetZoom, StopAt
+from tests.app.browser.conftest import FEW_FRAMES, Window, save_screenshot, wait_for
+
+EVIL = b"""<!doctype html><title>evil</title><iframe id=frame></iframe><script>
+const tried = {};
+const port = new URLSearchParams(location.search).get("port");
+for (const host of ["127.0.0.1", "localhost"]) {
+  for (const path of ["/", "/rallyscope/page?page=x"]) {
+    const socket = new WebSocket(`ws://${host}:${port}${path}`, path === "/" ? ["viser-v1.1.1"] : []);
+    const name = host + path;
+    socket.onopen = () => { tried[name] = "open"; };
+    socket.onclose = () => { tried[name] = tried[name] || "closed"; };
+  }
+}
+fetch(`http://127.0.0.1:${port}/`).then(one => one.text()).then(
+  text => { tried.fetch = text.includes("Rallyscope") ? "read" : "other"; }, () => { tried.fetch = "closed"; });
+document.getElementById("frame").src = `http://127.0.0.1:${port}/`;
+window.tried = tried;
+</script>"""
+
+
+class EvilPage(http.server.BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(EVIL)
+
+    def log_message(self, *args: object) -> None:
+        pass
+
+
+@pytest.fixture
+def evil_port() -> Iterator[int]:
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), EvilPage)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield server.server_address[1]
+    server.shutdown()
+    server.server_close()
+
+
+def test_a_page_of_another_origin_reaches_nothing(chromium: Browser, lab, evil_port: int) -> None:
+    before = set(lab.sessions)
+    page = chromium.new_page()
+    page.goto(f"http://127.0.0.1:{evil_port}/?port={lab.port}")
+    wait_for(lambda: len(page.evaluate("Object.keys(tried)")) == 5, "all five ways to be tried")
+    tried = page.evaluate("tried")
+    assert set(tried.values()) == {"closed"}, tried
+    page.wait_for_timeout(500)
+    assert page.frames[1].locator("#root").count() == 0, "our page stands in a frame of another's"
+    assert set(lab.sessions) == before
+    page.close()
+
+
+def test_a_reload_keeps_what_was_looked_at_and_the_undo(chromium: Browser, lab) -> None:
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    window = Window(page, lab)
+    session = window.session
+    for command in (
+        SetMode("Tune"),
+        StopAt(150_000),
+        SetOverlay("clusters"),
+        SetZoom(4.0),
+        LookAt((300.0, 200.0)),
+        EditSetting(("cluster", "eps_px"), 5.0),
+    ):
+        session.send(command)
+    wait_for(lambda: "zoom=4" in address(page) and "a.cluster.eps_px=5.0" in address(page), "the address to show it")
+    kept = window.state
+    again = reloaded(page, lab, session)
+    assert again.mode == "Tune" and again.playhead.position_us(time.monotonic()) == 150_000
+    assert again.tune == kept.tune and again.configs.present == kept.configs.present
+    assert again.configs.undo().present.a.cluster.eps_px == kept.configs.undo().present.a.cluster.eps_px != 5.0
+    page.close()
+
+
+def reloaded(page: Page, lab, before):
+    """The state of the session that comes after a reload."""
+    known = set(lab.sessions)
+    page.reload()
+    wait_for(lambda: [one for one in lab.sessions if one not in known], "the page to connect again")
+    (session,) = [one for one in lab.sessions if one not in known]
+    wait_for(lambda: session.state is not None and session.state.mode == before.state.mode, "the state to be back")
+    return session.state
+
+
+def test_a_colleague_who_opens_the_link_sees_the_same(chromium: Browser, lab) -> None:
+    mine = chromium.new_page(viewport={"width": 1280, "height": 720})
+    window = Window(mine, lab)
+    for command in (SetMode("Tune"), StopAt(120_000), EditSetting(("cluster", "eps_px"), 6.0)):
+        window.session.send(command)
+    wait_for(lambda: "a.cluster.eps_px=6.0" in address(mine), "the address to show it")
+    known = set(lab.sessions)
+    other = chromium.new_context().new_page()  # another browser: no cookie of the first
+    other.add_init_script(FEW_FRAMES)
+    other.goto(address(mine))
+    wait_for(lambda: set(lab.sessions) - known, "the colleague to connect")
+    (session,) = set(lab.sessions) - known
+    wait_for(lambda: session.state is not None and session.state.mode == "Tune", "the link to be followed")
+    assert session.state is not None and session.state.configs.present.a.cluster.eps_px == 6.0
+    assert session.state.playhead.position_us(time.monotonic()) == 120_000
+    other.close()
+    mine.close()
+
+
+def test_a_server_that_is_killed_and_started_again_has_the_open_page_back(
+    chromium: Browser, serve_recording: Path, tmp_path: Path
+) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    (tmp_path / "recordings").mkdir()
+    shutil.copy(serve_recording, tmp_path / "recordings" / "serve.h5")
+    command = [sys.executable, "-m", "app.cli", "serve", str(tmp_path / "recordings" / "serve.h5"),
+               "--port", str(port), "--data", str(tmp_path)]  # fmt: skip
+    server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    other = chromium.new_page()
+    try:
+        wait_for(lambda: answers(port), "the server", 60)
+        page.add_init_script(FEW_FRAMES)
+        page.goto(f"http://127.0.0.1:{port}/")
+        wait_for(lambda: "recording=serve" in address(page), "the recording to be open", 90)
+        page.get_by_role("button", name="Tune").first.click(timeout=30_000)
+        wait_for(lambda: "mode=Tune" in address(page), "the address to show the mode")
+        other.bring_to_front()  # the page has not the focus
+        server.send_signal(signal.SIGKILL)
+        server.wait()
+        page.get_by_text("Server gone, reconnecting").wait_for(timeout=10_000)
+        save_screenshot(page, "server-gone")
+        server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        page.wait_for_event("domcontentloaded", timeout=90_000)
+        page.get_by_role("button", name="● Tune").wait_for(timeout=60_000)
+        assert page.locator("#rallyscope-banner").count() == 0 and "mode=Tune" in address(page)
+    finally:
+        server.kill()
+        server.wait()
+        page.close()
+        other.close()
+
+
+def address(page: Page) -> str:
+    return page.evaluate("location.href")
+
+
+def answers(port: int) -> bool:
+    try:
+        with socket.create_connection(("127.0.0.1", port), timeout=0.2):
+            return True
+    except OSError:
+        return False

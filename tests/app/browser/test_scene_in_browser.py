@@ -1,0 +1,173 @@
+"""What a person sees of the 3D view, in pixels: the ball first of all, a table with legs, a middle that is no slit."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.modes.watch.commands import EnlargeNextCamera, ShowLayer
+from app.scene.eye import LEAST_SHARE, Eye, eye_of
+from app.scene.painted import BALL_CORE_RGB, BALL_RING_RGB
+from app.server import App
+from app.shared.library import Library
+from app.shared.workspace import Workspace
+from app.state.commands import Seek
+from core.geometry import matrix_from_quaternion
+from core.rally.history.played_bodies import PlayedBodies
+
+pytestmark = pytest.mark.browser
+BALL_US = 420_000
+CONTRAST = 4.0
+"""Of the ball's core to all that is round it, as web pages count it; text is to have 4.5, large text 3."""
+LEG_CONTRAST = 2.0
+SIZES = [(1280, 720), (1600, 900), (1920, 1080), (1000, 700)]
+
+
+@pytest.fixture(scope="module")
+def scene_lab(tmp_path_factory: pytest.TempPathFactory, serve_recording: Path) -> Iterator[App]:
+    workspace = Workspace(tmp_path_factory.mktemp("scene"))
+    shutil.copy(serve_recording, workspace.recording_path("serve"))
+    lab = App(workspace, Library(workspace), "serve", host="127.0.0.1", port=0)
+    yield lab
+    lab.stop()
+
+
+@pytest.fixture
+def space(scene_lab, open_window, wait_for):
+    with open_window(scene_lab, in_space=True) as window:
+        wait_for(lambda: window.session.world.visible, "the 3D scene")
+        rally = scene_lab.services.rallies.of(window.session.recording)
+        wait_for(lambda: rally.followed == 1.0, "the chain to have seen it", 60)
+        window.session.send(Seek(BALL_US))
+        window.rally = rally
+        yield window
+
+
+def luminance(rgb: np.ndarray) -> np.ndarray:
+    share = rgb / 255.0
+    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722]
+
+
+def contrast(first: float, second: float) -> float:
+    low, high = sorted((first, second))
+    return (high + 0.05) / (low + 0.05)
+
+
+def canvas_of(window) -> tuple[int, int, int, int]:
+    """Left, top, width and height of the 3D view."""
+    box = window.page.locator("canvas").first.bounding_box()
+    return round(box["x"]), round(box["y"]), round(box["width"]), round(box["height"])
+
+
+def pixel_of(window, p_world_m: np.ndarray) -> tuple[float, float]:
+    """Column and row in the window of a point (3,), by the pinhole that the browser reports."""
+    eye: Eye = eye_of(window.session.client)
+    left, top, width, height = canvas_of(window)
+    x, y, z = matrix_from_quaternion(eye.wxyz).T @ (p_world_m - eye.p_world_m)
+    f = height / 2 / np.tan(eye.fov_rad / 2)
+    return left + width / 2 + f * x / z, top + height / 2 + f * y / z
+
+
+def at_rest(window, wait_for) -> None:
+    """Until the camera stands where the window's shape wants it."""
+    seen: list[tuple[float, ...]] = []
+
+    def still() -> bool:
+        camera = window.session.client.camera
+        seen.append((*camera.position.tolist(), camera.aspect))
+        window.page.wait_for_timeout(300)
+        return len(seen) > 6 and len(set(seen[-6:])) == 1
+
+    wait_for(still, "the camera to stand still", 60)
+
+
+def is_like(image: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 14) -> np.ndarray:
+    return np.abs(image.astype(int) - rgb).max(axis=-1) < tolerance
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for) -> None:
+    space.page.set_viewport_size({"width": size[0], "height": size[1]})
+    at_rest(space, wait_for)
+    _, _, width, height = canvas_of(space)
+    assert width >= 0.45 * size[0], "the middle is no slit"
+    ball = space.rally.history.at(BALL_US, {}).picture.ball
+    u, v = pixel_of(space, ball)
+    radius = LEAST_SHARE * height
+    rows, columns = (slice(round(at - 8 * radius), round(at + 8 * radius)) for at in (v, u))
+    name = f"scene-{size[0]}"
+    image = space.wait_for_pixels(name, lambda seen: is_like(seen, BALL_CORE_RGB).sum() > 20, (rows, columns))
+    where = np.argwhere(is_like(image, BALL_CORE_RGB))
+    corner = np.array([rows.start, columns.start])
+    found = where.mean(axis=0) + corner
+    np.testing.assert_allclose(found, (v, u), atol=2.0)
+    assert is_like(image, BALL_RING_RGB, 40).sum() > 20, "with its orange ring"
+    away = np.hypot(*(np.indices(image.shape[:2]) - (found - corner)[:, None, None]))
+    light = luminance(image)
+    core = float(np.median(light[away < 0.6 * radius]))
+    round_it = light[(away > 2.0 * radius) & (away < 5 * radius)]
+    assert contrast(core, float(np.median(round_it))) > CONTRAST
+    assert core > float(np.quantile(round_it, 0.99))
+
+
+def test_legs_stand_out_from_the_ground(space, wait_for) -> None:
+    at_rest(space, wait_for)
+    image = space.screenshot("scene-legs")
+    for x, y in ((-1.1, -0.62), (1.1, -0.62)):
+        u, v = (round(value) for value in pixel_of(space, np.array([x, y, -0.5])))
+        leg = float(np.median(luminance(image[v - 3 : v + 4, u - 1 : u + 2])))
+        beside = luminance(
+            np.concatenate([image[v - 3 : v + 4, u - 30 : u - 20], image[v - 3 : v + 4, u + 20 : u + 30]])
+        )
+        assert contrast(leg, float(np.median(beside))) > LEG_CONTRAST
+    floor = luminance(image[-120:-90, 330:860])  # above the time bar
+    assert floor.mean() > 0.08, "the ground is not black"
+
+
+def test_persons_are_drawn_where_the_simulation_has_them(space, wait_for) -> None:
+    space.rally.following.bodies = PlayedBodies().then(0, "person", 3)
+    space.session.send(Seek(BALL_US + 1_000))
+    wait_for(lambda: space.session.world._people._handles is not None, "the person")
+    at_rest(space, wait_for)
+    people = space.rally.following.bodies.at(BALL_US + 1_000)
+    u, v = (round(value) for value in pixel_of(space, people.ends_m[2].mean(axis=0)))  # the trunk
+    patch = (slice(v - 2, v + 3), slice(u - 2, u + 3))
+
+    def is_a_person(seen: np.ndarray) -> bool:
+        """Grey, and lighter than what is behind."""
+        return bool(np.ptp(seen.astype(int), axis=-1).max() < 40 and seen.mean() > 110)
+
+    space.wait_for_pixels("scene-person", is_a_person, patch)
+    space.session.send(ShowLayer("People", False))
+    space.wait_for_pixels("scene-no-person", lambda seen: not is_a_person(seen), patch)
+
+
+def test_one_picture_fills_the_middle_and_the_scene_comes_back(space, wait_for) -> None:
+    space.page.get_by_role("button", name="left", exact=True).click()
+    wait_for(lambda: space.state.watch.large == "left", "the left camera in the middle")
+    wait_for(lambda: len(space.session.sheet.pictures) == 1, "one picture")
+    assert not space.session.world.visible
+    space.screenshot("scene-large")
+    space.session.send(EnlargeNextCamera())
+    wait_for(lambda: space.state.watch.large == "right", "the other one")
+    space.session.send(EnlargeNextCamera())
+    wait_for(lambda: space.session.world.visible, "the scene again")
+
+
+def test_a_view_that_a_person_turned_stays_when_the_window_changes(space, wait_for) -> None:
+    at_rest(space, wait_for)
+    left, top, width, height = canvas_of(space)
+    space.page.mouse.move(left + width / 2, top + height / 2)
+    space.page.mouse.down()
+    space.page.mouse.move(left + width / 2 + 120, top + height / 2 + 10, steps=6)
+    space.page.mouse.up()
+    space.page.wait_for_timeout(2_000)
+    turned = space.session.client.camera.position.copy()
+    space.page.set_viewport_size({"width": 1500, "height": 720})
+    wait_for(lambda: canvas_of(space)[2] > width + 100, "a wider middle")
+    space.page.wait_for_timeout(2_000)
+    np.testing.assert_allclose(space.session.client.camera.position, turned, atol=0.05)

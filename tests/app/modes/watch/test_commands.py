@@ -1,0 +1,39 @@
+"""One camera's picture fills the middle, and the scene comes back."""
+
+from dataclasses import replace
+
+import pytest
+
+from app.modes.watch.commands import EnlargeCamera, EnlargeNextCamera, ShowSpace
+from app.state.client_state import ClientState, Configs
+from app.state.playback import Playhead
+from app.state.undo import History
+from core.detection import DetectorConfig
+
+
+@pytest.fixture
+def state() -> ClientState:
+    configs = History(Configs(DetectorConfig(), DetectorConfig()))
+    return ClientState("demo", ("left", "right"), "left", Playhead(1_000_000), configs)
+
+
+def test_a_camera_is_enlarged_and_the_same_again_gives_the_scene_back(state) -> None:
+    large = EnlargeCamera("right").apply(state, 0.0)
+    assert large.watch.large == "right"
+    assert EnlargeCamera("left").apply(large, 0.0).watch.large == "left"
+    assert EnlargeCamera("right").apply(large, 0.0) == state
+    assert ShowSpace(True).apply(large, 0.0) == state
+
+
+def test_the_next_camera_and_then_the_scene_again(state) -> None:
+    seen = []
+    for _ in range(3):
+        state = EnlargeNextCamera().apply(state, 0.0)
+        seen.append(state.watch.large)
+    assert seen == ["left", "right", ""]
+
+
+def test_an_unknown_camera_and_another_mode_change_nothing(state) -> None:
+    assert EnlargeCamera("../x").apply(state, 0.0) == state
+    label = replace(state, mode="Label")
+    assert EnlargeNextCamera().apply(label, 0.0) == label

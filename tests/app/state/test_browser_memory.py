@@ -1,0 +1,97 @@
+"""What is kept for a browser: it comes back as it was, and a damaged file is as if there were none."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from app.shared.workspace import Workspace
+from app.state import browser_memory
+from app.state.browser_memory import BrowserMemory, Remembered
+from app.state.client_state import Configs
+from app.state.settings_text import default_config
+from app.state.undo import History
+from core.config import replace_setting
+from core.detection import DetectorConfig
+
+BROWSER = "0123456789abcdef" * 2
+
+
+def history(method="auto", steps: int = 3) -> History[Configs]:
+    base = default_config(method)
+    found = History(Configs(base, base))
+    for step in range(steps):
+        edited = replace_setting(base, ("cluster", "eps_px"), 3.0 + 0.05 * step)
+        found = found.change(Configs(edited, base), topic=None, wall_s=float(step))
+    return found.undo()
+
+
+def same(one: History[Configs], other: History[Configs]) -> bool:
+    return (one.present, one.past, one.future) == (other.present, other.past, other.future)
+
+
+def test_settings_come_back_with_their_undo_and_redo(tmp_path: Path) -> None:
+    kept = Remembered(history(), {"refined": history("refined", 2)})
+    BrowserMemory(Workspace(tmp_path)).keep(BROWSER, kept)
+    back = BrowserMemory(Workspace(tmp_path)).recall(BROWSER)
+    assert back is not None and same(back.configs, kept.configs)
+    assert same(back.own_configs["refined"], kept.own_configs["refined"])
+    assert back.configs.undo().redo() == back.configs
+
+
+def test_only_so_many_steps_are_kept(tmp_path: Path) -> None:
+    memory = BrowserMemory(Workspace(tmp_path))
+    memory.keep(BROWSER, Remembered(history(steps=120)))
+    back = memory.recall(BROWSER)
+    assert back is not None and len(back.configs.past) == browser_memory.MAX_STEPS
+    assert back.configs.past == history(steps=120).past[-browser_memory.MAX_STEPS :]
+
+
+@pytest.mark.parametrize("browser", ["", "..", "../../x", "A" * 32, "0" * 31, "0" * 33, "0" * 31 + "/", "\0" * 32])
+def test_a_name_that_is_none_of_ours_reads_and_writes_nothing(tmp_path: Path, browser: str) -> None:
+    memory = BrowserMemory(Workspace(tmp_path))
+    memory.keep(browser, Remembered(history()))
+    assert memory.recall(browser) is None and not list(tmp_path.rglob("*.json"))
+
+
+def test_a_damaged_file_is_as_if_there_were_none(tmp_path: Path) -> None:
+    memory = BrowserMemory(Workspace(tmp_path))
+    memory.keep(BROWSER, Remembered(history()))
+    path = Workspace(tmp_path).browsers / f"{BROWSER}.json"
+    good, rng = path.read_bytes(), np.random.default_rng(1)
+    for cut in rng.integers(0, len(good), 50):
+        path.write_bytes(good[:cut])
+        assert memory.recall(BROWSER) is None
+    for content in (b"[]", b"{}", b'{"version": 2}', b'{"version": 1, "methods": {}}', b"[" * 100_000, b"\xff"):
+        path.write_bytes(content)
+        assert memory.recall(BROWSER) is None
+    content = json.loads(good)
+    content["methods"]["auto"]["present"][0]["cluster.eps_px"] = -1e9
+    path.write_text(json.dumps(content))
+    assert memory.recall(BROWSER) is None
+    for _ in range(300):
+        damaged = bytearray(good)
+        for at in rng.integers(0, len(good), 3):
+            damaged[at] = rng.integers(0, 256)
+        path.write_bytes(bytes(damaged))
+        back = memory.recall(BROWSER)
+        assert back is None or isinstance(back.configs.present.a, DetectorConfig)
+
+
+def test_the_oldest_browsers_are_forgotten(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(browser_memory, "MAX_BROWSERS", 3)
+    memory = BrowserMemory(Workspace(tmp_path))
+    names = [f"{number:032x}" for number in range(5)]
+    for name in names:
+        memory.keep(name, Remembered(history()))
+    assert [memory.recall(name) is not None for name in names].count(True) == 3
+    assert memory.recall(names[-1]) is not None
+
+
+def test_a_folder_that_cannot_be_written_costs_the_settings_only(tmp_path: Path) -> None:
+    (tmp_path / "browsers").write_text("a file in the way")
+    memory = BrowserMemory(Workspace(tmp_path))
+    memory.keep(BROWSER, Remembered(replace(history(), past=())))
+    assert memory.recall(BROWSER) is None

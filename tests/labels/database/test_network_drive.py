@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from core.errors import LabelError
+from labels.database.network_drive import filesystem_of, refuse_network_drive
+
+MOUNTS = r"""/dev/sda1 / ext4 rw,relatime 0 0
+tmpfs /tmp tmpfs rw 0 0
+server:/home /mnt/team nfs4 rw 0 0
+//nas/share /mnt/my\040labels cifs rw 0 0
+anna@host:/ /mnt/team/far fuse.sshfs rw 0 0
+/dev/sdb1 /mnt/team/far/disk xfs rw 0 0
+share /mnt/host 9p rw 0 0
+nonsense
+"""
+
+
+@pytest.mark.parametrize(
+    ("path", "kind"),
+    [
+        ("/home/anna/labels", "ext4"),
+        ("/tmp/x", "tmpfs"),
+        ("/mnt/team/labels/a.sqlite", "nfs4"),
+        ("/mnt/teammate", "ext4"),
+        ("/mnt/my labels/a", "cifs"),
+        ("/mnt/team/far/x", "fuse.sshfs"),
+        ("/mnt/team/far/disk/x", "xfs"),
+    ],
+)
+def test_the_file_system_is_that_of_the_nearest_mount_above(path: str, kind: str) -> None:
+    assert filesystem_of(Path(path), MOUNTS) == kind
+
+
+@pytest.mark.parametrize("path", ["/mnt/team/a", "/mnt/my labels/a", "/mnt/team/far/a", "/mnt/host/a"])
+def test_a_network_drive_is_refused_with_one_line_that_says_what_to_do(path: str) -> None:
+    with pytest.raises(LabelError, match=r"cannot be kept on a network drive.*--data") as error:
+        refuse_network_drive(Path(path), MOUNTS)
+    assert "\n" not in str(error.value) and path in str(error.value)
+
+
+def test_disks_of_this_machine_and_systems_without_a_table_are_taken(tmp_path: Path) -> None:
+    refuse_network_drive(Path("/mnt/team/far/disk/x"), MOUNTS)
+    refuse_network_drive(tmp_path, "")
