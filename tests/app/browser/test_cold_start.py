@@ -55,7 +55,7 @@ def cold(tmp_path) -> Iterator[Started]:
     started.process.kill()
 
 
-@pytest.mark.timeout(480)
+@pytest.mark.timeout(720)
 def test_the_first_start_shows_a_page_then_a_returned_ball(cold, chromium, tmp_path, save_screenshot) -> None:
     page = chromium.new_page(viewport={"width": 1280, "height": 720})
     page.goto(cold.address(), timeout=60_000)
@@ -69,7 +69,7 @@ def test_the_first_start_shows_a_page_then_a_returned_ball(cold, chromium, tmp_p
         page.wait_for_timeout(200)
     first, second = (save_screenshot(page, name) for name in ("cold-returned", "cold-returned-later"))
     assert np.count_nonzero(np.abs(first.astype(int) - second).max(axis=-1) > 40) > 50, "nothing moves"
-    page.get_by_text("Getting ready").wait_for(state="hidden", timeout=60_000)  # the demo recording is made, too
+    page.get_by_text("Getting ready").wait_for(state="hidden", timeout=240_000)  # the demo recording is made, too
     assert (tmp_path / "data" / "recordings" / "demo.h5").exists()
     page.close()
     cold.end()

@@ -21,7 +21,8 @@ def test_a_part_of_a_recording_becomes_a_rerun_file_that_can_be_downloaded(windo
     exporter = lab.services.exporter
     wait_for(lambda: exporter.files(), "the file", 90)
     (made,) = exporter.files()
-    assert made.name == "serve-1.rrd" and list(workspace.exports.iterdir()) == [workspace.exports / made.name]
+    assert made.name == "serve-1.rrd"
+    wait_for(lambda: list(workspace.exports.iterdir()) == [workspace.exports / made.name], "its folder to be gone")
     page.get_by_role("button", name="Download").wait_for()
     page.get_by_text("serve-1.rrd:").wait_for()
     window.screenshot("export")

@@ -203,7 +203,8 @@ def test_an_import_that_is_killed_loses_nothing_that_was_flushed(tmp_path, make_
     process.wait()
     with open_recording(target) as recording:
         camera = recording.cameras["camera"]
-        assert camera.event_count >= 8192 * (len(said) - 1)  # faery's packets, each flushed before its progress
+        flushed = min(8192 * (len(said) - 1), len(events))  # faery's packets, each flushed before its progress
+        assert camera.event_count >= flushed
         found = camera.slice(0, 10**6)
         np.testing.assert_array_equal(found.t_us, events.t_us[: len(found)])
     with h5py.File(target) as file:
