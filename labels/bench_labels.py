@@ -30,19 +30,22 @@ from labels.trials.durability import (
     write_in_a_crowd,
     write_seconds,
 )
+from labels.trials.whole_flights import DECISION_S, try_whole_flights
 
 KILLS = 300
 MANY = 200_000
 ANNOTATORS = 8
 DAMAGED = 1000
+FLIGHT_SERVES = 45
+"""More than a person gets through in five minutes."""
 SEED = 20260
 
 
 def run(progress: Callable[[float], None]) -> dict[str, object]:
     """Every figure: what it is, its goal, what was measured, and whether that is enough."""
     rows: list[Row] = []
-    parts = (_durability, _undo, _snapping, _interpolation, _stereo, _queue, _damage, _scale)
-    weights = np.cumsum([0.2, 0.1, 0.15, 0.1, 0.02, 0.03, 0.3, 0.1])
+    parts = (_durability, _undo, _snapping, _interpolation, _stereo, _queue, _flights, _damage, _scale)
+    weights = np.cumsum([0.2, 0.1, 0.1, 0.1, 0.02, 0.03, 0.05, 0.3, 0.1])
     with tempfile.TemporaryDirectory(prefix="rallyscope-labels-") as folder:
         for number, part in enumerate(parts):
             found = part(Path(folder) / part.__name__.strip("_"), np.random.default_rng(SEED + number))
@@ -145,6 +148,20 @@ def _queue(folder: Path, rng: np.random.Generator) -> list[Row]:
         note = f"{trial.injected} among {trial.labels}"
         rows.append(goal_row(what, trial.in_first_tenth, 0.9, "", least=True, note=note))
     return rows
+
+
+def _flights(folder: Path, rng: np.random.Generator) -> list[Row]:
+    trials = [try_whole_flights(FLIGHT_SERVES, each) for each in rng.spawn(3)]
+    errors_px = np.concatenate([trial.errors_px for trial in trials])
+    fewest = min(trials, key=lambda trial: trial.centres)
+    wrong = max(trial.wrong for trial in trials)
+    pace = f"{DECISION_S:g} s a decision, 5 % of the proposals wrong"
+    asked = f"{fewest.seconds:.0f} s, asked about {fewest.doubted} of {fewest.planted} planted errors and more"
+    return [
+        goal_row(f"centres of a pair in 5 minutes, {pace}", fewest.centres, 1000, "", least=True, note=asked),
+        goal_row("their error, p95", float(np.percentile(errors_px, 95)), 1.0, "px", note="three recordings"),
+        goal_row("wrong by more than 2 px among them", wrong, 0.005, "", note="the worst of three recordings"),
+    ]
 
 
 def _damage(folder: Path, rng: np.random.Generator) -> list[Row]:

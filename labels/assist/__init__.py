@@ -10,10 +10,12 @@ from labels.assist.propose import Proposals, accept, propose, steady_segment
 from labels.assist.review import review_queue
 from labels.assist.snap import Snap, snap
 from labels.assist.stereo import check_stereo, epipolar_curve
+from labels.assist.whole_flight import WholeFlight, whole_flight
 
 __all__ = [
     "Proposals",
     "Snap",
+    "WholeFlight",
     "accept",
     "check_labels",
     "check_stereo",
@@ -30,4 +32,5 @@ __all__ = [
     "review_queue",
     "snap",
     "steady_segment",
+    "whole_flight",
 ]

@@ -45,8 +45,13 @@ class FittedFlight:
     """Root mean square distance of the labels' coordinates from it."""
 
     def at(self, t_us: ArrayLike) -> Array:
-        """(N, 3) world positions at times that ascend."""
-        return _positions(self.values[None], _seconds(np.asarray(t_us, np.int64), self.start_us))[0]
+        """(N, 3) world positions; before `start_us` with the acceleration that it has there."""
+        t = _seconds(np.asarray(t_us, np.int64), self.start_us)
+        before = np.minimum(t, 0.0)[..., None]
+        acceleration = np.empty(3)
+        _accelerate(self.values[3:6], self.values, GRAVITY_MPS2, acceleration)
+        extrapolated = self.values[3:6] * before + 0.5 * acceleration * before**2
+        return _positions(self.values[None], np.maximum(t, 0.0))[0] + extrapolated
 
     def seen_by(self, camera: Camera, t_us: ArrayLike) -> Array:
         """(N, 3) centre and radius in the picture."""

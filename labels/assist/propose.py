@@ -41,7 +41,10 @@ class Proposals:
     def between(self, start_us: int, end_us: int) -> Proposals:
         """Those with `start_us <= t < end_us`."""
         first, last = np.searchsorted(self.t_us, (start_us, end_us))
-        rows = slice(int(first), max(int(first), int(last)))
+        return self.rows(slice(int(first), max(int(first), int(last))))
+
+    def rows(self, rows: NDArray[np.bool_] | slice) -> Proposals:
+        """A subset in the same order."""
         columns = (self.x_px[rows], self.y_px[rows], self.r_px[rows], self.covariance_px2[rows])
         return Proposals(self.t_us[rows], *columns, self.window_us, self.detector)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,9 +52,14 @@ def review_queue(
     proposals: Proposals | None = None,
     stereo_residual_px: Array | None = None,
     frames_us: ArrayLike | None = None,
+    rejected_us: Sequence[int] = (),
     config: QueueConfig | None = None,
 ) -> tuple[QueueItem, ...]:
-    """Times in order of suspicion.
+    """Times in order of suspicion: the first is where a look would change a score most.
+
+    A proposal that nobody has judged counts like a label: one off the path of all others is probably wrong, and costs
+    a score twice, as a false ball and as a miss; where the path of the proposals has a hole, it costs it once.
+    Proposals at `rejected_us` are judged.
 
     `stereo_residual_px` (N,) is that of each label with the other camera's, nan where there is none; `frames_us` are
     all times that are to be labelled: unchecked ones between checked ones are queued as gaps.
@@ -71,6 +76,7 @@ def review_queue(
     _from_states(labels, config, note)
     if proposals is not None:
         _from_detector(labels, proposals, config, note)
+        _from_unjudged(labels, proposals, np.asarray(rejected_us, np.int64), config, note)
     if stereo_residual_px is not None:
         scores = np.nan_to_num(stereo_residual_px / config.sigma_px)
         note(labels.t_us, scores, [f"the cameras disagree by {residual:.1f} px" for residual in stereo_residual_px])
@@ -113,6 +119,28 @@ def _from_detector(labels: LabelArrays, proposals: Proposals, config: QueueConfi
     # Detectors miss balls now and then, so silence weighs less than a contradiction.
     silent = ["the detector finds no ball here"] * len(labels)
     note(labels.t_us, np.where(seen & ~has, max(config.least_score, 0.2 * config.contradiction), 0.0), silent)
+
+
+def _from_unjudged(
+    labels: LabelArrays, proposals: Proposals, rejected_us: NDArray[np.int64], config: QueueConfig, note: _Note
+) -> None:
+    open_us = ~np.isin(proposals.t_us, labels.t_us) & ~np.isin(proposals.t_us, rejected_us)
+    known = labels.rows(labels.seen)
+    t_us = np.concatenate([known.t_us, proposals.t_us[open_us]])
+    order = np.argsort(t_us, kind="stable")
+    x = np.concatenate([known.x_px, proposals.x_px[open_us]])[order]
+    y = np.concatenate([known.y_px, proposals.y_px[open_us]])[order]
+    t_us, proposed = t_us[order], order >= len(known)
+    residual = residual_of_neighbours(t_us, x, y, max_gap_us=config.max_gap_us)
+    sigma = np.hypot(config.sigma_px, config.detector_sigma_px)
+    scores = np.minimum(np.nan_to_num(residual / sigma), 0.8 * config.contradiction)
+    reasons = [f"proposed {value:.1f} px off the path of its neighbours" for value in residual[proposed]]
+    note(t_us[proposed], scores[proposed], reasons)
+    step_us = np.diff(t_us)
+    hole = (step_us > 1.5 * proposals.window_us) & (step_us <= config.max_gap_us) & proposed[:-1] & proposed[1:]
+    inside_us = t_us[:-1][hole] + proposals.window_us
+    hole_score = np.full(len(inside_us), 0.4 * config.contradiction)
+    note(inside_us, hole_score, ["the detector has lost the ball here for a moment"] * len(inside_us))
 
 
 def _from_gaps(labels: LabelArrays, frames_us: NDArray[np.int64], config: QueueConfig, note: _Note) -> None:

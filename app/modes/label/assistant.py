@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from app.background.jobs import Job
 from app.background.worker import LatestWins
 from app.modes.label.commands.assisted import AddProposals
 from app.modes.label.commands.cursor import BeginSecondLook, GoTo
+from app.modes.label.commands.flight import TakeFlight
 from app.modes.label.commands.step import Note
 from app.modes.label.editor import LabelEditor
 from app.modes.label.label_writer import LayerName, Saved
@@ -21,7 +23,7 @@ from core.cameras import Camera
 from core.detection import DetectorConfig
 from core.recordings import CameraStream
 from labels.arrays import LabelArrays
-from labels.assist import Proposals, check_labels, next_blind, propose, review_queue
+from labels.assist import Proposals, WholeFlight, check_labels, next_blind, propose, review_queue, whole_flight
 from labels.assist.review import QueueItem
 from labels.score import LEAD_IN_US
 from labels.store import LabelStore
@@ -46,6 +48,7 @@ class Assistant:
         """Why the cursor was sent here."""
         self.reason_us = -1
         self._queue_work = LatestWins(pool, _answer, self._queue_done, editor.failed)
+        self._flight_work = LatestWins(pool, _find_flight, self._flight_done, editor.failed)
 
     @property
     def share(self) -> float | None:
@@ -55,6 +58,7 @@ class Assistant:
     def close(self) -> None:
         """The browser or the recording is gone."""
         self._queue_work.close()
+        self._flight_work.close()
         if self._job is not None:
             self._job.cancel()
 
@@ -124,6 +128,39 @@ class Assistant:
         finding = self._job is not None and self._reached_us <= labelling.t_us + LEAD_IN_US
         return labelling.view.blind or (labelling.on_screen and not finding)
 
+    # Whole flights ------------------------------------------------------------------------------------------------
+
+    def take_flight(self) -> None:
+        """Accept every proposal of the flight round the cursor, in both cameras; go to what is doubted."""
+        now, note = self._editor.labelling, self._editor.callbacks.note
+        if not now.on_screen or now.view.blind:
+            return
+        if now.calibrations is None or now.there is None:
+            text = "A flight needs two calibrated cameras; Enter accepts what is steady in one."
+            note(Note("No flight here", text, "yellow"))
+        elif now.here.proposals is None or now.there.proposals is None:
+            note(Note("No proposals here", "I runs the detector from the cursor on.", "yellow"))
+        else:
+            pair = now.here.proposals, now.there.proposals
+            self._flight_work.submit(FlightAsk(now.view.camera, now.calibrations, pair, now.t_us))
+
+    def _flight_done(self, ask: FlightAsk, found: WholeFlight | None) -> None:
+        self._editor.callbacks.later(lambda: self._take_flight(ask, found))
+
+    def _take_flight(self, ask: FlightAsk, found: WholeFlight | None) -> None:
+        now = self._editor.labelling
+        if (ask.camera, ask.t_us) != (now.view.camera, now.t_us):
+            return  # the person went elsewhere
+        if found is None:
+            text = "What is proposed round here in both cameras is not one ball in free flight."
+            self._editor.callbacks.note(Note("No flight here", text, "yellow"))
+            return
+        take = TakeFlight(found)
+        doubted_us = take.doubted_us(now)
+        if doubted_us:
+            self.reason, self.reason_us = take.reason(doubted_us[0]), doubted_us[0]
+        self._editor.send(take)
+
     # The queue ----------------------------------------------------------------------------------------------------
 
     def next_suspicious(self) -> None:
@@ -177,6 +214,20 @@ class Assistant:
             self._editor.callbacks.note(Note("No second look is due", text, "green"))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FlightAsk:
+    """Where a flight is looked for, and in what."""
+
+    camera: str
+    cameras: tuple[Camera, Camera]
+    proposals: tuple[Proposals, Proposals]
+    t_us: int
+
+
+def _find_flight(ask: FlightAsk) -> WholeFlight | None:
+    return whole_flight(ask.cameras, ask.proposals, ask.t_us)
+
+
 def _answer(ask: Ask) -> tuple[str, tuple[QueueItem, ...]]:
     return ask()
 
@@ -187,4 +238,11 @@ def _queue(
     residual = None
     if cameras is not None and there is not None and len(there) and len(here.arrays):
         residual = check_labels(cameras[0], here.arrays, cameras[1], there).residual_px
-    return review_queue(here.arrays, proposals=here.proposals, stereo_residual_px=residual, frames_us=frames_us)
+    rejected_us = tuple(t_us for t_us, _ in here.rejected)
+    return review_queue(
+        here.arrays,
+        proposals=here.proposals,
+        stereo_residual_px=residual,
+        frames_us=frames_us,
+        rejected_us=rejected_us,
+    )

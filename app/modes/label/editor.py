@@ -57,6 +57,8 @@ class LabelEditor:
         self.labelling = step.labelling
         if step.edit is not None:
             self._save(before.layer, step.edit)
+        if step.partner_edit is not None and before.partner is not None:
+            self._save(replace(before.layer, camera=before.partner.name), step.partner_edit)
         if step.note is not None:
             self.callbacks.note(step.note)
         if step.labelling.view.annotator != before.view.annotator:

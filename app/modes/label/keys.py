@@ -13,6 +13,7 @@ Modifier = Literal["shift"]
 KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("space", None, "accept", "Accept what is proposed, and go on"),
     ("enter", None, "accept_segment", "Accept the whole steady segment round here"),
+    ("space", "shift", "accept_flight", "Accept the whole flight round here, in both cameras"),
     ("R", None, "reject", "Reject what is proposed"),
     ("N", None, "next", "Next time"),
     ("P", None, "previous", "Previous time"),
@@ -21,7 +22,7 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("home", None, "first", "First time"),
     ("end", None, "last", "Last time"),
     ("U", None, "unchecked", "Next unchecked time"),
-    ("K", None, "suspicious", "Most suspicious label or hole"),
+    ("K", None, "suspicious", "What would change the score most: a label, a proposal or a hole"),
     ("K", "shift", "blind", "A second look, blind, to measure your own noise"),
     ("X", None, "no_ball", "No ball here"),
     ("X", "shift", "out_of_frame", "Out of frame"),

@@ -111,11 +111,11 @@ class LabelWriter:
             answer = _answer(layer, store, touched)
         except Exception as error:  # noqa: BLE001 (the browser hears of any)
             self.failure = str(error)
-            self._finish()
             failed(error)
-            return
-        self._finish()
-        done(answer)
+        else:
+            done(answer)
+        finally:
+            self._finish()  # last: who sees that nothing waits has the answer before him
 
     def _look(self, layer: LayerName, done: Done, failed: Failed) -> None:
         try:

@@ -217,7 +217,11 @@ class LabelMode:
 
     def _waits(self, name: str) -> bool:
         """Whether what this act judges is still to come."""
-        return name == "accept_segment" and self._assistant is not None and not self._assistant.segment_due
+        return (
+            name in ("accept_segment", "accept_flight")
+            and self._assistant is not None
+            and not self._assistant.segment_due
+        )
 
     def _place(self) -> object:
         editor = self._editor
@@ -234,6 +238,7 @@ class LabelMode:
                 "propose": lambda: assistant.toggle_propose(state.staged_config),
                 "suspicious": assistant.next_suspicious,
                 "blind": assistant.second_look,
+                "accept_flight": assistant.take_flight,
                 "rendering": lambda: self._host.send(SetRendering(_next_name(RENDERINGS, state.look.rendering))),
             }
             acts[name]()

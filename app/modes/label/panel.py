@@ -104,6 +104,7 @@ class LabelPanel:
             self._proposals = gui.add_html("")
             for label, name, icon in (
                 ("Accept steady segment (Enter)", "accept_segment", viser.Icon.CHECKS),
+                ("Accept whole flight (Shift space)", "accept_flight", viser.Icon.PLAYER_TRACK_NEXT),
                 ("Interpolate (Shift I)", "interpolate", viser.Icon.VECTOR_SPLINE),
                 ("Next suspicious (K)", "suspicious", viser.Icon.ALERT_TRIANGLE),
                 ("Second look (Shift K)", "blind", viser.Icon.EYE_OFF),

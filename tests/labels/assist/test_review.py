@@ -86,6 +86,21 @@ def test_the_first_tenth_of_the_queue_holds_injected_errors(with_detector: bool)
     assert trial.in_first_tenth >= 0.9
 
 
+def test_what_nobody_has_judged_comes_in_the_order_in_which_it_would_change_a_score() -> None:
+    t_us = np.arange(0, 120_000, 2000)
+    x, y = 100.0 + t_us / 1000, 200.0 + (t_us / 1000 - 60) ** 2 / 100
+    x[20] += 12.0  # a wrong one: a false ball and a miss
+    kept = np.arange(len(t_us)) != 40  # a hole: a miss
+    proposals = Proposals(
+        t_us[kept], x[kept], y[kept], np.full(kept.sum(), 8.0), np.zeros((kept.sum(), 3)), 2000, "made up"
+    )
+    queue = review_queue(label_arrays(()), proposals=proposals)
+    assert [item.t_us for item in queue] == [int(t_us[20]), int(t_us[40])]
+    assert "proposed 12" in queue[0].reason and "lost the ball" in queue[1].reason
+    judged = review_queue(label_arrays(()), proposals=proposals, rejected_us=[int(t_us[20])])
+    assert int(t_us[20]) not in [item.t_us for item in judged if "proposed" in item.reason]
+
+
 def test_residuals_hold_beside_a_wrong_neighbour() -> None:
     y = 0.001 * (T * 1e-3) ** 2
     x = T * 2e-3

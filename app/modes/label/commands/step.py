@@ -45,6 +45,8 @@ class LabelStep:
     labelling: Labelling
     edit: LabelEdit | None = None
     note: Note | None = None
+    partner_edit: LabelEdit | None = None
+    """A change of the same person's layer of the other camera."""
 
 
 class LabelCommand(Protocol):

@@ -1,8 +1,10 @@
 """A browser's labelling without a browser: everything that a key does, written to the disk and read again."""
 
 import queue
+import re
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,6 +13,7 @@ import pytest
 
 from app.cli.main import main
 from app.modes.label.assistant import Assistant
+from app.modes.label.commands.assisted import AddProposals
 from app.modes.label.commands.by_name import COMMANDS
 from app.modes.label.commands.cursor import ChangeView, GoTo, StepBy
 from app.modes.label.commands.hand import PlaceBall, SetNumbers, SetState
@@ -322,6 +325,55 @@ def test_a_segment_is_accepted_as_one_step(bench: Bench) -> None:
     assert max(abs((label.x_px or 0) - truth[t][0]) for t, label in labels.items()) < 2.0
     bench.press("undo")
     assert not bench.work.here.labels
+
+
+def test_a_whole_flight_is_accepted_in_both_cameras_and_leads_to_what_is_doubted(bench: Bench) -> None:
+    propose(bench, BALL_US)
+    proposals = bench.work.here.proposals
+    assert proposals is not None
+    wrong = np.flatnonzero((proposals.t_us > BALL_US + 20_000) & (proposals.t_us % 2000 == 0))[0]
+    wrong_us = int(proposals.t_us[wrong])
+    x_px = proposals.x_px.copy()
+    x_px[wrong] += 9.0
+    bench.editor.send(AddProposals({"left": replace(proposals, x_px=x_px)}))
+    bench.look(BALL_US)
+    bench.assistant.take_flight()
+    bench.wait(lambda: bench.notes)
+    bench.wait()
+    assert bench.notes[-1].title == "Flight accepted"
+    for camera in ("left", "right"):
+        labels = bench.work.works[camera].labels
+        assert len(labels) > 40, camera
+        errors = [
+            np.hypot((label.x_px or 0) - u, (label.y_px or 0) - v)
+            for t_us, label in labels.items()
+            for u, v in [bench.truth(t_us, camera)]
+        ]
+        assert np.nanpercentile(errors, 95) < 1.0
+        assert LabelStore.read(bench.folder, Layer(bench.recording.uuid, camera, "anna")).all() != ()
+    assert wrong_us not in bench.work.here.labels
+    assert bench.work.t_us == wrong_us and re.match(r"(8|9)\.\d px off the flight", bench.assistant.reason)
+    bench.press("undo")
+    assert not bench.work.here.labels and bench.work.works["right"].labels
+
+
+def test_a_flight_that_is_none_says_so_and_labels_nothing(bench: Bench) -> None:
+    bench.look(BALL_US)
+    bench.assistant.take_flight()
+    bench.wait(lambda: bench.notes)
+    assert [note.title for note in bench.notes] == ["No proposals here"]
+    propose(bench, BALL_US)
+    still = {
+        name: replace(work.proposals, x_px=np.full(len(work.proposals), 100.0), y_px=np.full(len(work.proposals), 90.0))
+        for name, work in bench.work.works.items()
+        if work.proposals is not None
+    }
+    bench.editor.send(AddProposals(still))
+    bench.look(BALL_US)
+    bench.assistant.take_flight()
+    bench.wait(lambda: len(bench.notes) == 2)
+    assert bench.notes[-1].title == "No flight here"
+    assert not any(work.labels for work in bench.work.works.values())
 
 
 def test_labels_between_keyframes_are_interpolated_in_space_where_both_cameras_are_labelled(bench: Bench) -> None:
