@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from app.modes.label.commands.step import LabelEdit, LabelStep, Note
 from app.modes.label.label_changes import ShownPicture, accepted, proposed_at
 from app.modes.label.label_writer import Act
 from app.modes.label.labelling import Labelling
 from app.modes.label.plan import CameraWork
 from labels.assist import Proposals, WholeFlight
+from labels.assist.whole_flight import Doubt
 from labels.model import Label
 from labels.store import LabelStore
 
@@ -29,7 +32,8 @@ class TakeFlight:
             return LabelStep(labelling)
         picture = replace(labelling.judged_picture(wall_s), time_spent_ms=0)
         own, other = (
-            _labels(labelling, work, agreed, picture) for work, agreed in zip((here, there), found.agreed, strict=True)
+            _labels(labelling, work, agreed, doubted, picture)
+            for work, agreed, doubted in zip((here, there), found.agreed, found.doubted, strict=True)
         )
         doubted_us = self.doubted_us(labelling)
         go_us = doubted_us[0] if doubted_us else labelling.grid.moved(found.end_us, +1)
@@ -57,12 +61,18 @@ class TakeFlight:
         return "" if off_px is None else f"{off_px:.1f} px off the flight"
 
 
-def _labels(labelling: Labelling, work: CameraWork, agreed: Proposals, picture: ShownPicture) -> tuple[Label, ...]:
+def _labels(
+    labelling: Labelling, work: CameraWork, agreed: Proposals, doubted: tuple[Doubt, ...], picture: ShownPicture
+) -> tuple[Label, ...]:
+    """Of the times to be labelled; not where a doubted proposal is next, which nothing must bridge."""
     times = labelling.grid.times()
     if not len(agreed):
         return ()
-    times = times[(times >= agreed.t_us[0]) & (times <= agreed.t_us[-1])].tolist()
-    open_us = (t_us for t_us in times if t_us not in work.labels and (t_us, agreed.detector) not in work.rejected)
+    times = times[(times >= agreed.t_us[0]) & (times <= agreed.t_us[-1])]
+    doubted_us = np.array([doubt.t_us for doubt in doubted], np.int64)
+    times = times[(np.abs(times[:, None] - doubted_us) >= agreed.window_us).all(axis=1)]
+    known, rejected = work.labels, work.rejected
+    open_us = (t_us for t_us in times.tolist() if t_us not in known and (t_us, agreed.detector) not in rejected)
     drafts = (draft for t_us in open_us if (draft := proposed_at(agreed, t_us)) is not None)
     return tuple(accepted(draft, replace(picture, t_us=draft.t_us)) for draft in drafts)
 
