@@ -1,0 +1,74 @@
+"""What axe-core finds on the page, mode by mode, and keys where controls have the focus."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Any
+
+import pytest
+
+from app.modes.label.keys import KEYS
+
+pytestmark = pytest.mark.browser
+MODES = ("Watch", "Tune", "Label", "Train", "Export")
+GRAVE = ("serious", "critical")
+OF_VISER: tuple[str, ...] = ()
+"""Selectors of viser's own widgets that are let off; none at present."""
+
+
+def grave(page) -> list[Any]:
+    """Rule and elements of what is serious."""
+    found = page.evaluate(
+        "exclude => axe.run({exclude: [['canvas'], ...exclude.map(one => [one])]}, {resultTypes: ['violations']})"
+        ".then(found => found.violations)",
+        list(OF_VISER),
+    )
+    return [(one["id"], [node["html"][:160] for node in one["nodes"][:5]]) for one in found if one["impact"] in GRAVE]
+
+
+def test_nothing_serious_is_found_in_any_mode(window, wait_for) -> None:
+    window.page.evaluate((files("axe_playwright_python") / "axe.min.js").read_text())
+    for mode in MODES:
+        if window.state.mode != mode:
+            window.press(mode)
+            wait_for(lambda mode=mode: window.state.mode == mode, mode)
+        found: list[Any] = []
+
+        def none_left(found=found) -> bool:  # names are given a moment after the controls have come
+            found[:] = grave(window.page)
+            return not found
+
+        try:
+            wait_for(none_left, "names for all controls", 15)
+        except AssertionError:
+            raise AssertionError(f"{mode}: {found}") from None
+
+
+def test_axe_sees_what_is_wrong(window) -> None:
+    """The test above can fail."""
+    page = window.page
+    page.evaluate((files("axe_playwright_python") / "axe.min.js").read_text())
+    page.evaluate("document.body.insertAdjacentHTML('beforeend', '<input id=\"nameless\"><img src=\"x.png\">')")
+    assert {"label", "image-alt"} <= {rule for rule, _ in grave(page)}
+
+
+def test_keys_label_although_a_checkbox_was_clicked_last(window, wait_for) -> None:
+    page = window.page
+    window.press("Label")
+    wait_for(lambda: window.state.mode == "Label", "Label")
+    window.seek(100_000)
+    box = page.get_by_label("Snap clicks to the events")
+    box.click()
+    assert page.evaluate("document.activeElement.type") == "checkbox"
+    assert ("N", None, "next") in {key[:3] for key in KEYS}
+    page.keyboard.press("n")
+    wait_for(lambda: window.state.playhead.anchor_us == 102_000, "the next time")
+    was = box.is_checked()
+    page.keyboard.press("Space")
+    wait_for(lambda: window.state.playhead.anchor_us == 104_000, "Space to go on")
+    assert box.is_checked() == was, "Space was for the label, not for the box"
+    field = window.field("Radius [px]")
+    field.click()
+    page.keyboard.press("n")
+    page.wait_for_timeout(700)
+    assert window.state.playhead.anchor_us == 104_000, "a field keeps its keys"
