@@ -57,11 +57,14 @@ RAMP_COLOURS: Final = 64
 METHOD_RGB: Final[dict[Method, tuple[int, int, int]]] = {
     "auto": (255, 240, 90),
     "paper": (255, 130, 210),
-    "refined": (110, 235, 130),
-    "ebpp": (185, 140, 255),
-    "fe-fusion": (255, 110, 85),
+    "refined": (113, 217, 127),
+    "ebpp": (183, 111, 255),
+    "fe-fusion": (243, 89, 85),
 }
-"""Of circles and curves where methods are beside each other; cyan is the truth's."""
+"""Of circles and curves where methods are beside each other; cyan is the truth's.
+
+These, the states of labels and the cases of a rally differ for the colour-blind, too, as tests/app/pictures hold.
+"""
 
 _POLARITY_RGB: Final = {
     "orange / blue": ((255, 150, 50), (80, 150, 255)),
@@ -73,23 +76,23 @@ _NAMED_RGB: Final = {
     Ink.OUTSIDE: (11, 12, 14),
     Ink.TEXT: (235, 235, 235),
     Ink.SHADE: (34, 36, 42),
-    Ink.HULL: (110, 235, 130),
+    Ink.HULL: (165, 225, 40),
     Ink.HULL_REJECTED: (255, 70, 70),
     Ink.CIRCLE: (255, 225, 60),
     Ink.ROI: (200, 120, 255),
     Ink.TRUTH: (60, 230, 230),
     Ink.NOISE: (90, 92, 98),
-    Ink.LABEL: (90, 255, 130),
-    Ink.DRAFT: (255, 214, 70),
+    Ink.LABEL: (91, 255, 182),
+    Ink.DRAFT: (255, 255, 70),
     Ink.EPIPOLAR: (205, 130, 255),
     Ink.SIGMA: (255, 255, 255),
-    Ink.PARTLY: (190, 230, 90),
-    Ink.OCCLUDED: (225, 130, 60),
+    Ink.PARTLY: (220, 214, 83),
+    Ink.OCCLUDED: (217, 112, 59),
     Ink.OUT_OF_FRAME: (90, 150, 230),
     Ink.NO_BALL: (150, 152, 160),
     Ink.UNCHECKED: (44, 47, 55),
     Ink.CURSOR: (250, 250, 250),
-    Ink.ASKS: (255, 176, 32),
+    Ink.ASKS: (234, 156, 31),
 }
 _CLUSTER_RGB: Final = (
     (255, 120, 90), (90, 200, 255), (170, 255, 110), (255, 120, 220), (255, 200, 80), (130, 150, 255),

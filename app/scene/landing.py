@@ -14,10 +14,10 @@ from core.rally.history.rally_picture import LandingSpot
 
 CASE_RGB: Final[dict[Case, tuple[int, int, int]]] = {
     Case.OWN_HALF: (255, 170, 0),
-    Case.NET: (190, 90, 255),
+    Case.NET: (197, 90, 255),
     Case.OUT: (255, 40, 40),
-    Case.RETURNED: (40, 230, 90),
-    Case.MISSED: (130, 135, 145),
+    Case.RETURNED: (38, 230, 157),
+    Case.MISSED: (127, 132, 145),
 }
 CASE_NAMES: Final[dict[Case, str]] = {
     Case.OWN_HALF: "own half",

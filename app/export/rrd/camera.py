@@ -17,7 +17,7 @@ from labels.arrays import LabelArrays
 DETECTION_RGB = (255, 225, 60)
 TRUTH_RGB = (60, 230, 230)
 LABEL_RGB = (255, 90, 220)
-HULL_RGB = (110, 235, 130)
+HULL_RGB = (165, 225, 40)
 REJECTED_RGB = (150, 105, 105)
 ROI_RGB = (200, 120, 255)
 ARC = np.linspace(0, 2 * np.pi, 33)

@@ -38,7 +38,7 @@
   const COLOURS = {
     bounce: "#7fd4ff", hit: "#ff8c28", mark: "#ffffff",
     found: "#3fb27f", missed: "#e8590c", false: "#f2c037",
-    visible: "#3fb27f", partly_occluded: "#8fd18f", occluded: "#9a7fd1", out_of_frame: "#6b7280", no_ball: "#4b5563",
+    visible: "#5bffb6", partly_occluded: "#dcd653", occluded: "#d9703b", out_of_frame: "#5a96e6", no_ball: "#9698a0",
   };
   const RATES = ["#ff8c28", "#5096ff", "#6eeb82", "#e6a0ff"];
   let now = null, heard = 0; // the latest message, and when it came

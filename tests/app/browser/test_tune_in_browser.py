@@ -9,7 +9,7 @@ from core.config import get_setting, load_config
 from core.detection import DetectorConfig
 
 pytestmark = pytest.mark.browser
-YELLOW, GREEN = (255, 225, 60), (110, 235, 130)
+YELLOW, GREEN = (255, 225, 60), (165, 225, 40)
 BALL_US = 300_000
 RADIUS_MAX = ("localise", "radius_max_px")
 
