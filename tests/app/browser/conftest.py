@@ -41,6 +41,8 @@ FEW_FRAMES = (
     "window.cancelAnimationFrame = clearTimeout;"
 )
 """As on a slow display: a scene that moves would be drawn as often as the processor can, beside what is tested."""
+PATIENCE_S = 90.0
+"""How long a test waits before it fails: on a machine that does other things, too, and draws without a graphics card."""
 CANVAS = (slice(0, 495), slice(0, 870))
 """Rows and columns of a 1280x720 window that the pictures fill."""
 
@@ -62,6 +64,7 @@ class Window:
     def __init__(self, page: Page, lab: App, *, in_space: bool = False, dpr: float = 1) -> None:
         self.page = page
         before = set(lab.sessions)
+        page.set_default_timeout(1e3 * PATIENCE_S)
         page.add_init_script(FEW_FRAMES)
         page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr={dpr:g}")
         # The software renderer makes viser show a note over the upper left corner: let clicks through.
@@ -118,7 +121,7 @@ class Window:
         self, name: str, there: Callable[[np.ndarray], bool], region: tuple[slice, slice] = CANVAS
     ) -> np.ndarray:
         """The first screenshot for whose region `there` holds; meshes and textures are drawn after their message."""
-        deadline = time.monotonic() + 30.0
+        deadline = time.monotonic() + PATIENCE_S
         while not there(pixels := self.screenshot(name)[region]):
             picture = ARTIFACTS / f"{name}.png"
             assert time.monotonic() < deadline, f"the picture never became what was expected; see {picture}"
@@ -135,7 +138,7 @@ def save_screenshot(page: Page, name: str) -> np.ndarray:
         return np.asarray(image.convert("RGB"))
 
 
-def wait_for(condition: Callable[[], object], what: str, timeout_s: float = 30.0) -> None:
+def wait_for(condition: Callable[[], object], what: str, timeout_s: float = PATIENCE_S) -> None:
     """Return once the condition holds."""
     deadline = time.monotonic() + timeout_s
     while not condition():
