@@ -42,7 +42,7 @@ FEW_FRAMES = (
 )
 """As on a slow display: a scene that moves would be drawn as often as the processor can, beside what is tested."""
 PATIENCE_S = 90.0
-"""How long a test waits before it fails: on a machine that does other things, too, and draws without a graphics card."""
+"""How long a test waits before it fails: on a machine that does other things, and draws without a graphics card."""
 CANVAS = (slice(0, 495), slice(0, 870))
 """Rows and columns of a 1280x720 window that the pictures fill."""
 
