@@ -1,10 +1,10 @@
-"""The app's words in a sentence each, for tooltips; docs/glossary.md has the same."""
+"""The app's words in a sentence each, for tooltips; docs/use/glossary.md has the same."""
 
 from __future__ import annotations
 
 from typing import Final
 
-PAGE: Final = "docs/glossary.md"
+PAGE: Final = "docs/use/glossary.md"
 
 GLOSSARY: Final[dict[str, str]] = {
     "Auto-serve": "The simulation serves by itself, again and again, at the chosen speed.",
