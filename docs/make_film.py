@@ -51,6 +51,8 @@ WINDOW_US: Final = 2000
 AFTER_US: Final = 350_000
 """From the end of a ball to the next serve: it leaves the picture, and the racket goes back to its place."""
 LONGEST_BALL_US: Final = 3_000_000
+FIRST_US: Final = 40_000
+"""Of the recording in the film: by then the first ball has been seen, and its flight predicted."""
 SIZE_PX: Final = (1280, 720)
 SHOWN_PX: Final = (0, 0, 876, 720)
 """Left, top, right and bottom of what the film shows of the window: all but the controls."""
@@ -152,7 +154,7 @@ def film_recording(
     """
     with _watching(workspace, name) as (page, session):
         assert session.recording is not None
-        moments_us = plan.moments_us(0, session.recording.duration_us)
+        moments_us = plan.moments_us(FIRST_US, session.recording.duration_us)
         frames: list[Image.Image] = []
         for number, t_us in enumerate(moments_us):
             session.send(Seek(t_us))
