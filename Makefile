@@ -1,12 +1,12 @@
 # Two commands: `make run` opens the app, `make test` checks everything. Both set up what they need.
-# `make quick` is for the inner loop.
+# `make quick` is for the inner loop, `make docs` for those who would rather read a site.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 DATA ?= rallyscope-data
 PORT ?= 8080
 
-.PHONY: run test quick check bench clean
+.PHONY: run test quick check bench docs film clean
 
 run: $(VENV)/.installed
 	$(BIN)/rallyscope serve --data "$(DATA)" --port $(PORT) --open
@@ -30,6 +30,15 @@ check: $(VENV)/.installed-dev
 bench: $(VENV)/.installed
 	$(BIN)/rallyscope bench detection
 
+docs: $(VENV)/.installed-docs
+	$(BIN)/zensical build --strict --clean
+	@echo "The site is in build/docs. To look at it here: $(BIN)/zensical serve"
+
+# The film at the top of the README: a simulated rally in the app, in headless Chromium; takes some minutes.
+film: $(VENV)/.installed-dev
+	$(BIN)/python tests/ensure_chromium.py
+	$(BIN)/python -m docs.make_film
+
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
@@ -43,6 +52,10 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	$(BIN)/pip install --constraint constraints.txt --editable '.[dev]'
 	$(BIN)/pip install --quiet --constraint constraints.txt --no-deps labelImg # its readers are checkers; not its Qt
 	touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-docs: pyproject.toml constraints.txt | $(VENV)/bin/python
+	$(BIN)/pip install --constraint constraints.txt --editable '.[docs]'
+	touch $@
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info

@@ -24,7 +24,9 @@ GRAVITY_MPS2: Final = 9.81
 
 
 class FittedConstant(NamedTuple):
-    """What recorded flights say of a constant of the profile `real`: docs/physics-report.md, `rallyscope fit-physics`.
+    """What recorded flights say of a constant of the profile `real`, by `rallyscope fit-physics`.
+
+    docs/measured/physics-report.md has the fits.
 
     49 of the 70 flights that tt3d published (two players, one table and ball, 179 Hz, 3 to 12 m/s, one bounce each),
     all constants and each flight's start and spin fitted together, with the Magnus coefficient given as .10.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import logging
 import os
@@ -73,6 +74,19 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: list[str]) -> int:
+    arguments = parse(argv)
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    arguments.run(arguments)
+    return 0
+
+
+def parse(argv: Sequence[str]) -> argparse.Namespace:
+    """Read a command line, without doing anything yet: the result's `run`, given the result, carries it out.
+
+    Raises:
+        CommandError: if it is not one of ours.
+        NotBuiltError: if its verb does not exist yet.
+    """
     parser = Parser(prog="rallyscope", description="An interactive lab for event-camera table tennis.")
     parser.add_argument("--version", action="version", version=f"rallyscope {version('rallyscope')}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
@@ -93,7 +107,4 @@ def _run(argv: list[str]) -> int:
                 add_verb(sub_verbs.add_parser(name, help=arguments_of(run).__doc__), run)
     if chosen in VERBS and chosen not in BUILT and not {"-h", "--help"} & set(argv):
         raise NotBuiltError(f"`rallyscope {chosen}` is not built yet", remedy="see `rallyscope --help` for what is")
-    arguments = parser.parse_args(argv)
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
-    arguments.run(arguments)
-    return 0
+    return parser.parse_args(argv)

@@ -12,7 +12,7 @@ from core.errors import ConfigError
 class EbppConfig:
     """EROS surface and circular Hough transform (Ziegler et al. 2025, arXiv 2502.00749); the numbers are ours.
 
-    The defaults were tuned on simulated flights that no score is taken of; docs/detector.md has both.
+    The defaults were tuned on simulated flights that no score is taken of; docs/how/detector.md has both.
     """
 
     kernel_px: int = setting(5, 3, 21, step=2)

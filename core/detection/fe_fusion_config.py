@@ -12,7 +12,7 @@ from core.errors import ConfigError
 class FeFusionConfig:
     """The event part of F-E Fusion, without its neural field: one cluster's centroid and mean distance.
 
-    The defaults were tuned on simulated flights that no score is taken of; docs/detector.md has both.
+    The defaults were tuned on simulated flights that no score is taken of; docs/how/detector.md has both.
     """
 
     kernel_px: int = setting(1, 1, 9, step=2)

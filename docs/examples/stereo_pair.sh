@@ -20,7 +20,7 @@ else
     left=$out/left.raw right=$out/right.raw
 fi
 
-# One recording of both cameras. If their clocks differ: --offset-us (see docs/calibration.md).
+# One recording of both cameras. If their clocks differ: --offset-us (see docs/use/calibration.md).
 $rallyscope import "$left" "$right" "$out/pair.h5" --names left,right --calibration "$calibration" --force
 # The ball in each picture: t_us,u_px,v_px,r_px. `track` below looks for it itself; these are to be looked at.
 for camera in left right; do

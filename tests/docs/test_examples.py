@@ -1,4 +1,4 @@
-"""The scripts under docs/examples and the code of docs/python-api.md run, and print what they should."""
+"""The scripts under docs/examples and the code of docs/use/python-api.md run, and print what they should."""
 
 import ast
 import json
@@ -17,7 +17,7 @@ from core.recordings import open_recording
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
-PAGE = (ROOT / "docs" / "python-api.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "use" / "python-api.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 
 
@@ -163,4 +163,4 @@ def test_nothing_is_imported_from_deeper_than_a_room(code: str) -> None:
 def test_the_page_links_every_example() -> None:
     for path in EXAMPLES.glob("*.py"):
         if path.stem != "small_input":
-            assert f"(examples/{path.name})" in PAGE
+            assert f"(../examples/{path.name})" in PAGE

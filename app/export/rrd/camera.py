@@ -68,6 +68,8 @@ def send_truth(stream: rr.RecordingStream, path: str, truth: PixelTruth, t_us: N
 def send_labels(stream: rr.RecordingStream, path: str, labels: LabelArrays, hold_us: int) -> None:
     """What a person said, shown from a label's time on for `hold_us`."""
     placed = labels.rows(labels.seen & np.isfinite(labels.x_px))
+    if not len(placed.t_us):
+        return
     rows: dict[int, tuple[float, float, float] | None] = {}
     following = [*placed.t_us[1:].tolist(), np.inf]
     columns = (placed.t_us, placed.x_px, placed.y_px, placed.r_px)

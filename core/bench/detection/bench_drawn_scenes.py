@@ -28,7 +28,7 @@ from core.physics.config import physics_profile
 from core.recordings import open_recording
 from core.simulation import simulate_recording
 
-REPORT: Final = Path("docs/drawn-scenes-report.md")
+REPORT: Final = Path("docs/measured/drawn-scenes-report.md")
 FOLDER: Final = Path("rallyscope-data/bench-drawn-scenes")
 METHODS: Final[tuple[Method, ...]] = ("auto", "refined")
 COUNT: Final = 20

@@ -19,7 +19,7 @@ from core.learning.runs.summary import rounded_number, spread_of
 Progress = Callable[[float], None]
 
 FOLDER = Path("rallyscope-data/bench-learning")
-REPORT = Path("docs/learning-report.md")
+REPORT = Path("docs/measured/learning-report.md")
 CHAIN = "events.json"
 CLOCK = "processor time of one thread"
 SEEDS_AT_A_TIME = 5

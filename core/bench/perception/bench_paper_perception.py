@@ -34,7 +34,7 @@ from core.rally.data_sets import DataSetPlan, PlannedRecording, run_data_set
 from core.recordings import open_recording
 
 FOLDER: Final = Path("rallyscope-data/bench-paper-perception")
-REPORT: Final = Path("docs/perception-report.md")
+REPORT: Final = Path("docs/measured/perception-report.md")
 COUNT: Final = 1
 """Seeds; ten make the full report."""
 MAKING_SHARE: Final = 0.7

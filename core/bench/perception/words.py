@@ -33,7 +33,7 @@ single recordings, which says how much they differ and nothing of how sure the f
 
 FRAME_DETECTOR: Final = """
 It is YOLOv4-tiny with the weights that come with the package, trained on rendered pictures with seeds of their own
-(docs/detector.md); of sharp frames of 0.5 ms that it was not trained on it finds {sharp}, and with 0.9 or more it
+(docs/how/detector.md); of sharp frames of 0.5 ms that it was not trained on it finds {sharp}, and with 0.9 or more it
 counts as a rival. A time of the recall's grid is found with a right answer within half a frame's period, of events
 within half a window, so that `yolo` is asked no more often than there are frames.
 """

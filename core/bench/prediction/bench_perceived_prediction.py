@@ -28,7 +28,7 @@ SeenBalls = Mapping[Method, dict[float, list[PerceivedBall]]]
 """By detector and speed, in m/s."""
 
 FOLDER: Final = Path("rallyscope-data/bench-prediction")
-REPORT: Final = Path("docs/prediction-report.md")
+REPORT: Final = Path("docs/measured/prediction-report.md")
 PER_SPEED: Final = 30
 """210 balls over the seven speeds."""
 METHODS: Final[tuple[Method, ...]] = ("refined", "auto")

@@ -40,11 +40,11 @@ HEADER = """# How well the ball is predicted
 
 Made by `rallyscope bench perceived-prediction` (seed {seed}; {machine}).
 
-The filter is that of [trajectory](trajectory.md); the *paper's rule* is five points 10 ms apart, gravity, and one
-factor each for the two speeds at the table (medians of recorded bounces: .94 and .83); the *chain's fit* takes twelve
-points 4 ms apart and spinless Coulomb friction. Errors at the hitting plane x = -1.42 m are those along it; the time's
-error is beside it. Every figure is median / 95 % unless it says otherwise. A prediction counts from the moment at which
-the chain had made it.
+The filter is that of [trajectory](../how/trajectory.md); the *paper's rule* is five points 10 ms apart, gravity, and
+one factor each for the two speeds at the table (medians of recorded bounces: .94 and .83); the *chain's fit* takes
+twelve points 4 ms apart and spinless Coulomb friction. Errors at the hitting plane x = -1.42 m are those along it; the
+time's error is beside it. Every figure is median / 95 % unless it says otherwise. A prediction counts from the moment
+at which the chain had made it.
 
 Simulated balls: profile `real` (drag, Magnus force, the table that was [fitted](physics-report.md) to recorded
 flights), serves of 3 to 9 m/s in equal numbers, spin uniform within 100 rad/s about each axis. Through the cameras no

@@ -22,8 +22,8 @@ from core.rally.simulated.world import WorldConfig
 from core.simulation import StereoConfig, scene_named
 from core.simulation.scenes.scene import SCENES
 
-REPORT: Final = Path("docs/scenes.md")
-PICTURES: Final = Path("docs/images")
+REPORT: Final = Path("docs/measured/scenes.md")
+PICTURES: Final = Path("docs/measured/images")
 METHODS: Final = ("auto", "paper")
 PLACEMENTS: Final = ("side", "behind")
 OF_RALLY: Final = ("side", "ceiling")
@@ -124,7 +124,8 @@ def write_scenes_report(seen: list[Row], returned: dict[str, int], balls: int, m
         "",
         "Made by `rallyscope bench scenes`. A scene is chosen with `--scene` (`simulate`, `sim-server`) and in Watch;",
         "`--wall 0.7` makes the walls bright, `--flicker 0.2` lets all light flicker. How people are drawn, and how",
-        "well that agrees with brute force: [sensor-model.md](sensor-model.md), [sensor-report.md](sensor-report.md).",
+        "well that agrees with brute force: [sensor-model.md](../how/sensor-model.md),",
+        "[sensor-report.md](sensor-report.md).",
         "",
         f"Two 1280x720 cameras, {NOISE_HZ} Hz of noise per pixel, serves (or rallies) of {speeds} m/s, windows of",
         f"{WINDOW_US // 1000} ms, default settings of the methods, match radius 8 px; a ball hidden by a person is no",

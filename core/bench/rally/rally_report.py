@@ -28,7 +28,8 @@ def write_rally_report(rows: Sequence[Mapping[str, object]], machine: Mapping[st
     """The page as Markdown."""
     parts = [
         "# Balls returned through perception",
-        f"Made by `rallyscope bench rally --report docs/rally-report.md` (seed {seed}; {machine_words(machine)}).",
+        f"Made by `rallyscope bench rally --report docs/measured/rally-report.md` (seed {seed};"
+        f" {machine_words(machine)}).",
         ABOUT,
     ]
     for chain, words in CHAINS.items():

@@ -33,7 +33,7 @@ from core.simulation.scenes.racket_shape import RacketPoses
 from core.simulation.scenes.scene import scene_named
 from core.simulation.sensor.sensor import SensorConfig
 
-REPORT: Final = Path("docs/sensor-report.md")
+REPORT: Final = Path("docs/measured/sensor-report.md")
 SEED: Final = 11
 SIZE: Final = SensorSize(160, 120)
 COUNT_BOUND, KS_BOUND = 0.10, 0.05
@@ -141,9 +141,9 @@ def write_sensor_report(rows: list[dict[str, object]], machine: dict[str, object
         "",
         "Made by `rallyscope bench sensor`. Each clip is 160x120 pixels at the focal length of the presets and 40 to",
         "60 ms long, without noise, with the mismatch of thresholds. The event camera of",
-        f"[sensor-model.md](sensor-model.md) meets a simulation of every pixel every {DENSE_STEP_US} us in plain numpy",
-        "(`core/bench/simulation/dense_sensor.py`). Both share what light a pixel sees; neither meets a real sensor"
-        " here.",
+        f"[sensor-model.md](../how/sensor-model.md) meets a simulation of every pixel every {DENSE_STEP_US} us in",
+        "plain numpy (`core/bench/simulation/dense_sensor.py`). Both share what light a pixel sees; neither meets a"
+        " real sensor here.",
         "",
         "Ratio: events of the event camera per event of the dense simulation. KS: Kolmogorov-Smirnov distance of their",
         f"time stamps. Bounds: {COUNT_BOUND:.0%} and {KS_BOUND}.",

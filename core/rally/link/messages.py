@@ -1,4 +1,4 @@
-"""Everything that travels between the simulation and those who use it. See docs/simulation-link.md.
+"""Everything that travels between the simulation and those who use it. See docs/how/simulation-link.md.
 
 A message is one msgpack map {"v": version, "kind": name, ...fields}. Times are microseconds of the simulated clock of a
 session; a new session starts at 0. What the server publishes carries a `seq` that grows by one, so that losses show.

@@ -15,7 +15,7 @@ ROWS = dict(
 @pytest.mark.parametrize("word", GLOSSARY)
 def test_the_page_says_of_a_word_what_its_tooltip_says(word: str) -> None:
     assert ROWS[word] == GLOSSARY[word]
-    assert tooltip(word) == f"{word}: {GLOSSARY[word]} (docs/glossary.md)"
+    assert tooltip(word) == f"{word}: {GLOSSARY[word]} (docs/use/glossary.md)"
 
 
 def test_words_are_in_order() -> None:

@@ -94,6 +94,10 @@ def test_the_command_line_shows_racket_episodes_predictions_and_labels(serve_rec
     assert main(words) == 2 and "exists already" in capsys.readouterr().err
     assert main([*words, "--force"]) == 0
     assert "world/cameras/left/picture/label" not in entities(out)
+    with LabelStore.open(tmp_path / "data" / "labels", uuid, "left", "Anna") as store:
+        store.undo()
+    assert main([*words, "--force", "--annotator", "Anna", *data]) == 0, "a name under which nothing is labelled"
+    assert "world/cameras/left/picture/label" not in entities(out)
 
 
 def test_a_single_camera_without_calibration_has_pictures_and_detections_only(serve_recording, tmp_path) -> None:

@@ -1,0 +1,228 @@
+"""The film of the README: a rally that the robot plays by what its cameras see, in the app, in headless Chromium.
+
+    python -m docs.make_film [--out docs/images/rally.webp] [--seconds 10] [--frames-hz 12.5]
+
+The rally is simulated first (`play_rally`), from a fixed seed and as fast as it goes: the racket is sent by the chain,
+which sees nothing but events. Then the app opens the recording, and every frame is a screenshot of one moment.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from PIL import Image, ImageChops
+from playwright.sync_api import Page, sync_playwright
+
+from app.modes.watch.commands import ShowLayer
+from app.server import App
+from app.session import Session
+from app.shared.library import Library
+from app.shared.workspace import Workspace
+from app.state.commands import Seek
+from core.cameras import stereo_preset
+from core.errors import CommandError
+from core.rally import ChainConfig, RallyChain
+from core.rally.chain.block_windows import block_windows
+from core.rally.chain.physics import chain_for_physics
+from core.rally.control.controller import BuiltInController
+from core.rally.control.player import Player
+from core.rally.history.recorded_rally import RACKET, TARGETS, racket_rows, target_rows
+from core.rally.simulated.world import Block, SimulatedWorld, WorldConfig
+from core.recordings import RecordingWriter
+from tests.app.browser.conftest import FLAGS
+from tests.ensure_chromium import HELP, find_chromium
+
+OUT: Final = Path("docs/images/rally.webp")
+SEED: Final = 11
+SPEEDS_MPS: Final = (5.0, 7.0)
+FILM_S: Final = 10.0
+FRAMES_HZ: Final = 12.5
+LARGEST_BYTES: Final = 5_000_000
+WINDOW_US: Final = 2000
+AFTER_US: Final = 350_000
+"""From the end of a ball to the next serve: it leaves the picture, and the racket goes back to its place."""
+LONGEST_BALL_US: Final = 3_000_000
+FIRST_US: Final = 40_000
+"""Of the recording in the film: by then the first ball has been seen, and its flight predicted."""
+SIZE_PX: Final = (1280, 720)
+SHOWN_PX: Final = (0, 0, 876, 720)
+"""Left, top, right and bottom of what the film shows of the window: all but the controls."""
+PATIENCE_S: Final = 120.0
+QUALITY: Final = 80
+
+
+@dataclass(frozen=True, slots=True)
+class FilmPlan:
+    """How long the film is, and how many pictures it has a second."""
+
+    seconds: float = FILM_S
+    frames_hz: float = FRAMES_HZ
+
+    @property
+    def frame_ms(self) -> int:
+        """How long one picture stands."""
+        return round(1000 / self.frames_hz)
+
+    def moments_us(self, start_us: int, end_us: int) -> list[int]:
+        """The recording's times of all pictures, evenly over the part that is filmed."""
+        count = max(2, round(1000 * self.seconds / self.frame_ms))
+        return np.linspace(start_us, end_us, count, endpoint=False).astype(np.int64).tolist()
+
+
+def main() -> None:
+    """Make the film, and say how large it became."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=OUT)
+    parser.add_argument("--seconds", type=float, default=FILM_S)
+    parser.add_argument("--frames-hz", type=float, default=FRAMES_HZ)
+    arguments = parser.parse_args()
+    plan = FilmPlan(arguments.seconds, arguments.frames_hz)
+    with tempfile.TemporaryDirectory() as folder:
+        workspace = Workspace(Path(folder))
+        cases = play_rally(workspace.recording_path("rally"), SPEEDS_MPS, SEED)
+        print(f"The rally's balls: {', '.join(cases)}")
+        frames = film_recording(workspace, "rally", plan, lambda share: print(f"\r{share:4.0%}", end="", flush=True))
+    data = webp_of(frames, plan.frame_ms)
+    if len(data) > LARGEST_BYTES:
+        raise CommandError("the film is too large", expected=f"at most {LARGEST_BYTES:,} bytes", got=f"{len(data):,}")
+    arguments.out.write_bytes(data)
+    print(f"\r{arguments.out}: {len(frames)} pictures, {plan.seconds:g} s, {len(data) / 1e6:.2f} MB")
+
+
+def play_rally(path: Path, speeds_mps: Sequence[float], seed: int) -> list[str]:
+    """Write a recording of one serve per speed, answered by what the chain sees. Returns what came of each ball."""
+    cameras = stereo_preset()
+    config = WorldConfig()
+    world = SimulatedWorld(config, cameras, seed)
+    chain = RallyChain(cameras, chain_for_physics(ChainConfig(), config.task.physics))
+    player = Player(chain, BuiltInController(config.task))
+    cases: list[str] = []
+    sensors = {name: camera.sensor for name, camera in cameras.items()}
+    try:
+        with RecordingWriter(path, sensors, calibration=cameras, seed=seed) as writer:
+            for speed_mps in speeds_mps:
+                world.draw_serve(speed_mps)
+                player.forget_flight()
+                cases.append(_play_ball(world, player, writer))
+            writer.extend_duration(world.now_us)
+    finally:
+        world.close()
+    return cases
+
+
+def _play_ball(world: SimulatedWorld, player: Player, writer: RecordingWriter) -> str:
+    """Until a while after its outcome; says which that was."""
+    case, end_us = "", world.now_us + LONGEST_BALL_US
+    while world.now_us < end_us:
+        block = world.advance()
+        _write(writer, block)
+        for windows in block_windows(block.events, block.start_us, block.end_us, WINDOW_US):
+            state = player.step(windows)
+            found = state.decision
+            if found is not None and state.is_new and found.target.t_s > world.now_us * 1e-6:
+                world.aim(found.target)
+                writer.append_rows(TARGETS, target_rows(found, 0))
+        for judged in block.outcomes:
+            case, end_us = judged.outcome.case.name.lower(), world.now_us + AFTER_US
+    return case
+
+
+def _write(writer: RecordingWriter, block: Block) -> None:
+    for name, events in block.events.items():
+        writer.append(name, events)
+        writer.write_truth(name, block.circles[name])
+    writer.write_ball(block.ball)
+    writer.append_rows(RACKET, racket_rows(block, 0))
+
+
+def film_recording(
+    workspace: Workspace, name: str, plan: FilmPlan, progress: Callable[[float], None]
+) -> list[Image.Image]:
+    """Screenshots of the app's Watch mode, one for each moment of a stereo recording of the workspace.
+
+    Raises:
+        CommandError: if there is no browser, or the app does not show a moment in time.
+    """
+    with _watching(workspace, name) as (page, session):
+        assert session.recording is not None
+        moments_us = plan.moments_us(FIRST_US, session.recording.duration_us)
+        frames: list[Image.Image] = []
+        for number, t_us in enumerate(moments_us):
+            session.send(Seek(t_us))
+            field = page.get_by_label("Time [µs]")
+            _wait_for(lambda field=field, t_us=t_us: field.input_value() == str(t_us), f"the cursor at {t_us} us")
+            frames.append(_still_picture(page))
+            progress((number + 1) / len(moments_us))
+        return frames
+
+
+@contextmanager
+def _watching(workspace: Workspace, name: str) -> Iterator[tuple[Page, Session]]:
+    """A browser that shows the recording in 3D, once the chain has seen all of it."""
+    program = find_chromium()
+    if program is None:
+        raise CommandError("no browser to film in", expected=HELP)
+    lab = App(workspace, Library(workspace), name, host="127.0.0.1", port=0)
+    try:
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
+            page = browser.new_page(viewport={"width": SIZE_PX[0], "height": SIZE_PX[1]})
+            page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr=1")
+            page.add_style_tag(content="[class*=mantine-Notification] { display: none !important; }")
+            _wait_for(lambda: lab.sessions and lab.sessions[0].recording is not None, "the recording to be open")
+            session = lab.sessions[0]
+            assert session.recording is not None
+            rally = lab.services.rallies.of(session.recording)
+            _wait_for(lambda: session.world.visible, "the 3D scene")
+            _wait_for(lambda: rally is not None and rally.followed == 1.0, "the chain to have seen the recording")
+            session.send(ShowLayer("True ball", False))
+            page.wait_for_timeout(2000)  # the camera comes to rest; every picture is waited for on its own
+            yield page, session
+            browser.close()
+    finally:
+        lab.stop()
+
+
+def _still_picture(page: Page) -> Image.Image:
+    """What the window shows once it stops changing: scene, pictures and figures arrive one after the other."""
+    seen = _picture(page)
+    for _ in range(20):
+        page.wait_for_timeout(250)
+        now = _picture(page)
+        if ImageChops.difference(seen, now).getbbox() is None:
+            break
+        seen = now
+    return seen.crop(SHOWN_PX)
+
+
+def _picture(page: Page) -> Image.Image:
+    return Image.open(io.BytesIO(page.screenshot(timeout=60_000))).convert("RGB")
+
+
+def _wait_for(condition: Callable[[], object], what: str) -> None:
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        if time.monotonic() > deadline_s:
+            raise CommandError("the app does not show what is filmed", expected=what, got=f"nothing in {PATIENCE_S} s")
+        time.sleep(0.05)
+
+
+def webp_of(frames: Sequence[Image.Image], frame_ms: int, quality: int = QUALITY) -> bytes:
+    """An animated WebP that begins again at its end."""
+    out = io.BytesIO()
+    first, *others = frames
+    first.save(out, "WEBP", save_all=True, append_images=others, duration=frame_ms, loop=0, quality=quality, method=4)
+    return out.getvalue()
+
+
+if __name__ == "__main__":
+    main()

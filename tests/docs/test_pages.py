@@ -1,0 +1,166 @@
+"""Every link of the documentation leads somewhere, every page is reached, every command is one that we understand."""
+
+import importlib
+import re
+from collections.abc import Iterable
+from itertools import takewhile
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from app.cli.main import MODULES, VERBS, parse
+from core.errors import RallyscopeError
+from tests.docs.markdown_pages import DOCS, PAGES, ROOT, Shown, Target, anchors_of, commands_of, targets_of
+
+LONGEST_README = 220
+MOST_SIBLINGS = 20
+
+
+def name_of(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def problem_with(target: Target) -> str | None:
+    """What is wrong with a local link; None if nothing is."""
+    if not target.is_local:
+        return None
+    if not target.path.is_relative_to(ROOT) or not target.path.exists():
+        return f"{target.link} is not there"
+    if target.anchor and target.anchor not in anchors_of(target.path.read_text(encoding="utf-8")):
+        return f"{target.link} has no such heading"
+    if DOCS in target.page.parents and not target.path.is_relative_to(DOCS):
+        return f"{target.link} leaves docs/, where the site cannot follow"
+    return None
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_every_link_leads_somewhere(page: Path) -> None:
+    problems = [problem_with(target) for target in targets_of(page)]
+    assert [problem for problem in problems if problem] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[a](nowhere.md)", "is not there"),
+        ("![a](images/nothing.png)", "is not there"),
+        ("[a\nb](glossary.md#no-such-word)", "has no such heading"),
+        ("[a](#nothing)", "has no such heading"),
+        ("[a](../../../elsewhere.md)", "is not there"),
+        ("[a](../../README.md)", "leaves docs/"),
+        ("[![a](nothing.png)](glossary.md)", "is not there"),
+        ('<img src="nothing.webp">', "is not there"),
+    ],
+)
+def test_a_broken_link_is_found(text: str, said: str) -> None:
+    problems = [problem_with(target) for target in targets_of(DOCS / "use" / "labels.md", text)]
+    assert any(problem and said in problem for problem in problems)
+
+
+def test_what_is_no_link_of_ours_is_left_alone() -> None:
+    text = "[a](https://example.org/x) `[b](no.md)`\n\n```\n[c](no.md)\n```\n[d](glossary.md) [e](labels.md#store)"
+    targets = targets_of(DOCS / "use" / "labels.md", text)
+    assert len(targets) == 3
+    assert [problem_with(target) for target in targets] == [None] * 3
+
+
+def test_anchors_are_those_of_github() -> None:
+    text = "# The `auto` chain: what's new?\n## One\n## One\n```\n# no heading\n```\n### See [this](x.md), too & more\n"
+    assert anchors_of(text) == {"the-auto-chain-whats-new", "one", "one-1", "see-this-too--more"}
+
+
+def reached_from(page: Path) -> set[Path]:
+    reached, waiting = set(), [page]
+    while waiting:
+        here = waiting.pop()
+        if here in reached:
+            continue
+        reached.add(here)
+        if here.suffix == ".md":
+            waiting += [target.path for target in targets_of(here) if target.is_local]
+    return reached
+
+
+def test_every_file_is_reached_from_the_index_in_one_step_or_on_the_way() -> None:
+    files = {path for path in DOCS.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    not_linked = {DOCS / "make_film.py", DOCS / "examples" / "small_input.py", DOCS / "examples" / "rig.toml"}
+    assert files - reached_from(DOCS / "index.md") - not_linked == set()
+    pages = {path for path in files if path.suffix == ".md"}
+    assert pages <= {target.path for target in targets_of(DOCS / "index.md")} | {DOCS / "index.md"}
+
+
+def test_every_page_is_in_the_menu_of_the_site() -> None:
+    menu = re.findall(r"- (?:[\w ]+: )?([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(menu) == sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
+
+
+def test_no_folder_is_crowded_and_the_readme_is_short() -> None:
+    for folder in {path.parent for path in DOCS.rglob("*") if "__pycache__" not in path.parts}:
+        assert len([path for path in folder.iterdir() if path.name != "__pycache__"]) <= MOST_SIBLINGS, folder
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= LONGEST_README
+
+
+def help_on(words: Iterable[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """What `--help` says of a verb, or of its act."""
+    with pytest.raises(SystemExit):
+        parse([*words, "--help"])
+    return capsys.readouterr().out
+
+
+def problem_with_command(shown: Shown, capsys: pytest.CaptureFixture[str]) -> str | None:
+    """What our command line has against a command."""
+    flags = [word for word in shown.words if word.startswith("-")]
+    if {"--help", "--version"} & set(flags):
+        return None if shown.words[0] in {*flags, *VERBS} else f"{shown.words}: no such verb"
+    try:
+        parse(shown.words)
+    except RallyscopeError as error:
+        if shown.whole or "arguments are required" not in str(error):
+            return f"{shown.words}: {error}"
+        place = list(takewhile(re.compile(r"[a-z][a-z-]*$").match, shown.words))[:2]
+        act = place if len(place) == 2 and "ACTS" in vars(module_of(place[0])) else place[:1]
+        known = re.findall(r"(?<![\w-])--?[\w-]+", help_on(act, capsys))
+        return next((f"{shown.words}: no {flag}" for flag in flags if flag not in known), None)
+    return None
+
+
+def module_of(verb: str) -> ModuleType:
+    return importlib.import_module(f"app.cli.{MODULES.get(verb, verb)}")
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=name_of)
+def test_every_command_is_understood(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    shown = commands_of(page.read_text(encoding="utf-8"))
+    assert [problem for command in shown if (problem := problem_with_command(command, capsys))] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("```\nrallyscope info a.h5 --jsn\n```", "--jsn"),
+        ("```\nrallyscope detect a.h5\n```", "--out"),
+        ("```\n.venv/bin/rallyscope labels scor REC\n```", "scor"),
+        ("`rallyscope infos`", "infos"),
+        ("`rallyscope labels merge --prefers anna`", "--prefers"),
+        ("`rallyscope tune --trial 8`", "--trial"),
+        ("`rallyscope export REC\n--rdr F`", "--rdr"),
+    ],
+)
+def test_a_command_that_we_do_not_have_is_found(text: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    (shown,) = commands_of(text)
+    assert said in (problem_with_command(shown, capsys) or "")
+
+
+def test_commands_are_found_in_code_and_prose() -> None:
+    text = (
+        "Try `rallyscope info REC`.\n```\n$ rallyscope detect a.h5 \\\n    --out b.csv   # all\n"
+        ".venv/bin/rallyscope info a.h5\nmake run\n```\n`rallyscope bench rally --chain filter|fit [--json]`"
+    )
+    assert [(*shown.words, shown.whole) for shown in commands_of(text)] == [
+        ("detect", "a.h5", "--out", "b.csv", True),
+        ("info", "a.h5", True),
+        ("info", "REC", False),
+        ("bench", "rally", "--chain", "filter", "--json", False),
+        ("bench", "rally", "--chain", "filter", False),
+    ]
