@@ -29,6 +29,7 @@ from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
 from app.views.requests import WatchRequest, render_watch
 from app.visit import SessionPage
+from app.visit.files import FileOpening
 from app.words.notices import notice_of
 from core.detection import DetectorConfig
 from core.errors import RallyscopeError, RecordingError
@@ -78,6 +79,7 @@ class Session:
             self._modes: dict[ModeName, Mode] = {name: FACTORIES[name](self) for name in MODES}
         self._active: ModeName | None = None
         self.page = SessionPage(visit, pages, services.browsers, pool, self)
+        self._files = FileOpening(self.page, services, pool, self)
         self._bar = TimeBar(self.page, self.send)
         self.page.listen("size", self.plane.window_resized)
         self.page.listen("hand", lambda _: self.world.touched())
@@ -105,6 +107,10 @@ class Session:
         """Open a recording of the library as soon as it is there, unless another is chosen before."""
         self._enqueue(lambda: self._awaited.expect(name))
 
+    def show_files(self) -> None:
+        """Let the page show what can be opened."""
+        self._enqueue(self._files.show_dialog)
+
     def play_when_open(self) -> None:
         """Play the next recording that is opened at once."""
         self._autoplay = True
@@ -129,6 +135,7 @@ class Session:
                     self._state = item.apply(self._state, wall_s)
             except RallyscopeError as error:
                 self.report(error)
+        self._files.tick()
         if (arrived := self._awaited.tick()) is not None:
             self._openings.submit(arrived)
         if self._state is None or self._recording is None:
@@ -164,9 +171,8 @@ class Session:
 
     def _choose(self, name: str) -> None:
         self._awaited.expect(None)
-        if self.services.library.to_import(name):
-            self.note("Importing", f"{name.partition(' (')[0]}: once, it is a recording from then on", "blue")
-        self._openings.submit(name)
+        if not self._files.open_listed(name):
+            self._openings.submit(name)
 
     def _grow(self, recording: RingRecording) -> None:
         assert self._state is not None
@@ -229,6 +235,7 @@ class Session:
     def close(self) -> None:
         """The browser is gone."""
         self.page.close(self._state)
+        self._files.close()
         self._pictures.close()
         self._openings.close()
         for mode in self._modes.values():
@@ -263,10 +270,8 @@ class Session:
         self._enqueue(lambda: self._use_opened(name, answer))
 
     def _use_opened(self, name: str, answer: tuple[Recording, RecordingInfo | None]) -> None:
-        settled = self.services.library.settled_name(name)
-        if settled != name:  # it was imported: its new name is to be in the list
-            self.offer(self.services.library.names())
-        self._use_recording(settled, *answer)
+        self.offer(self.services.library.names())  # it may be a new one
+        self._use_recording(self.services.library.settled_name(name), *answer)
 
     def _use_recording(self, name: str, recording: Recording, info: RecordingInfo | None) -> None:
         self._recording = recording

@@ -19,6 +19,7 @@ SCRIPTS: Final = (
     "hand.js",
     "timebar.js",
     "texts.js",
+    "files.js",
 )
 """In the order in which they run; each adds to the object `rallyscope`."""
 

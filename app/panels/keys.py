@@ -35,11 +35,14 @@ PAGE_KEYS: Final = (
     ("[ and ]", "To the mark, bounce, hit or miss before and after"),
     ("'", "Mark this moment"),
     ("Home, End", "To the start and the end"),
+    ("Ctrl O", "Open a file"),
 )
-"""Those of the time bar, which the page itself handles."""
+"""Those of the time bar and of the dialog for files, which the page itself handles."""
 
 
-def add_keys(gui: viser.GuiApi, send: Callable[[Command], None], reframe: Callable[[], None]) -> None:
+def add_keys(
+    gui: viser.GuiApi, send: Callable[[Command], None], reframe: Callable[[], None], show_files: Callable[[], None]
+) -> None:
     """Register the shortcuts for one browser; they are listed in its command palette (Ctrl-K), too."""
 
     def register(key: str, label: str, act: Callable[[], None]) -> None:
@@ -48,6 +51,7 @@ def add_keys(gui: viser.GuiApi, send: Callable[[Command], None], reframe: Callab
     for key, label, command in KEYS:
         register(key, label, lambda command=command: send(command))
     register("F", "Frame the picture again", reframe)
+    when_triggered(gui.add_command("Open file..."), show_files)
     for mode in ("Label", "Train"):  # whose letters other keys need; they are in the palette all the same
         when_triggered(gui.add_command(f"Mode: {mode}"), lambda mode=mode: send(SetMode(mode)))
 

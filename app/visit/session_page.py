@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
+from pathlib import Path
 from typing import Final, Protocol
 
 from app.front.pages import Message, Pages, Visit
@@ -54,6 +55,11 @@ class SessionPage:
     def listen(self, kind: str, listener: Listener) -> None:
         """Let `listener` be called in the loop with every message of this kind. Nothing in it is trusted."""
         self._listeners[kind] = listener
+
+    def receive(self, take: Callable[[Path], None]) -> None:
+        """Let `take` have the files that the page sends, in the server's event loop; they are its own from then on."""
+        if self._visit.page:
+            self._pages.uploads.open(self._visit.page, take)
 
     def send(self, kind: str, values: Message) -> None:
         """Let the page know; the latest message of a kind is what counts."""
@@ -112,6 +118,7 @@ class SessionPage:
         if state is not None:
             self._keep(state, self._memory.keep)
         if self._visit.page:
+            self._pages.uploads.close(self._visit.page)
             self._pages.close(self._visit.page)
 
     def _keep(self, state: ClientState, keep: Callable[[str, Remembered], object]) -> None:
