@@ -8,12 +8,15 @@ from typing import Protocol
 import viser
 
 from app.panels.below_pictures import place_below_pictures
-from app.panels.keys import add_keys
+from app.panels.keys import add_keys, tour_button_html
 from app.panels.picture import PicturePanel
 from app.panels.recording_info import RecordingInfo, RecordingInfoPanel
 from app.state.client_state import MODES, ClientState
 from app.state.commands import Command, SetMode
 from app.widgets import Choice, Listing, when_clicked
+
+LAST = 1e9
+"""Below whatever else the modes put into the panel."""
 
 
 class ControlPanelActions(Protocol):
@@ -21,6 +24,7 @@ class ControlPanelActions(Protocol):
 
     def open_recording(self, name: str) -> None: ...
     def show_files(self) -> None: ...
+    def show_tour(self) -> None: ...
     def reframe(self) -> None: ...
 
 
@@ -49,7 +53,9 @@ class ControlPanel:
         self._picture = PicturePanel(gui, send)
         self._info = RecordingInfoPanel(gui)
         place_below_pictures(gui, self._info.panel)
-        add_keys(gui, send_key, actions.reframe, actions.show_files)
+        gui.add_html(f"<div style='font-size:12.5px;padding:6px 12px'>{tour_button_html()}</div>", order=LAST)
+        palette = {"Open file...": actions.show_files, "Show the tour": actions.show_tour}
+        add_keys(gui, send_key, actions.reframe, palette)
         # Until a recording is open there is nothing that these could be about.
         self._picture.folder.visible = self._info.panel.visible = False
 

@@ -20,6 +20,7 @@ SCRIPTS: Final = (
     "timebar.js",
     "texts.js",
     "files.js",
+    "tour.js",
 )
 """In the order in which they run; each adds to the object `rallyscope`."""
 

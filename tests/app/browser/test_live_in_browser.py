@@ -14,6 +14,8 @@ from app.shared.live_rally import LIVE, LiveRally
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
 from app.state.commands import SetMethod
+from app.visit.opening_moment import SLOWEST
+from app.visit.tour import TOUR
 from core.rally.link import messages as m
 from core.recordings import open_recording
 from labels.model import LabelState
@@ -58,6 +60,27 @@ def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for,
     live_window.wait_for_pixels("live", lambda image: count_like(image, TABLE_RGB, 45) > 20_000, SPACE)
     spots = rally.history.at(rally.history.followed_us, {}).picture.spots
     assert len(spots) >= 2
+
+
+def test_a_browser_that_was_never_here_sees_a_bounce_in_slow_motion_and_then_the_rally(
+    live_lab, open_window, wait_for
+) -> None:
+    with open_window(live_lab, in_space=True, first_time=True) as window:
+        wait_for(lambda: window.state.playhead.speed == SLOWEST, "the first bounce", 60)
+        window.page.get_by_role("dialog", name="A rally, seen by two event cameras").wait_for()
+        window.screenshot("opening-with-tour")
+        window.page.keyboard.press("Escape")  # leaves the tour, and nothing else
+        assert window.state.playhead.speed < 1.0
+        opening = window.session._opening
+        assert opening is not None and opening._bounce is not None
+        wait_for(lambda: window.state.playhead.position_us(time.monotonic()) > opening._bounce.t_us, "the bounce")
+        picture = rally_of(live_lab).history.at(opening._bounce.t_us, {}).picture
+        assert picture.ball is not None and len(picture.tube) and picture.racket is not None
+        window.screenshot("opening-bounce")
+        wait_for(lambda: window.state.playhead.following, "the rally to go on live", 60)
+        assert window.state.playhead.speed == 1.0
+        browser = window.session.page
+        wait_for(lambda: TOUR in browser.seen, "the skipped tour to be kept")
 
 
 def test_the_rally_rests_without_a_browser_and_goes_on_within_a_second_of_one(

@@ -1,0 +1,89 @@
+"""What a browser that was never here sees first of the live rally: the first bounce in slow motion.
+
+The rally itself goes on as it is; only this browser's time cursor is slow, from just before a bounce until the ball
+has come back, and then live again. Whatever the person does with the controls meanwhile ends it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+from app.state.client_state import ClientState
+from app.state.playback import Playhead
+from core.rally.history.rally_history import RallyHistory
+
+BEFORE_US: Final = 80_000
+AFTER_US: Final = 120_000
+"""Round the bounce it is slowest."""
+LATE_US: Final = 300_000
+"""A bounce that was longer ago is no longer gone back to."""
+RETURN_US: Final = 400_000
+"""After the hit: by then the ball has come down on the other side."""
+USUAL_FLIGHT_US: Final = 450_000
+"""From bounce to hit, where no hit is predicted."""
+SLOWEST: Final = 0.05
+SLOW: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Bounce:
+    """When it is expected, or was, and when the ball will have come back."""
+
+    t_us: int
+    back_us: int
+
+
+def bounce_near(history: RallyHistory, now_us: int) -> Bounce | None:
+    """The bounce that the chain expects next, or has just seen; None while there is none."""
+    step = history.at(now_us, {}).step
+    if step is None or step.before is None or not step.before.prediction.bounces:
+        return None
+    t_us = round(step.before.prediction.bounces[0].t_s * 1e6)
+    if not t_us - BEFORE_US <= now_us <= t_us + LATE_US:
+        return None
+    hit = step.before.hit
+    hit_us = t_us + USUAL_FLIGHT_US if hit is None else round(hit.t_s * 1e6)
+    return Bounce(t_us, hit_us + RETURN_US)
+
+
+class OpeningMoment:
+    """Of one browser; used by its loop."""
+
+    def __init__(self, begun: Callable[[], None]) -> None:
+        """`begun` is called when the slow motion begins."""
+        self._begun = begun
+        self._left: ClientState | None = None
+        self._bounce: Bounce | None = None
+        self.over = False
+
+    def follow(self, state: ClientState, history: RallyHistory | None, wall_s: float) -> ClientState:
+        """The state with the cursor where it is to be; another than that it was left with ends it."""
+        if self.over:
+            return state
+        untouched = self._left is None or state.without_growth() == self._left
+        if not untouched or history is None or not state.playhead.live:
+            self.over = True
+            return state
+        head = self._steered(state.playhead, history, wall_s)
+        state = replace(state, playhead=head)
+        self._left = state.without_growth()
+        return state
+
+    def _steered(self, head: Playhead, history: RallyHistory, wall_s: float) -> Playhead:
+        if self._bounce is None:
+            now_us = history.followed_us
+            bounce = bounce_near(history, now_us)
+            if bounce is None:
+                return head
+            self._bounce = bounce
+            self._begun()
+            return head.seek(min(now_us, bounce.t_us - BEFORE_US), wall_s).at_speed(SLOWEST, wall_s)
+        position_us = head.position_us(wall_s)
+        if position_us >= self._bounce.back_us or head.following:
+            self.over = True
+            return replace(head.at_speed(1.0, wall_s), playing=True, following=True)
+        if position_us >= self._bounce.t_us + AFTER_US and head.speed != SLOW:
+            return head.at_speed(SLOW, wall_s)
+        return head
