@@ -62,6 +62,9 @@ class OpeningMoment:
         """The state with the cursor where it is to be; another than that it was left with ends it."""
         if self.over:
             return state
+        if self._left is not None and _caught_up(self._left) == state.without_growth():  # the rally stands still
+            self.over = True
+            return replace(state, playhead=state.playhead.at_speed(1.0, wall_s).play(wall_s))
         untouched = self._left is None or state.without_growth() == self._left
         if not untouched or history is None or not state.playhead.live:
             self.over = True
@@ -81,9 +84,14 @@ class OpeningMoment:
             self._begun()
             return head.seek(min(now_us, bounce.t_us - BEFORE_US), wall_s).at_speed(SLOWEST, wall_s)
         position_us = head.position_us(wall_s)
-        if position_us >= self._bounce.back_us or head.following:
+        if position_us >= self._bounce.back_us:
             self.over = True
             return replace(head.at_speed(1.0, wall_s), playing=True, following=True)
         if position_us >= self._bounce.t_us + AFTER_US and head.speed != SLOW:
             return head.at_speed(SLOW, wall_s)
         return head
+
+
+def _caught_up(slow: ClientState) -> ClientState | None:
+    """What a slow cursor becomes by itself at the end of what there is; None for one that is not slow."""
+    return None if slow.playhead.following else replace(slow, playhead=replace(slow.playhead, following=True))

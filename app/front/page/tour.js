@@ -28,7 +28,7 @@
       if (texts.currentNode.nodeValue.trim() !== name) continue;
       let found = texts.currentNode.parentElement;
       if (!found.checkVisibility() || !found.getClientRects().length) continue;
-      found = found.closest("button, [role=tab]") || found;
+      if (found.closest("button, [role=tab]")) return found.closest("button, [role=tab]");
       while (found.offsetWidth < 200 && found.parentElement.offsetHeight < 60) found = found.parentElement;
       return found;
     }
@@ -49,7 +49,8 @@
       Object.assign(frame.style, { left: `${shown.left}px`, top: `${shown.top}px`,
         width: `${shown.right - shown.left}px`, height: `${shown.bottom - shown.top}px` });
       const middle = (shown.left + shown.right) / 2 - width / 2;
-      if (shown.left > width + 20) { left = shown.left - width - 12; top = shown.top; }
+      if (tour.steps[at][2] === "picture") { left = shown.right + 8; top = innerHeight - height - 96; } // beside what moves, below the modes
+      else if (shown.left > width + 20) { left = shown.left - width - 12; top = shown.top; }
       else if (shown.top > height + 20) { left = middle; top = shown.top - height - 12; }
       else if (innerHeight - shown.bottom > height + 20) { left = middle; top = shown.bottom + 12; }
       else if (innerWidth - shown.right > width + 20) { left = shown.right + 12; top = shown.top; }

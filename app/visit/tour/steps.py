@@ -29,7 +29,8 @@ TOURS: Final[Mapping[ModeName, tuple[TourStep, ...]]] = {
             "A rally, seen by two event cameras",
             "Two cameras that report only changes of brightness watch the ball. From their events it is found, placed "
             "in space, and its flight is predicted: pale blue before the bounce, cyan after it, in a tube of two "
-            "standard deviations. The racket goes where the prediction says. Drag to turn the view, wheel to come closer.",
+            "standard deviations. The racket goes where the prediction says. Drag to turn the view, wheel to come "
+            "closer.",
             PICTURE,
         ),
         TourStep(

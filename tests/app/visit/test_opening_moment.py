@@ -78,6 +78,16 @@ def test_whoever_touches_a_control_has_it(followed, touch) -> None:
     assert opening.follow(touched, history, 140.0) == touched
 
 
+def test_a_rally_that_stands_still_is_shown_live_when_the_cursor_has_caught_up(followed) -> None:
+    history, _ = followed
+    opening = OpeningMoment(lambda: None)
+    state = opening.follow(live_state(), history, 100.0)
+    settled = replace(state, playhead=state.playhead.settle(150.0))
+    assert settled.playhead.following and settled.playhead.speed == SLOWEST
+    state = opening.follow(settled, history, 150.0)
+    assert opening.over and state.playhead.following and state.playhead.playing and state.playhead.speed == 1.0
+
+
 def test_a_recording_is_left_as_it_is(followed) -> None:
     state = replace(live_state(), playhead=Playhead(600_000))
     opening = OpeningMoment(lambda: pytest.fail("nothing begins"))
