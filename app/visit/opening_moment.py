@@ -29,23 +29,29 @@ SLOW: Final = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Bounce:
-    """When it is expected, or was, and when the ball will have come back."""
+    """One that can be shown from shortly before it until the ball has come back."""
 
+    begin_us: int
     t_us: int
+    """When it is expected, or was."""
     back_us: int
 
 
 def bounce_near(history: RallyHistory, now_us: int) -> Bounce | None:
-    """The bounce that the chain expects next, or has just seen; None while there is none."""
+    """The bounce that the chain expects next, or has just seen; None while there is none, or the ball is not seen."""
     step = history.at(now_us, {}).step
     if step is None or step.before is None or not step.before.prediction.bounces:
         return None
     t_us = round(step.before.prediction.bounces[0].t_s * 1e6)
     if not t_us - BEFORE_US <= now_us <= t_us + LATE_US:
         return None
+    begin_us = min(now_us, t_us - BEFORE_US)
+    picture = history.at(begin_us, {}).picture
+    if picture.ball is None or not len(picture.tube):
+        return None
     hit = step.before.hit
     hit_us = t_us + USUAL_FLIGHT_US if hit is None else round(hit.t_s * 1e6)
-    return Bounce(t_us, hit_us + RETURN_US)
+    return Bounce(begin_us, t_us, hit_us + RETURN_US)
 
 
 class OpeningMoment:
@@ -76,13 +82,11 @@ class OpeningMoment:
 
     def _steered(self, head: Playhead, history: RallyHistory, wall_s: float) -> Playhead:
         if self._bounce is None:
-            now_us = history.followed_us
-            bounce = bounce_near(history, now_us)
-            if bounce is None:
+            self._bounce = bounce_near(history, history.followed_us)
+            if self._bounce is None:
                 return head
-            self._bounce = bounce
             self._begun()
-            return head.seek(min(now_us, bounce.t_us - BEFORE_US), wall_s).at_speed(SLOWEST, wall_s)
+            return head.seek(self._bounce.begin_us, wall_s).at_speed(SLOWEST, wall_s)
         position_us = head.position_us(wall_s)
         if position_us >= self._bounce.back_us:
             self.over = True

@@ -70,8 +70,7 @@ def test_a_browser_that_was_never_here_sees_a_bounce_in_slow_motion_and_then_the
         wait_for(lambda: window.state.playhead.speed == SLOWEST, "the first bounce", 60)
         bounce = opening._bounce
         window.screenshot("opening")  # to look at: how far it is by then is up to the machine
-        wait_for(lambda: opening.over or history.followed_us > bounce.t_us, "it to pass")
-        picture = history.at(bounce.t_us, {}).picture
+        picture = history.at(bounce.begin_us, {}).picture
         assert picture.ball is not None and len(picture.tube) and picture.racket is not None
         wait_for(lambda: opening.over, "the return to be over", 60)
         wait_for(lambda: window.state.playhead.following and window.state.playhead.speed == 1.0, "it to go on live")
