@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import threading
 import time
@@ -14,6 +15,7 @@ from app.front.address import check_address
 from app.modes.services import Services
 from app.preparation.steps import Preparation
 from app.session import Session
+from app.shared.files import clear_abandoned, incoming_folder
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
@@ -65,6 +67,7 @@ class App:
             self.use_live(live)
         self._pool = ThreadPoolExecutor(POOL_THREADS, thread_name_prefix="rallyscope")
         self._front = _start_server(host, port, admission)
+        self._front.pages.uploads.new_folder = functools.partial(incoming_folder, workspace)
         self._server = self._front.server
         apply_theme(self._server)
         self._server.on_client_connect(self._connect)
@@ -72,6 +75,7 @@ class App:
         self._loop = threading.Thread(target=self._run, name="rallyscope-loop", daemon=True)
         self._loop.start()
         self._pool.submit(_warm_up)
+        self._pool.submit(clear_abandoned, workspace)
 
     @property
     def port(self) -> int:

@@ -29,6 +29,9 @@ from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
 from app.views.requests import WatchRequest, render_watch
 from app.visit import SessionPage
+from app.visit.files import FileOpening
+from app.visit.opening_moment import OpeningMoment
+from app.visit.tour import Tour
 from app.words.notices import notice_of
 from core.detection import DetectorConfig
 from core.errors import RallyscopeError, RecordingError
@@ -38,6 +41,7 @@ from core.recordings import Recording
 
 logger = logging.getLogger(__name__)
 NOTE_SECONDS = 8.0
+SLOW_MOTION = ("Slow motion", "A bounce at 1/20 of its speed; after the return it goes on live (key End: at once)")
 
 
 class Session:
@@ -78,6 +82,9 @@ class Session:
             self._modes: dict[ModeName, Mode] = {name: FACTORIES[name](self) for name in MODES}
         self._active: ModeName | None = None
         self.page = SessionPage(visit, pages, services.browsers, pool, self)
+        self._files = FileOpening(self.page, services, pool, self)
+        self._tour = Tour(self.page)
+        self._opening = OpeningMoment(lambda: self.note(*SLOW_MOTION, "blue")) if self.page.is_new else None
         self._bar = TimeBar(self.page, self.send)
         self.page.listen("size", self.plane.window_resized)
         self.page.listen("hand", lambda _: self.world.touched())
@@ -105,6 +112,14 @@ class Session:
         """Open a recording of the library as soon as it is there, unless another is chosen before."""
         self._enqueue(lambda: self._awaited.expect(name))
 
+    def show_files(self) -> None:
+        """Let the page show what can be opened."""
+        self._enqueue(self._files.show_dialog)
+
+    def show_tour(self) -> None:
+        """Let the page show the tour of this mode."""
+        self._enqueue(self._tour.show)
+
     def play_when_open(self) -> None:
         """Play the next recording that is opened at once."""
         self._autoplay = True
@@ -129,6 +144,7 @@ class Session:
                     self._state = item.apply(self._state, wall_s)
             except RallyscopeError as error:
                 self.report(error)
+        self._files.tick()
         if (arrived := self._awaited.tick()) is not None:
             self._openings.submit(arrived)
         if self._state is None or self._recording is None:
@@ -140,6 +156,8 @@ class Session:
         if isinstance(self._recording, RingRecording):
             self._grow(self._recording)
         self._state = replace(self._state, playhead=self._state.playhead.settle(wall_s))
+        if self._opening is not None:
+            self._open_slowly(self._opening, self._recording, wall_s)
         now_us = self._state.playhead.position_us(wall_s)
         mode = self._choose_mode(self._state)
         shown = self._state.without_growth()
@@ -154,6 +172,7 @@ class Session:
         uses_time = mode.uses_recording
         self._bar.show(self._state, now_us, wall_s, visible=uses_time, keys=uses_time and not mode.takes_keys)
         self.page.tick(self._state, now_us, wall_s)
+        self._tour.tick(self._state.mode)
         middle = mode.middle
         self.plane.set_visible(middle != "world")  # first: from then on it does not move the camera
         self.world.show(middle == "world")
@@ -162,11 +181,18 @@ class Session:
         mode.tick(self._state, now_us, wall_s)
         self.world.turn_to_eye()
 
+    def _open_slowly(self, opening: OpeningMoment, recording: Recording, wall_s: float) -> None:
+        """The first thing that a new browser sees."""
+        assert self._state is not None
+        rally = self.services.rallies.of(recording) if isinstance(recording, RingRecording) else None
+        self._state = opening.follow(self._state, None if rally is None else rally.history, wall_s)
+        if opening.over:
+            self._opening = None
+
     def _choose(self, name: str) -> None:
         self._awaited.expect(None)
-        if self.services.library.to_import(name):
-            self.note("Importing", f"{name.partition(' (')[0]}: once, it is a recording from then on", "blue")
-        self._openings.submit(name)
+        if not self._files.open_listed(name):
+            self._openings.submit(name)
 
     def _grow(self, recording: RingRecording) -> None:
         assert self._state is not None
@@ -229,6 +255,7 @@ class Session:
     def close(self) -> None:
         """The browser is gone."""
         self.page.close(self._state)
+        self._files.close()
         self._pictures.close()
         self._openings.close()
         for mode in self._modes.values():
@@ -263,10 +290,8 @@ class Session:
         self._enqueue(lambda: self._use_opened(name, answer))
 
     def _use_opened(self, name: str, answer: tuple[Recording, RecordingInfo | None]) -> None:
-        settled = self.services.library.settled_name(name)
-        if settled != name:  # it was imported: its new name is to be in the list
-            self.offer(self.services.library.names())
-        self._use_recording(settled, *answer)
+        self.offer(self.services.library.names())  # it may be a new one
+        self._use_recording(self.services.library.settled_name(name), *answer)
 
     def _use_recording(self, name: str, recording: Recording, info: RecordingInfo | None) -> None:
         self._recording = recording
@@ -277,7 +302,7 @@ class Session:
             self._live_uuid = recording.uuid
             playhead = replace(playhead, live=True, following=True, playing=True, speed=1.0)
         if self._state is None:
-            self._state = self.page.first_state(name, cameras, playhead, self._first_config)
+            self._state = self.page.first_state(name, cameras, playhead, self._first_config, at_ball=opens_us > 0)
         else:
             views = {
                 "tune": replace(self._state.tune, centre_px=None),

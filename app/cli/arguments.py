@@ -38,13 +38,15 @@ def flag(
     *,
     choices: Iterable[object] | None = None,
     name: str | None = None,
+    repeated: bool = False,
 ) -> Any:
     """A field that is a flag: `--its-name`, unless it is given another `name`.
 
-    Its help says the default. Of a field with `| None` that is what the verb takes for None.
+    Its help says the default. Of a field with `| None` that is what the verb takes for None. Of a tuple, all words
+    follow the flag, unless it is `repeated`: then it is given again for each.
     """
     settings = {"help": what, "metavar": metavar, "default": default, "choices": choices}
-    return dataclasses.field(metadata={"settings": settings, "name": name})
+    return dataclasses.field(metadata={"settings": settings, "name": name, "repeated": repeated})
 
 
 def setting_flag(config: type, setting: str, metavar: str | None = None, what: str = "") -> Any:
@@ -132,7 +134,8 @@ def _add_argument(parser: argparse._ActionsContainer, item: dataclasses.Field[An
     elif get_origin(kind) is Annotated:
         options["type"] = kind.__metadata__[0]
     elif get_origin(kind) is tuple:
-        options |= {"type": get_args(kind)[0], "nargs": "+"}
+        many = {"action": "append"} if item.metadata.get("repeated") else {"nargs": "+"}
+        options |= {"type": get_args(kind)[0], **many}
     else:
         options["type"] = kind
     if "name" not in item.metadata:

@@ -45,6 +45,7 @@ class ServeArguments:
     port: int = flag("port to listen on", default=8080)
     token: str | None = flag("what browsers must know to come in", "TOKEN", "random beyond this machine, none on it")
     data: Path = flag("workspace", default=DATA)
+    folder: tuple[Path, ...] | None = flag("browsers may open its files, too; can be given again", "DIR", repeated=True)
     config: Path | None = flag("detector settings to start with, a TOML file", "FILE")
     open: bool = flag("open a browser")
 
@@ -55,7 +56,7 @@ def run(arguments: ServeArguments) -> None:
     own = own_simulation(arguments, source)
     config = load_config(DetectorConfig, arguments.config) if arguments.config else DetectorConfig()
     workspace = Workspace(arguments.data)
-    library = Library(workspace)
+    library = Library(workspace, _check_folders(arguments.folder or ()))
     library.names()  # where no folder can be made that is said before anything is started
     admission = Admission.of_address(arguments.host, arguments.token)
     check_address(arguments.host, arguments.port)
@@ -147,6 +148,18 @@ def _check_source(source: str | None, recording: Path | None) -> str | None:
     if source != LIVE and not source.startswith("tcp://"):
         raise CommandError("not a source", expected="live or tcp://HOST:PORT", got=repr(source), where="--source")
     return source
+
+
+def _check_folders(folders: tuple[Path, ...]) -> tuple[Path, ...]:
+    """The folders whose files are offered.
+
+    Raises:
+        CommandError: if one is none.
+    """
+    for folder in folders:
+        if not folder.is_dir():
+            raise CommandError("not a folder", got=str(folder), where="--folder")
+    return tuple(dict.fromkeys(folder.resolve() for folder in folders))
 
 
 def own_simulation(arguments: ServeArguments, source: str | None) -> list[str]:

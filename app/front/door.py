@@ -33,6 +33,7 @@ from app.front.pages import Pages, Visit
 BROWSER_COOKIE: Final = "rallyscope-browser"
 BROWSER_COOKIE_S: Final = 400 * 86_400
 PAGE_PATH: Final = "/rallyscope/page"
+UPLOAD_PATH: Final = "/rallyscope/upload"
 ALIVE_PATH: Final = "/rallyscope/alive"
 MAX_ID_LENGTH: Final = 64
 SAFETY_HEADERS: Final = {
@@ -133,13 +134,15 @@ class FrontDoor:
         async def handle(connection: ServerConnection) -> None:
             assert connection.request is not None
             path, query = _split(connection.request.path)
+            page = query.get("page", "")[:MAX_ID_LENGTH]
+            browser = _cookies(connection.request).get(BROWSER_COOKIE, "")[:MAX_ID_LENGTH]
             if path == PAGE_PATH:
-                await self.pages.serve(query.get("page", "")[:MAX_ID_LENGTH], connection)
+                await self.pages.serve(page, connection)
                 return
-            browser = _cookies(connection.request).get(BROWSER_COOKIE, "")
-            self._visiting.set(
-                Visit(query.get("page", "")[:MAX_ID_LENGTH], browser[:MAX_ID_LENGTH], query.get("link", ""))
-            )
+            if path == UPLOAD_PATH:
+                await self.pages.uploads.serve(page, browser, connection)
+                return
+            self._visiting.set(Visit(page, browser, query.get("link", "")))
             await viser_handler(connection)
 
         return handle

@@ -19,6 +19,8 @@ SCRIPTS: Final = (
     "hand.js",
     "timebar.js",
     "texts.js",
+    "files.js",
+    "tour.js",
     "names.js",
 )
 """In the order in which they run; each adds to the object `rallyscope`."""

@@ -14,6 +14,8 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
 
+from app.front.uploads import Uploads
+
 logger = logging.getLogger(__name__)
 MAX_MESSAGE_BYTES: Final = 65_536
 Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
@@ -49,6 +51,8 @@ class Pages:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._pages: dict[str, _Page] = {}
+        self.uploads = Uploads()
+        """Files that they send."""
 
     def open(self, page: str, listen: Callable[[Message], None]) -> None:
         """A session is there for this page; `listen` gets the page's messages in the server's event loop."""

@@ -7,6 +7,7 @@ from importlib.metadata import version
 from typing import Final
 
 from app.export.exporter import Exporter
+from app.shared.files import OfferedFiles
 from app.shared.library import Library
 from app.shared.rallies import Rallies
 from app.shared.training.metrics import MetricsStore
@@ -33,6 +34,8 @@ class Services:
     """What the training runs have written, read once for all browsers."""
     browsers: BrowserMemory
     """The settings of each browser."""
+    files: OfferedFiles
+    """What can be opened beside the recordings."""
 
     @classmethod
     def of(cls, workspace: Workspace, library: Library) -> Services:
@@ -47,6 +50,7 @@ class Services:
             Trainer(workspace),
             MetricsStore(),
             BrowserMemory(workspace),
+            OfferedFiles(workspace, library.folders),
         )
 
     def close(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
 import viser
@@ -35,12 +35,21 @@ PAGE_KEYS: Final = (
     ("[ and ]", "To the mark, bounce, hit or miss before and after"),
     ("'", "Mark this moment"),
     ("Home, End", "To the start and the end"),
+    ("Ctrl O", "Open a file"),
 )
-"""Those of the time bar, which the page itself handles."""
+"""Those of the time bar and of the dialog for files, which the page itself handles."""
 
 
-def add_keys(gui: viser.GuiApi, send: Callable[[Command], None], reframe: Callable[[], None]) -> None:
-    """Register the shortcuts for one browser; they are listed in its command palette (Ctrl-K), too."""
+def add_keys(
+    gui: viser.GuiApi,
+    send: Callable[[Command], None],
+    reframe: Callable[[], None],
+    others: Mapping[str, Callable[[], None]],
+) -> None:
+    """Register the shortcuts for one browser; they are listed in its command palette (Ctrl-K), too.
+
+    `others` are in the palette only, by their names.
+    """
 
     def register(key: str, label: str, act: Callable[[], None]) -> None:
         when_triggered(gui.add_command(label, hotkey=key), act)  # type: ignore[arg-type]
@@ -48,8 +57,16 @@ def add_keys(gui: viser.GuiApi, send: Callable[[Command], None], reframe: Callab
     for key, label, command in KEYS:
         register(key, label, lambda command=command: send(command))
     register("F", "Frame the picture again", reframe)
+    for label, act in others.items():
+        when_triggered(gui.add_command(label), act)
     for mode in ("Label", "Train"):  # whose letters other keys need; they are in the palette all the same
         when_triggered(gui.add_command(f"Mode: {mode}"), lambda mode=mode: send(SetMode(mode)))
+
+
+def tour_button_html() -> str:
+    """A button that the page's own script handles."""
+    style = "padding:2px 10px;border:1px solid #4a4e59;border-radius:4px;background:none;color:inherit;cursor:pointer"
+    return f"<button type='button' data-rallyscope='tour' style='{style}'>Show the tour</button>"
 
 
 def keys_html() -> str:
@@ -60,4 +77,6 @@ def keys_html() -> str:
     )
     frame = "<tr><td><b>F</b></td><td>Frame the picture again</td></tr>"
     hint = f"Keys work after a click into the picture, not while a field has the cursor. Words: {PAGE}."
-    return f"<div style='font-size:12.5px;padding:4px 12px'>{hint}<table>{rows}{frame}</table></div>"
+    return (
+        f"<div style='font-size:12.5px;padding:4px 12px'>{hint} {tour_button_html()}<table>{rows}{frame}</table></div>"
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -31,7 +32,9 @@ EVENT_FILES: Final = {
 class Library:
     """Names of recordings -> open recordings. Safe to use from several threads."""
 
-    def __init__(self, workspace: Workspace) -> None:
+    def __init__(self, workspace: Workspace, folders: Sequence[Path] = ()) -> None:
+        """Of files in `folders` it is told by `add_guest`, one by one, when they are opened."""
+        self.folders = tuple(folders)
         self._workspace = workspace
         self._guests: dict[str, Path] = {}
         self._live: dict[str, Recording] = {}
@@ -42,6 +45,9 @@ class Library:
 
     def add_guest(self, path: Path) -> str:
         """Offer a recording from outside the workspace for as long as this process lives; returns its name."""
+        for name, known in self._guests.items():
+            if known == path:
+                return name
         name = path.stem
         while name in self._guests or name in self._workspace_names():
             name += "-file"
@@ -55,6 +61,10 @@ class Library:
     def to_import(self, name: str) -> bool:
         """Whether this is an event file in the folder of recordings that opening imports."""
         return name in self._files_to_import()
+
+    def file_to_import(self, name: str) -> Path | None:
+        """The event file of this name in the list; None for what is a recording already."""
+        return self._files_to_import().get(name)
 
     def settled_name(self, name: str) -> str:
         """The name of the recording that an event file became when it was opened; any other name is itself."""

@@ -1,4 +1,7 @@
-"""What the server keeps for each browser: its detector configs with their undo. The view itself is in the address."""
+"""What the server keeps for each browser: its detector configs with their undo, and what it was shown already.
+
+The view itself is in the address.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +27,9 @@ MAX_STEPS: Final = 50
 """Of undo and of redo that are kept."""
 MAX_BROWSERS: Final = 500
 MAX_FILE_BYTES: Final = 2_000_000
+MOST_SEEN: Final = 32
+KINDS: Final = ("json", "seen")
+"""One file a browser of each."""
 _BROWSER: Final = re.compile(r"[0-9a-f]{32}")
 STAGED_NAME: Final[Method] = "auto"
 """Under which the configs are kept that the methods with stages share."""
@@ -69,14 +75,46 @@ class BrowserMemory:
             except (OSError, CommandError) as error:
                 logger.warning("the settings of a browser are not kept: %s", error)
 
-    def _path(self, browser: str) -> Path:
-        return self._workspace.browsers / f"{browser}.json"
+    def knows(self, browser: str) -> bool:
+        """Whether anything is kept for this browser."""
+        try:
+            return bool(_BROWSER.fullmatch(browser)) and any(self._path(browser, kind).is_file() for kind in KINDS)
+        except (OSError, CommandError):
+            return False
+
+    def seen(self, browser: str) -> frozenset[str]:
+        """What it was shown and need not be shown again."""
+        if not _BROWSER.fullmatch(browser):
+            return frozenset()
+        try:
+            with self._path(browser, "seen").open("rb") as file:
+                return frozenset(file.read(MAX_FILE_BYTES).decode("utf-8", "replace").splitlines()[:MOST_SEEN])
+        except (OSError, CommandError):
+            return frozenset()
+
+    def note_seen(self, browser: str, what: str) -> None:
+        """Keep that it was shown something."""
+        if not _BROWSER.fullmatch(browser):
+            return
+        with self._lock:
+            known = self.seen(browser)
+            try:
+                if what not in known:
+                    lines = "\n".join(sorted({*known, what})).encode()
+                    replace_file(self._path(browser, "seen"), lines, durable=False)
+                    self._forget_the_oldest()
+            except (OSError, CommandError) as error:
+                logger.warning("what a browser has seen is not kept: %s", error)
+
+    def _path(self, browser: str, kind: str = KINDS[0]) -> Path:
+        return self._workspace.browsers / f"{browser}.{kind}"
 
     def _forget_the_oldest(self) -> None:
-        files = list(self._workspace.browsers.glob("*.json"))
-        if len(files) > MAX_BROWSERS:
-            for path in sorted(files, key=lambda path: path.stat().st_mtime)[: len(files) - MAX_BROWSERS]:
-                path.unlink(missing_ok=True)
+        for kind in KINDS:
+            files = list(self._workspace.browsers.glob(f"*.{kind}"))
+            if len(files) > MAX_BROWSERS:
+                for path in sorted(files, key=lambda path: path.stat().st_mtime)[: len(files) - MAX_BROWSERS]:
+                    path.unlink(missing_ok=True)
 
 
 def _encode(remembered: Remembered) -> dict[str, object]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
+from pathlib import Path
 from typing import Final, Protocol
 
 from app.front.pages import Message, Pages, Visit
 from app.state.browser_memory import BrowserMemory, Remembered
-from app.state.client_state import ClientState, Configs
+from app.state.client_state import ClientState, Configs, TuneView
 from app.state.playback import Playhead
 from app.state.undo import History
 from app.visit.view_link import Values, commands_of, link_of, values_of
@@ -18,6 +19,7 @@ from core.detection import DetectorConfig
 LINK_EVERY_S: Final = 0.3
 LINK_PLAYING_S: Final = 1.0
 KEEP_EVERY_S: Final = 1.0
+FIRST_ZOOM: Final = 6.0
 MISSING: Final = "Its recording is not in this workspace."
 Listener = Callable[[Message], None]
 
@@ -43,6 +45,8 @@ class SessionPage:
         self._pool = pool
         self._session = session
         self._link: Values = values_of(visit.link)
+        self.is_new = bool(visit.browser) and not visit.link and not memory.knows(visit.browser)
+        """This browser was never here before, and came without a link."""
         self._shown_link = ""
         self._linked_s = self._kept_s = 0.0
         self._kept: Remembered | None = None
@@ -55,10 +59,29 @@ class SessionPage:
         """Let `listener` be called in the loop with every message of this kind. Nothing in it is trusted."""
         self._listeners[kind] = listener
 
+    def receive(self, take: Callable[[Path], None]) -> None:
+        """Let `take` have the files that the page sends, in the server's event loop; they are its own from then on."""
+        if self._visit.page:
+            self._pages.uploads.open(self._visit.page, take)
+
     def send(self, kind: str, values: Message) -> None:
         """Let the page know; the latest message of a kind is what counts."""
         if self._visit.page:
             self._pages.send(self._visit.page, kind, values)
+
+    @property
+    def seen(self) -> frozenset[str]:
+        """What this browser was shown already."""
+        return self._memory.seen(self._visit.browser)
+
+    @property
+    def has_link(self) -> bool:
+        """Whether it came with a link."""
+        return bool(self._visit.link)
+
+    def note_seen(self, what: str) -> None:
+        """Keep that it was shown something."""
+        self._pool.submit(self._memory.note_seen, self._visit.browser, what)
 
     def first_recording(self, usual: str, offered: tuple[str, ...]) -> str:
         """The recording to begin with: the link's, or the usual one where the link's is not there."""
@@ -70,17 +93,21 @@ class SessionPage:
         return usual
 
     def first_state(
-        self, name: str, cameras: tuple[str, ...], playhead: Playhead, config: DetectorConfig
+        self, name: str, cameras: tuple[str, ...], playhead: Playhead, config: DetectorConfig, *, at_ball: bool = False
     ) -> ClientState:
-        """What the browser begins with: as it was left, and what the command line asked for as its last step."""
+        """What the browser begins with: as it was left, and what the command line asked for as its last step.
+
+        Where it opens at a ball Tune is zoomed on that, unless a link says how it was looked at.
+        """
+        tune = TuneView(zoom=FIRST_ZOOM) if at_ball and not self._link else TuneView()
         remembered = self._memory.recall(self._visit.browser)
         fresh = Configs(config, config)
         if remembered is None:
-            return ClientState(name, cameras, cameras[0], playhead, History(fresh))
+            return ClientState(name, cameras, cameras[0], playhead, History(fresh), tune=tune)
         history = remembered.configs
         if config != DetectorConfig():
             history = history.change(fresh, topic=None, wall_s=time.monotonic())
-        return ClientState(name, cameras, cameras[0], playhead, history, dict(remembered.own_configs))
+        return ClientState(name, cameras, cameras[0], playhead, history, dict(remembered.own_configs), tune=tune)
 
     def follow_link(self, state: ClientState) -> ClientState:
         """Once the recording of a link is open: go where it leads."""
@@ -112,6 +139,7 @@ class SessionPage:
         if state is not None:
             self._keep(state, self._memory.keep)
         if self._visit.page:
+            self._pages.uploads.close(self._visit.page)
             self._pages.close(self._visit.page)
 
     def _keep(self, state: ClientState, keep: Callable[[str, Remembered], object]) -> None:

@@ -298,7 +298,8 @@
     j: "slower", k: "pause", l: "faster", ArrowLeft: "back", ArrowRight: "on", Home: "start", End: "end",
     "[": "previous", "]": "next", "'": "mark",
   };
-  const inText = (event) => event.target.closest("input:not([type=checkbox]), textarea, select, [contenteditable]");
+  const inText = (event) =>
+    event.target.closest("input:not([type=checkbox]), textarea, select, [contenteditable]") || document.querySelector("dialog[open]");
   addEventListener("keydown", (event) => {
     const digit = /^Digit([1-5])$/.exec(event.code);
     if (!digit || !event.shiftKey || event.ctrlKey || event.metaKey || event.altKey || inText(event)) return;

@@ -6,6 +6,7 @@ fields; a plain (N, 4) array of t, x, y, p or x, y, t, p, told apart by which co
 
 from __future__ import annotations
 
+import os
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,7 +24,9 @@ from core.recordings.sources.table_columns import addresses_from_column, counts_
 from core.recordings.sources.table_order import guess_columns
 
 _ROWS: Final = 1 << 18
-_BROKEN: Final = (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError)
+_BROKEN: Final = (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError, MemoryError)
+_MEMORY_SHARE: Final = 0.5
+"""An archive may unpack to this share of the machine's memory: a small one can hold a thousand times its size."""
 
 
 def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
@@ -33,6 +36,7 @@ def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         RecordingError: if no events are found in it.
     """
     try:
+        _check_unpacked_size(path)
         columns, stated = _load(path)
     except _BROKEN as error:
         raise RecordingError("the NumPy file cannot be read", got=error, where=path) from error
@@ -64,6 +68,30 @@ def _load(path: Path) -> tuple[Columns, SensorSize | None]:
         if len(set(lengths.values())) != 1 or arrays["t"].ndim != 1:
             raise RecordingError("event columns differ in shape", expected="equal lengths", got=lengths, where=path)
         return _columns(arrays, counts_seconds(names[places["t"]])), stated
+
+
+def _check_unpacked_size(path: Path) -> None:
+    if not zipfile.is_zipfile(path):
+        return
+    with zipfile.ZipFile(path) as archive:
+        unpacked = sum(member.file_size for member in archive.infolist())
+    most = _memory_bytes() * _MEMORY_SHARE
+    if unpacked > most:
+        raise RecordingError(
+            "the archive is too large once it is unpacked",
+            expected=f"at most {most / 1e9:.1f} GB, half of the memory here",
+            got=f"{unpacked / 1e9:.1f} GB",
+            where=path,
+            remedy="save it as HDF5, which is read in parts",
+        )
+
+
+def _memory_bytes() -> int:
+    """Of the machine; a usual size where it does not say."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
 
 
 def _from_array(array: NDArray, path: Path) -> Columns:

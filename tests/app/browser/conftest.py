@@ -2,6 +2,7 @@
 
 import io
 import re
+import secrets
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -13,11 +14,14 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
+from app.front.door import BROWSER_COOKIE
 from app.modes.watch.commands import ShowSpace
 from app.server import App
 from app.session import Session
 from app.shared.library import Library
 from app.shared.workspace import Workspace
+from app.state.commands import SetZoom
+from app.visit.tour import TOUR
 from tests.ensure_chromium import find_chromium
 
 FLAGS = [
@@ -61,11 +65,15 @@ def chromium() -> Iterator[Browser]:
 class Window:
     """One browser window, with the session that the app keeps for it."""
 
-    def __init__(self, page: Page, lab: App, *, in_space: bool = False, dpr: float = 1) -> None:
+    def __init__(
+        self, page: Page, lab: App, *, in_space: bool = False, dpr: float = 1, first_time: bool = False
+    ) -> None:
         self.page = page
         before = set(lab.sessions)
         page.set_default_timeout(1e3 * PATIENCE_S)
         page.add_init_script(FEW_FRAMES)
+        if not first_time:
+            make_known(page, lab)
         page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr={dpr:g}")
         # The software renderer makes viser show a note over the upper left corner: let clicks through.
         page.add_style_tag(content="[class*=mantine-Notification] { pointer-events: none !important; }")
@@ -74,6 +82,7 @@ class Window:
         wait_for(lambda: self.session.state, "the recording to be open")
         if not in_space:
             self.session.send(ShowSpace(False))
+            self.session.send(SetZoom(1.0))  # Tune opens zoomed on the ball
             wait_for(lambda: self.session.sheet.pictures, "the first picture")
 
     @property
@@ -127,6 +136,13 @@ class Window:
             assert time.monotonic() < deadline, f"the picture never became what was expected; see {picture}"
             self.page.wait_for_timeout(300)
         return pixels
+
+
+def make_known(page: Page, lab: App) -> None:
+    """As a browser that was here before, and has been shown round."""
+    browser, url = secrets.token_hex(16), f"http://127.0.0.1:{lab.port}"
+    page.context.add_cookies([{"name": BROWSER_COOKIE, "value": browser, "url": url}])
+    lab.services.browsers.note_seen(browser, TOUR)
 
 
 def save_screenshot(page: Page, name: str) -> np.ndarray:
@@ -196,10 +212,10 @@ def open_window(chromium: Browser) -> Callable:
     """Opens a browser window on any app, closed at the end of its `with`."""
 
     @contextmanager
-    def open_one(lab: App, *, in_space: bool = False) -> Iterator[Window]:
+    def open_one(lab: App, *, in_space: bool = False, first_time: bool = False) -> Iterator[Window]:
         page = chromium.new_page(viewport={"width": 1280, "height": 720})
         try:
-            yield Window(page, lab, in_space=in_space)
+            yield Window(page, lab, in_space=in_space, first_time=first_time)
         finally:
             page.close()
 

@@ -14,6 +14,8 @@ from app.shared.live_rally import LIVE, LiveRally
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
 from app.state.commands import SetMethod
+from app.visit.opening_moment import SLOWEST
+from app.visit.tour import TOUR
 from core.rally.link import messages as m
 from core.recordings import open_recording
 from labels.model import LabelState
@@ -58,6 +60,25 @@ def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for,
     live_window.wait_for_pixels("live", lambda image: count_like(image, TABLE_RGB, 45) > 20_000, SPACE)
     spots = rally.history.at(rally.history.followed_us, {}).picture.spots
     assert len(spots) >= 2
+
+
+def test_a_browser_that_was_never_here_sees_a_bounce_in_slow_motion_and_then_the_rally(
+    live_lab, open_window, wait_for
+) -> None:
+    with open_window(live_lab, in_space=True, first_time=True) as window:
+        opening, history = window.session._opening, rally_of(live_lab).history
+        wait_for(lambda: window.state.playhead.speed == SLOWEST, "the first bounce", 60)
+        bounce = opening._bounce
+        window.screenshot("opening")  # to look at: how far it is by then is up to the machine
+        picture = history.at(bounce.begin_us, {}).picture
+        assert picture.ball is not None and len(picture.tube) and picture.racket is not None
+        wait_for(lambda: opening.over, "the return to be over", 60)
+        wait_for(lambda: window.state.playhead.following and window.state.playhead.speed == 1.0, "it to go on live")
+        card = window.page.get_by_role("dialog", name="A rally, seen by two event cameras")
+        card.wait_for()
+        window.page.keyboard.press("Escape")
+        card.wait_for(state="hidden")
+        wait_for(lambda: TOUR in window.session.page.seen, "the skipped tour to be kept")
 
 
 def test_the_rally_rests_without_a_browser_and_goes_on_within_a_second_of_one(

@@ -83,6 +83,12 @@ def test_its_own_simulation_is_told_the_physics_and_the_balls(tmp_path) -> None:
     assert serve.own_simulation(asked(), None) == []
 
 
+def test_a_folder_is_named_again_for_each_and_the_recording_may_follow() -> None:
+    arguments = asked("--folder", "a", "--folder", "b", "demo.h5")
+    assert arguments.folder == (Path("a"), Path("b")) and arguments.recording == Path("demo.h5")
+    assert asked().folder is None
+
+
 def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
@@ -106,6 +112,7 @@ def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> N
         (["--source", "tcp://127.0.0.1:1", "--physics", "real"], "not a simulation of its own"),
         (["demo.h5", "--physics", "real"], "not a simulation of its own"),
         (["--port", "http"], "invalid int value"),
+        (["--folder", "no-such-folder"], "not a folder"),
     ],
 )
 def test_bad_arguments_are_one_clear_line(

@@ -95,3 +95,30 @@ def test_a_folder_that_cannot_be_written_costs_the_settings_only(tmp_path: Path)
     memory = BrowserMemory(Workspace(tmp_path))
     memory.keep(BROWSER, Remembered(replace(history(), past=())))
     assert memory.recall(BROWSER) is None
+
+
+def test_what_a_browser_has_seen_is_kept_beside_its_settings(tmp_path: Path) -> None:
+    memory = BrowserMemory(Workspace(tmp_path))
+    assert not memory.knows(BROWSER) and memory.seen(BROWSER) == frozenset()
+    memory.note_seen(BROWSER, "tour")
+    memory.note_seen(BROWSER, "another thing")
+    again = BrowserMemory(Workspace(tmp_path))
+    assert again.knows(BROWSER) and again.seen(BROWSER) == {"tour", "another thing"} and again.recall(BROWSER) is None
+    again.keep(BROWSER, Remembered(history()))
+    assert again.seen(BROWSER) == {"tour", "another thing"}
+
+
+@pytest.mark.parametrize("browser", ["", "../../etc", "A" * 32, BROWSER + "0"])
+def test_nothing_is_kept_for_a_name_that_no_cookie_of_ours_has(tmp_path: Path, browser: str) -> None:
+    memory = BrowserMemory(Workspace(tmp_path))
+    memory.note_seen(browser, "tour")
+    assert not memory.knows(browser) and not memory.seen(browser) and not list(tmp_path.rglob("*.seen"))
+
+
+def test_a_damaged_file_of_what_was_seen_does_no_harm(tmp_path: Path) -> None:
+    workspace = Workspace(tmp_path)
+    (workspace.browsers / f"{BROWSER}.seen").write_bytes(b"\xff\xfe\x00" * 100_000 + b"\n" * 1000)
+    memory = BrowserMemory(workspace)
+    assert len(memory.seen(BROWSER)) <= browser_memory.MOST_SEEN
+    memory.note_seen(BROWSER, "tour")
+    assert memory.knows(BROWSER)

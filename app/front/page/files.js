@@ -1,0 +1,185 @@
+// Open file: a dialog with what the server offers, files that are dropped onto the page, and how far opening is.
+{
+  const MOST_BYTES = 200e6, PIECE_BYTES = 1 << 18, AHEAD = 4, SHOWN_S = 45;
+  const dialog = document.createElement("dialog");
+  dialog.id = "rallyscope-files";
+  dialog.setAttribute("aria-labelledby", "rallyscope-files-title");
+  dialog.innerHTML = `
+    <h2 id="rallyscope-files-title">Open file</h2>
+    <p>Drop one anywhere on this page (up to 200 MB), or <button type="button" data-do="choose">choose one of this computer</button>
+      <input type="file" aria-label="File of this computer" tabindex="-1" hidden></p>
+    <input type="search" aria-label="Search the files" placeholder="Search" autocomplete="off" hidden>
+    <ul aria-label="Files of the server"></ul>
+    <p class="more"></p>
+    <div class="busy" role="status" hidden>
+      <span></span><progress max="1" aria-label="Progress"></progress><button type="button" data-do="cancel">Cancel</button>
+    </div>
+    <p class="problem" role="alert"></p>
+    <div class="end"><button type="button" data-do="close">Close</button></div>`;
+  const card = document.createElement("section");
+  card.id = "rallyscope-opened";
+  card.hidden = true;
+  card.setAttribute("role", "status");
+  const veil = document.createElement("div");
+  veil.id = "rallyscope-drop";
+  veil.hidden = true;
+  veil.textContent = "Drop the file to open it";
+  const find = (selector) => dialog.querySelector(selector);
+  const list = find("ul"), search = find("[type=search]"), chosen = find("[type=file]"), busy = find(".busy");
+  const element = (name, text) => { const made = document.createElement(name); made.textContent = text; return made; };
+
+  let files = [], leftOut = 0, upload = null, importing = false, seen = 0, asked = 0;
+
+  const open = () => {
+    if (!dialog.open) { say(""); dialog.showModal(); }
+    if (!files.length) find(".more").textContent = "Looking for files ...";
+    rallyscope.send("files", { do: "list" });
+  };
+  const say = (problem) => { find(".problem").textContent = problem; };
+  const work = (text, share) => {
+    busy.hidden = text === null;
+    list.inert = search.inert = find("[data-do=choose]").disabled = text !== null;
+    if (text === null) return;
+    busy.querySelector("span").textContent = text;
+    busy.querySelector("progress").value = share;
+    if (!dialog.open) open();
+  };
+
+  // The list ------------------------------------------------------------------------------------------------------
+
+  const showList = () => {
+    const wanted = search.value.trim().toLowerCase();
+    const fitting = files.filter(([, name, folder, kind]) => `${name} ${folder} ${kind}`.toLowerCase().includes(wanted));
+    search.hidden = files.length <= 8;
+    list.replaceChildren(...fitting.map(([key, name, folder, kind, size]) => {
+      const row = document.createElement("li"), button = document.createElement("button");
+      button.type = "button";
+      button.dataset.key = key;
+      button.append(element("b", name), element("span", kind), element("span", size), element("i", folder));
+      row.append(button);
+      return row;
+    }));
+    find(".more").textContent = !files.length ? "There are no event files or recordings in the server's folders."
+      : !fitting.length ? "None is called so." : leftOut ? `${leftOut} more are not listed.` : "";
+  };
+  rallyscope.handlers.files = (message) => { files = message.files; leftOut = message.left_out; showList(); };
+  search.addEventListener("input", showList);
+  list.addEventListener("keydown", (event) => {
+    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    const buttons = [...list.querySelectorAll("button")];
+    const next = buttons[buttons.indexOf(document.activeElement) + step];
+    if (next) next.focus();
+  });
+
+  // What the server says of an opening ------------------------------------------------------------------------------
+
+  rallyscope.handlers.opening = (message) => {
+    importing = message.state === "importing";
+    if (importing) {
+      if (message.number !== seen) say("");
+      const number = (seen = message.number), text = `Opening ${message.file} ...`;
+      if (dialog.open) work(text, message.share);
+      else setTimeout(() => { if (importing && seen === number) work(text, message.share); }, 300); // what is quick needs no dialog
+    } else work(null);
+    if (message.problem) { open(); say(message.file && message.state === "failed" ? `${message.file}: ${message.problem}` : message.problem); }
+    if (message.state === "done") { dialog.close(); showFacts(message); }
+  };
+  rallyscope.handlers.files_dialog = (message) => { if (message.number > asked) { asked = message.number; open(); } };
+
+  const showFacts = (message) => {
+    const facts = document.createElement("ul"), close = element("button", "×");
+    facts.append(...message.facts.map((fact) => element("li", fact)), ...message.notes.map((note) => element("li", note)));
+    close.setAttribute("aria-label", "Close");
+    close.onclick = () => { card.hidden = true; };
+    card.replaceChildren(close, element("b", message.file), element("p", message.kind), facts);
+    card.hidden = false;
+    clearTimeout(card.timer);
+    card.timer = setTimeout(() => { if (!card.matches(":hover, :focus-within")) card.hidden = true; }, SHOWN_S * 1000);
+  };
+
+  // Sending a file --------------------------------------------------------------------------------------------------
+
+  const send = (file) => {
+    say("");
+    if (upload || importing) return say("A file is being opened already; wait for it, or cancel it.");
+    if (file.size > MOST_BYTES)
+      return say(`${file.name} has ${Math.ceil(file.size / 1e6)} MB, and up to 200 MB can be sent. Put it into the server's folder of recordings instead.`);
+    const socket = new WebSocket(rallyscope.socketUrl("/rallyscope/upload", { page: rallyscope.page }));
+    const mine = (upload = { socket, got: 0, sent: 0, whole: false });
+    const fail = (why) => { if (upload === mine) { upload = null; work(null); say(`${file.name}: ${why}`); } socket.close(); };
+    const more = async () => {
+      if (mine.reading) return;
+      mine.reading = true;
+      try {
+        while (mine.sent < file.size && mine.sent - mine.got < AHEAD * PIECE_BYTES && socket.readyState === WebSocket.OPEN) {
+          const piece = await file.slice(mine.sent, mine.sent + PIECE_BYTES).arrayBuffer();
+          if (!piece.byteLength) throw new Error("empty");
+          mine.sent += piece.byteLength;
+          socket.send(piece);
+        }
+      } catch {
+        fail("This browser could not read it; it may be a folder, or have changed meanwhile.");
+      }
+      mine.reading = false;
+    };
+    socket.onopen = () => socket.send(JSON.stringify({ name: file.name, size: file.size }));
+    socket.onmessage = (event) => {
+      const said = JSON.parse(event.data);
+      if (said.refused) return fail(said.refused);
+      if (said.got) mine.got = said.got;
+      mine.whole = mine.got >= file.size;
+      if (upload === mine) work(mine.whole ? `Opening ${file.name} ...` : `Sending ${file.name} ...`, mine.whole ? 0 : mine.got / file.size);
+      more();
+    };
+    socket.onclose = () => { if (mine.whole) { if (upload === mine) upload = null; } else fail("The connection ended before it was sent."); };
+    work(`Sending ${file.name} ...`, 0);
+  };
+  const cancel = () => {
+    if (upload) { const { socket } = upload; upload = null; socket.onclose = null; socket.close(); }
+    rallyscope.send("files", { do: "cancel" });
+    work(null);
+  };
+
+  // A person's hand --------------------------------------------------------------------------------------------------
+
+  dialog.addEventListener("click", (event) => {
+    const button = event.target.closest("button");
+    if (!button) return;
+    if (button.dataset.key) { say(""); rallyscope.send("files", { do: "open", key: button.dataset.key }); }
+    else if (button.dataset.do === "choose") chosen.click();
+    else if (button.dataset.do === "cancel") cancel();
+    else if (button.dataset.do === "close") dialog.close();
+  });
+  chosen.addEventListener("change", () => { if (chosen.files.length) send(chosen.files[0]); chosen.value = ""; });
+  dialog.addEventListener("keydown", (event) => event.stopPropagation()); // keys of the app mean nothing here
+  addEventListener("keydown", (event) => {
+    if (!(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey || event.key.toLowerCase() !== "o") return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    open();
+  }, true);
+
+  const carriesFiles = (event) => event.dataTransfer && [...event.dataTransfer.types].includes("Files");
+  let inside = 0; // elements of the page that the dragged file has entered and not left
+  const drag = (kind, act) => addEventListener(kind, (event) => {
+    if (!carriesFiles(event)) return;
+    event.preventDefault();
+    event.stopPropagation();
+    act(event);
+    veil.hidden = inside <= 0;
+  }, true);
+  drag("dragenter", () => { inside += 1; });
+  drag("dragover", (event) => { event.dataTransfer.dropEffect = "copy"; inside = Math.max(inside, 1); });
+  drag("dragleave", () => { inside = Math.max(0, inside - 1); });
+  drag("drop", (event) => {
+    inside = 0;
+    const [file, ...others] = event.dataTransfer.files;
+    open();
+    if (others.length) say("One file at a time, please.");
+    else if (file) send(file);
+  });
+
+  addEventListener("DOMContentLoaded", () => document.body.append(dialog, card, veil));
+}

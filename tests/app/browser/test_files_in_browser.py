@@ -1,0 +1,67 @@
+"""Open file, in a real browser: the dialog, a file of this computer, and one that is dropped onto the page."""
+
+import base64
+from pathlib import Path
+
+import pytest
+
+from tests.app.shared.files.event_files import write_csv, write_npz
+
+pytestmark = pytest.mark.browser
+DROP = """([name, data]) => {
+  const transfer = new DataTransfer();
+  transfer.items.add(new File([Uint8Array.from(atob(data), (one) => one.charCodeAt(0))], name));
+  const canvas = document.querySelector("#root canvas");
+  const how = { dataTransfer: transfer, bubbles: true, cancelable: true };
+  for (const kind of ["dragenter", "dragover", "drop"]) canvas.dispatchEvent(new DragEvent(kind, how));
+}"""
+
+
+def drop(window, name: str, data: bytes) -> None:
+    window.page.evaluate(DROP, [name, base64.b64encode(data).decode()])
+
+
+def test_a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace, wait_for, tmp_path) -> None:
+    page = window.page
+    drop(window, "../<b>rally</b> 1.npz", write_npz(tmp_path / "x.npz", 40_000).read_bytes())
+    card = page.locator("#rallyscope-opened")
+    card.get_by_text("40,000 events").wait_for()
+    wait_for(lambda: window.state.recording == "b-1", "the dropped recording to be open")
+    wait_for(lambda: page.get_by_label("Recording").first.input_value() == "b-1", "its name in the list")
+    assert card.get_by_text("NumPy").count() == 1 and not page.locator("#rallyscope-files").is_visible()
+    assert not list(workspace.recordings.glob(".incoming-*"))
+    window.screenshot("file-dropped")
+
+
+def test_a_bad_file_is_one_line_and_the_recording_stays(window, workspace, wait_for) -> None:
+    before = sorted(workspace.recordings.iterdir())
+    page = window.page
+    page.keyboard.press("Control+o")
+    page.get_by_role("dialog", name="Open file").wait_for()
+    page.get_by_label("File of this computer").set_input_files(
+        {"name": "evil.raw", "mimeType": "application/octet-stream", "buffer": b"\x00\xff no events"}
+    )
+    problem = page.locator("#rallyscope-files .problem")
+    problem.get_by_text("evil.raw: The format is not recognised").wait_for()
+    window.screenshot("file-refused")
+    page.keyboard.press("Escape")
+    page.get_by_role("dialog", name="Open file").wait_for(state="hidden")
+    assert window.state.recording == "serve" and sorted(workspace.recordings.iterdir()) == before
+
+
+def test_a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, wait_for, tmp_path: Path) -> None:
+    folder = tmp_path / "camera"
+    folder.mkdir()
+    for number in range(12):
+        write_csv(folder / f"clip {number}.csv", 300)
+    lab.services.files.folders = (folder,)
+    page = window.page
+    page.get_by_role("button", name="Open file...").click()
+    page.get_by_label("Search the files").fill("clip 7")
+    page.keyboard.press("Tab")
+    wait_for(lambda: page.locator("#rallyscope-files li").count() == 1, "one file to fit")
+    window.screenshot("file-dialog")
+    page.locator("#rallyscope-files li button").focus()
+    page.keyboard.press("Enter")
+    wait_for(lambda: window.state.recording == "clip-7", "the file to be open")
+    assert window.state.mode == "Watch" and not window.state.playhead.playing, "the dialog keeps its keys"

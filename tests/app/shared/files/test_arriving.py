@@ -1,0 +1,85 @@
+import shutil
+from pathlib import Path
+
+import pytest
+
+from app.shared.files import bring_in, clear_abandoned, incoming_folder
+from app.shared.library import Library
+from app.shared.workspace import Workspace
+from core.errors import RecordingError
+from tests.app.shared.files.event_files import write_csv, write_npz
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> Workspace:
+    return Workspace(tmp_path / "data")
+
+
+@pytest.fixture
+def library(workspace: Workspace) -> Library:
+    return Library(workspace)
+
+
+def left_in(workspace: Workspace) -> list[str]:
+    return sorted(path.name for path in workspace.recordings.iterdir())
+
+
+def test_an_event_file_from_elsewhere_becomes_a_recording_once(workspace, library, tmp_path) -> None:
+    file = write_npz(tmp_path / "My Clip.npz")
+    shares: list[float] = []
+    name = bring_in(file, library, workspace, progress=shares.append)
+    assert name == "my-clip" and shares[-1] == 1.0 and file.exists()
+    with library.open(name) as recording:
+        assert sum(stream.event_count for stream in recording.cameras.values()) == 500
+        assert "My Clip.npz" in recording.notes[0]
+    assert bring_in(file, library, workspace) == "my-clip" and left_in(workspace) == ["my-clip.h5"]
+
+
+def test_another_file_of_the_same_name_overwrites_nothing(workspace, library, tmp_path) -> None:
+    bring_in(write_npz(tmp_path / "clip.npz"), library, workspace)
+    before = workspace.recording_path("clip").read_bytes()
+    assert bring_in(write_csv(tmp_path / "clip.csv", 70), library, workspace) == "clip-2"
+    assert workspace.recording_path("clip").read_bytes() == before and left_in(workspace) == ["clip-2.h5", "clip.h5"]
+
+
+def test_a_recording_stays_where_it_is_unless_it_was_received(workspace, library, tmp_path, serve_recording) -> None:
+    assert bring_in(serve_recording, library, workspace) == "serve" == bring_in(serve_recording, library, workspace)
+    assert library.file_of("serve") == serve_recording and not left_in(workspace)
+    folder = incoming_folder(workspace)
+    received = Path(shutil.copy(serve_recording, folder / "Mine.h5"))
+    assert bring_in(received, library, workspace, received=True) == "mine"
+    assert not received.exists() and library.file_of("mine") == workspace.recordings / "mine.h5"
+    again = Path(shutil.copy(serve_recording, folder / "Mine.h5"))
+    assert bring_in(again, library, workspace, received=True) == "mine", "the same is there already"
+
+
+def test_one_of_the_workspace_keeps_its_name(workspace, library) -> None:
+    file = write_csv(workspace.recordings / "Court 1.csv")
+    assert bring_in(file, library, workspace) == "Court 1" and left_in(workspace) == ["Court 1.csv", "Court 1.h5"]
+
+
+@pytest.mark.parametrize("content", [b"", b"no events", b"PK\x03\x04 not a zip", b"\x89HDF\r\n\x1a\n cut", bytes(5000)])
+def test_nothing_is_left_of_a_bad_file(workspace, library, tmp_path, content) -> None:
+    file = tmp_path / "bad.raw"
+    file.write_bytes(content)
+    with pytest.raises(RecordingError) as error:
+        bring_in(file, library, workspace)
+    assert "\n" not in str(error.value) and not left_in(workspace)
+
+
+def test_nothing_is_left_of_one_that_is_cancelled_or_has_no_room(workspace, library, tmp_path, monkeypatch) -> None:
+    file = write_npz(tmp_path / "clip.npz")
+    assert bring_in(file, library, workspace, cancelled=lambda: True) is None and not left_in(workspace)
+    monkeypatch.setattr("app.shared.files.arriving.LEAST_FREE_BYTES", 10**18)
+    with pytest.raises(RecordingError, match="too full"):
+        bring_in(file, library, workspace)
+    assert not left_in(workspace)
+
+
+def test_what_a_killed_app_left_goes_when_it_is_old(workspace) -> None:
+    folder = incoming_folder(workspace)
+    (folder / "half.raw").write_bytes(b"x")
+    clear_abandoned(workspace)
+    assert folder.is_dir(), "somebody may still be sending it"
+    clear_abandoned(workspace, older_than_s=-1.0)
+    assert not folder.exists()
