@@ -9,9 +9,9 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.scene.eye import LIFT_M, Eye, drawn_radius_m, sprite_pose
+from app.scene.eye import FLOOR_MIDDLE, LIFT_M, Eye, drawn_radius_m, lift_before_floor_m, sprite_pose
 from app.scene.painted import BALL_CORE_RGB, BALL_RIM_RGB, BALL_RING_RGB, GLOW_TO, ball_picture, ring_picture
-from app.scene.shadow import ShadowActor, shadow_of
+from app.scene.shadow import Shadow, ShadowActor, shadow_of
 from core.table import BALL_RADIUS_M
 
 Array = NDArray[np.float64]
@@ -56,16 +56,18 @@ class BallActors:
         for handle, p in ((self._ball, ball), (self._hull, ball), (self._truth, truth)):
             _stand(handle, p if eye is None else None)
         radius_m = BALL_RADIUS_M if eye is None or ball is None else drawn_radius_m(eye, ball, BALL_RADIUS_M)
-        self._shadow.show(None if ball is None else shadow_of(ball, radius_m))
+        shadow = None if ball is None else shadow_of(ball, radius_m)
+        self._shadow.show(None if shadow is None or _behind_floor(shadow, eye) else shadow)
         if ball is None or eye is None:
             self._sprite.hide()
         else:
-            self._sprite.show(ball, eye, radius_m, LIFT_M)
+            self._sprite.show(ball, eye, radius_m, lift_before_floor_m(eye, ball, LIFT_M))
         covered = ball is not None and truth is not None and float(np.abs(truth - ball).max()) < 0.3 * radius_m
         if truth is None or eye is None or covered:
             self._truth_sprite.hide()
         else:
-            self._truth_sprite.show(truth, eye, drawn_radius_m(eye, truth, BALL_RADIUS_M), 0.9 * LIFT_M)
+            lift_m = lift_before_floor_m(eye, truth, 0.9 * LIFT_M)
+            self._truth_sprite.show(truth, eye, drawn_radius_m(eye, truth, BALL_RADIUS_M), lift_m)
 
     def show_rays(self, rays_world_m: Sequence[tuple[Array, Array]]) -> None:
         """From each camera that sees the ball to where it is seen; none hide them."""
@@ -98,6 +100,12 @@ class _Sprite:
             self._image.wxyz = self._wxyz = pose.wxyz
         if not 0.97 < pose.scale / max(self._scale, 1e-9) < 1.03:
             self._image.scale = self._scale = pose.scale
+
+
+def _behind_floor(shadow: Shadow, eye: Eye | None) -> bool:
+    """Lies on the floor beyond its middle, where it would be drawn with dark corners: see `lift_before_floor_m`."""
+    p = np.array([shadow.x_m, shadow.y_m, shadow.z_m])
+    return eye is not None and shadow.z_m < 0 and eye.depth_m(p) > eye.depth_m(FLOOR_MIDDLE)
 
 
 def _stand(ball: viser.IcosphereHandle, p_world_m: Array | None) -> None:

@@ -10,6 +10,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
+from core.table import TABLE_HEIGHT_M
+
 Array = NDArray[np.float64]
 
 LEAST_SHARE: Final = 0.0075
@@ -18,6 +20,9 @@ LIFT_M: Final = 0.3
 """A sprite stands so much nearer to the eye than what it marks, or table and racket would cut it in two."""
 NEAREST_M: Final = 0.2
 """What is nearer to the eye's plane is drawn as if it were so far away."""
+
+FLOOR_MIDDLE: Final = np.array([0.0, 0.0, -TABLE_HEIGHT_M])
+BEFORE_FLOOR_M: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +70,17 @@ def drawn_radius_m(eye: Eye, p_world_m: Array, radius_m: float, least_share: flo
     """The radius with which a ball (3,) is drawn: its own, or larger so that it stays `least_share` of the picture."""
     picture_height_m = 2 * eye.depth_m(p_world_m) * math.tan(eye.fov_rad / 2)
     return max(radius_m, least_share * picture_height_m)
+
+
+def lift_before_floor_m(eye: Eye, p_world_m: Array, lift_m: float = LIFT_M) -> float:
+    """`lift_m`, or as much more as brings a sprite at a point (3,) nearer to the eye than the middle of the floor.
+
+    viser draws pictures in the order of their middles, the farthest first, and what is clear in one hides what is drawn
+    behind it later: a sprite beyond the floor's middle would stand in a dark square.
+    """
+    depth_m, floor_m = eye.depth_m(p_world_m), eye.depth_m(FLOOR_MIDDLE)
+    distance_m = float(np.linalg.norm(eye.p_world_m - p_world_m))
+    return max(lift_m, (1.0 - (floor_m - BEFORE_FLOOR_M) / depth_m) * distance_m)
 
 
 def sprite_pose(eye: Eye, p_world_m: Array, radius_m: float, lift_m: float = LIFT_M) -> SpritePose:

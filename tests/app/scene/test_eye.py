@@ -5,7 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from app.scene.eye import LEAST_SHARE, LIFT_M, NEAREST_M, Eye, drawn_radius_m, sprite_pose
+from app.scene.eye import (
+    FLOOR_MIDDLE,
+    LEAST_SHARE,
+    LIFT_M,
+    NEAREST_M,
+    Eye,
+    drawn_radius_m,
+    lift_before_floor_m,
+    sprite_pose,
+)
 from core.cameras import Camera
 from core.events import SensorSize
 from core.geometry import look_at, quaternion_from_matrix
@@ -63,3 +72,12 @@ def test_an_eye_that_turned_is_another_one() -> None:
     eye = eye_at((1.0, 2.0, 3.0))
     assert eye.same_as(eye_at((1.0, 2.0, 3.0))) and not eye.same_as(eye_at((1.0, 2.0, 3.01)))
     assert not eye.same_as(None) and not eye.same_as(eye_at((1.0, 2.0, 3.0), (0.1, 0, 0)))
+
+
+@pytest.mark.parametrize("x_m", [-1.2, 0.5, 1.1, 1.9, 3.0])
+def test_a_sprite_is_drawn_after_the_floor_wherever_it_is(x_m) -> None:
+    eye, ball = eye_at((-3.6, -2.8, 2.2)), np.array([x_m, -0.2, 0.4])
+    pose = sprite_pose(eye, ball, 0.05, lift_before_floor_m(eye, ball))
+    assert eye.depth_m(pose.p_world_m) < eye.depth_m(FLOOR_MIDDLE)
+    lift_m = float(np.linalg.norm(pose.p_world_m - ball))
+    assert lift_m == pytest.approx(LIFT_M) if x_m < 1 else lift_m >= LIFT_M
