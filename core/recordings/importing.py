@@ -93,6 +93,10 @@ def import_recording(
         sensors[FRAME_CAMERA] = first_image_size(frames.images)
     matched = _match_calibration(calibration or {}, list(sensors))
     uuid = source_uuid(sources, list(sensors), str(sensor), offset_us)
+    try:
+        destination.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RecordingError("cannot make the folder", got=error.strerror, where=destination.parent) from error
     writer: RecordingWriter | None = None
     try:
         writer = RecordingWriter(

@@ -99,6 +99,14 @@ def test_progress_rises_to_one_and_cancelling_leaves_no_file(tmp_path, pair):
     assert not (tmp_path / "b.h5").exists()
 
 
+def test_the_folder_of_the_recording_is_made(tmp_path, pair):
+    path_left, *_ = pair
+    assert import_recording([path_left], tmp_path / "data" / "recordings" / "a.h5") is not None
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(RecordingError, match="cannot make the folder"):
+        import_recording([path_left], tmp_path / "file" / "a.h5")
+
+
 def test_an_error_on_the_way_leaves_no_file(tmp_path):
     path = tmp_path / "events"
     lines = [f"{1000 * i},1,1,1\n" for i in range(150_000)]
