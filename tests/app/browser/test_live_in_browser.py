@@ -14,10 +14,14 @@ from app.shared.live_rally import LIVE, LiveRally
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
 from app.state.commands import SetMethod
+from core.learning.runs.run_files import create_run
+from core.learning.runs.running import run_training
+from core.rally.control.controller import BuiltInController
 from core.rally.link import messages as m
 from core.recordings import open_recording
 from labels.model import LabelState
 from labels.store import find_layers
+from tests.app.modes.train.small_runs import small_run
 
 SPACE = (slice(0, 720), slice(320, 870))
 TABLE_RGB = (48, 122, 202)
@@ -199,6 +203,27 @@ def test_the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(l
     live_window.screenshot("live-two-persons")
     rally.client.set_scene("ball")
     wait_for(lambda: live_window.page.get_by_label("Scene").first.input_value() == "ball", "the choice of another")
+
+
+def test_a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live_lab, wait_for) -> None:
+    rally, workspace = rally_of(live_lab), live_lab.services.workspace
+    run = workspace.run_path("learned")
+    create_run(run, small_run(episodes=(60,)))
+    assert run_training(run, progress=lambda share: None, stopped=lambda: False) == "finished"
+    live_window.press("Train")
+    live_window.page.get_by_role("button", name="Let it play").wait_for()
+    live_window.screenshot("live-let-it-play")
+    live_window.press("Let it play")
+    wait_for(lambda: rally.player.controller.name == "learned", "the policy to play")
+    wait_for(lambda: live_window.state.mode == "Watch" and live_window.state.recording == LIVE, "Watch")
+    assert live_window.state.playhead.following
+    wait_for(lambda: any(rate.conditions.controller == "learned" for rate in rally.returns.rates()), "its ball", 60)
+    live_window.page.get_by_text("Returned", exact=True).last.click()
+    live_window.page.get_by_text("learned · ball").wait_for()
+    live_window.screenshot("live-returned")
+    live_window.press("Count anew")
+    live_window.page.get_by_text("learned · ball").wait_for(state="hidden")
+    rally.player.use(BuiltInController())
 
 
 def test_a_simulation_that_ends_is_said_and_the_rest_goes_on(live_window, live_lab, wait_for) -> None:
