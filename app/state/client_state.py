@@ -102,6 +102,8 @@ class ClientState:
     look: RenderSettings = field(default_factory=RenderSettings)
     tune: TuneView = field(default_factory=TuneView)
     watch: WatchView = field(default_factory=WatchView)
+    looks: int = 0
+    """How often a moment of a camera was handed from one mode to another."""
 
     @property
     def config(self) -> DetectorConfig:

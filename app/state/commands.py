@@ -263,6 +263,20 @@ class StopAt:
 
 
 @dataclass(frozen=True, slots=True)
+class LookInto:
+    """Look at a moment of a camera in another mode, and stay there."""
+
+    mode: ModeName
+    camera: str
+    t_us: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        for step in (StopAt(self.t_us), SetCamera(self.camera), SetMode(self.mode)):
+            state = step.apply(state, wall_s)
+        return replace(state, looks=state.looks + 1)
+
+
+@dataclass(frozen=True, slots=True)
 class ShowTruth:
     show: bool
 

@@ -13,6 +13,7 @@ from app.modes.mode import Middle, ModeHost
 from app.modes.watch.camera_pictures import CameraPicturesRequest, render_camera_pictures
 from app.modes.watch.cameras_panel import CamerasPanel
 from app.modes.watch.commands import EnlargeCamera
+from app.modes.watch.missed_ball import MissedBallSearch
 from app.modes.watch.simulation_panel import SimulationPanel
 from app.modes.watch.status import live_html, moment_html
 from app.modes.watch.view_panel import ViewPanel
@@ -54,6 +55,7 @@ class WatchMode:
             self._view = ViewPanel(
                 gui, host.send, self._look_from, self._look_again, self._save_picture, host.world.views
             )
+            self._missed = MissedBallSearch(host)
             self._simulation: SimulationPanel | None = None
         self._cameras = CamerasPanel(gui, lambda camera: host.send(EnlargeCamera(camera)))
         self._pictures = LatestWins(host.pool, render_camera_pictures, self._pictures_done, self._failed)
@@ -88,6 +90,7 @@ class WatchMode:
 
     def use_recording(self, recording: Recording) -> None:
         """Another recording was opened."""
+        self._missed.use_recording(recording)
         self._rally = self._host.services.rallies.of(recording)
         self._drawn = None
         self._status_s, self._predictions = 0.0, -1
@@ -106,6 +109,7 @@ class WatchMode:
             self._cameras.make_room(self._host.client.camera.aspect)
         self._view.show(state, is_stereo=self._rally is not None, views=self._host.world.views)
         live = None if self._rally is None else self._rally.live
+        self._missed.tick(None if self._rally is None else self._rally.history, now_us, wall_s)
         if self._simulation is not None:
             self._simulation.set_visible(live is not None)
             if live is not None and wall_s - self._controllers_s > CONTROLLERS_EVERY_S:
@@ -141,6 +145,7 @@ class WatchMode:
 
     def close(self) -> None:
         """The browser is gone."""
+        self._missed.close()
         self._pictures.close()
         self._lead_times.close()
 

@@ -55,7 +55,7 @@ class SimulationPanel:
                 )
                 self._goal_x = gui.add_slider("Target x [m]", *GOAL_X_M, 0.05, 0.8, hint="From the net")
                 self._goal_y = gui.add_slider("Target y [m]", *GOAL_Y_M, 0.05, 0.0, hint="From the middle line")
-            with gui.add_folder("Returned", expand_by_default=False):
+            with gui.add_folder("Returned"):
                 self._returned = gui.add_html(returned_html(()))
                 self._count_anew = gui.add_button("Count anew", icon=viser.Icon.REFRESH, hint="For all browsers")
         when_clicked(self._count_anew, rally.returns.clear)
