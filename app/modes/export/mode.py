@@ -10,6 +10,7 @@ from app.export.formats import FORMATS, ExportRequest, export
 from app.export.frozen import freeze
 from app.export.selection import span_of
 from app.export.unfinished import Cancelled, Progress
+from app.modes.download import download_export
 from app.modes.export.files_panel import ExportFilesPanel
 from app.modes.export.plan_panel import ExportPlan, ExportPlanPanel
 from app.modes.mode import Middle, ModeHost
@@ -26,8 +27,6 @@ from labels.store import LabelStore, find_layers
 
 LOOK_EVERY_S: Final = 0.3
 OFFER_EVERY_S: Final = 2.0
-LARGEST_DOWNLOAD: Final = 1_000_000_000
-"""Bytes; a download goes through this process's memory."""
 
 
 class ExportMode:
@@ -115,14 +114,8 @@ class ExportMode:
         self._looked_s = float("-inf")
 
     def _download(self) -> None:
-        name = self._files.chosen
-        if name is None:
-            return
-        path = self._exporter.path_of(name)
-        if path.stat().st_size > LARGEST_DOWNLOAD:
-            raise CommandError("too large to download through the browser", got=name, remedy=f"it is here: {path}")
-        send = self._host.client.send_file_download
-        self._host.pool.submit(lambda: send(path.name, path.read_bytes(), save_immediately=True))
+        if self._files.chosen is not None:
+            download_export(self._host, self._files.chosen)
 
 
 def _run_work(run: Path) -> Callable[[Path, Progress, Cancelled], tuple[Path, ...]]:

@@ -26,6 +26,7 @@ from app.modes.label.panel import LabelPanel, PanelActions
 from app.modes.label.pictures import LabelPictures
 from app.modes.label.plan import LabelScene, Point, agreement_at
 from app.modes.label.prefetch import LabelMosaic
+from app.modes.label.results.results import LabelResults
 from app.modes.label.status import (
     Checked,
     checked_of,
@@ -93,6 +94,8 @@ class LabelMode:
             numbers=lambda x, y, r: host.later(lambda: self._send(SetNumbers(x, y, r))),
         )
         self._panel = LabelPanel(host.client.gui, actions)
+        with self._panel.folder:
+            self._results = LabelResults(host)
 
     @property
     def middle(self) -> Middle:
@@ -140,6 +143,7 @@ class LabelMode:
         if (state.camera, state.looks) != self._elsewhere:  # another was chosen in Tune, or one is named by Watch
             self._elsewhere = (state.camera, state.looks)
             editor.send(ChangeView({"camera": state.camera}))
+        self._results.tick(editor, wall_s)
         now = editor.labelling
         scene = self._scene(editor, state)
         if self._pictures.arrives(scene, now.t_us):
