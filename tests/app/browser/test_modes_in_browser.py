@@ -69,5 +69,5 @@ def test_labels_are_exported_and_the_detector_is_scored_against_them(window, wor
     page.get_by_text("The detector against your labels").wait_for(timeout=90_000)
     page.get_by_text("15 labels by anna").first.wait_for()
     window.screenshot("label-scored")
-    window.press("Good")
+    window.press("Close")
     assert window.state.score_by is None and window.state.camera == "left"
