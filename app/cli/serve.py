@@ -14,6 +14,7 @@ from app.cli.arguments import DATA, flag, positional
 from app.cli.ending import end_event
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
+from app.export.viewer_streamer import check_viewer_address
 from app.front.address import check_address
 from app.front.admission import Admission
 from app.shared.library import Library
@@ -46,6 +47,7 @@ class ServeArguments:
     token: str | None = flag("what browsers must know to come in", "TOKEN", "random beyond this machine, none on it")
     data: Path = flag("workspace", default=DATA)
     config: Path | None = flag("detector settings to start with, a TOML file", "FILE")
+    rerun: str | None = flag("a Rerun viewer that Export may stream to", "rerun+http://HOST:PORT/proxy")
     open: bool = flag("open a browser")
 
 
@@ -53,6 +55,8 @@ def run(arguments: ServeArguments) -> None:
     """Serve until interrupted."""
     source = _check_source(arguments.source, arguments.recording)
     own = own_simulation(arguments, source)
+    if arguments.rerun is not None:
+        check_viewer_address(arguments.rerun)
     config = load_config(DetectorConfig, arguments.config) if arguments.config else DetectorConfig()
     workspace = Workspace(arguments.data)
     library = Library(workspace)
@@ -102,6 +106,7 @@ def _show(
         config=config,
         preparation=preparation,
         admission=admission,
+        viewer_address=arguments.rerun,
     )
     if startup is not None:
         startup.hand_over(lab.use_live)

@@ -20,8 +20,6 @@ GONE: Final = "the browser that draws the picture is gone"
 def render_view(client: viser.ClientHandle, width_px: int, height_px: int, eye: Eye) -> NDArray[np.uint8]:
     """(height, width, 3) RGB of what the scene shows now, seen by `eye`. Not to be called by the loop: it waits.
 
-    Texts are no part of the scene: the browser lays them over it, and they are not in the picture.
-
     Raises:
         CommandError: if the browser is gone, or does not answer.
     """

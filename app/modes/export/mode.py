@@ -17,8 +17,10 @@ from app.export.view_film import ViewFilmPlan, export_view_film, save_picture
 from app.modes.download import download_export
 from app.modes.export.files_panel import ExportFilesPanel
 from app.modes.export.plan_panel import ExportPlan, ExportPlanPanel
+from app.modes.export.stream import StreamOrder, groups_of, labels_of
 from app.modes.export.view_options import VIEW_PICTURE
 from app.modes.export.view_shots import ViewShots
+from app.modes.export.viewer_panel import ViewerPanel
 from app.modes.mode import Middle, ModeHost
 from app.shared.live_rally import LiveRally
 from app.state.client_state import ClientState
@@ -29,8 +31,7 @@ from core.errors import CommandError
 from core.rally import ChainConfig
 from core.rally.live.ring_recording import RingRecording
 from core.recordings import Recording
-from core.recordings.layout import Rows
-from labels.store import LabelStore, find_layers
+from labels.store import find_layers
 
 LOOK_EVERY_S: Final = 0.3
 OFFER_EVERY_S: Final = 2.0
@@ -52,6 +53,12 @@ class ExportMode:
         with self._folder:
             self._plan = ExportPlanPanel(host.client.gui, lambda: self._now_us, host.later)
             self._files = ExportFilesPanel(host.client.gui)
+            self._viewer = ViewerPanel(
+                host.client.gui,
+                host.services.viewer.address,
+                lambda: host.later(self._stream),
+                host.services.viewer.stop,
+            )
         when_clicked(self._files.export, lambda: host.later(self._start))
         when_clicked(self._files.cancel, self._exporter.cancel)
         when_clicked(self._files.download, lambda: host.later(self._download))
@@ -97,6 +104,7 @@ class ExportMode:
                 self._offered_s = wall_s
                 self._plan.offer(tuple(sorted(self._host.services.workspace.run_names())), self._annotators())
             self._files.show(self._exporter.state(), self._exporter.files())
+            self._viewer.show(self._host.services.viewer.state())
 
     def clicked(self, x: float, y: float) -> None:
         """Nothing is chosen by clicks."""
@@ -130,6 +138,19 @@ class ExportMode:
         live = self._host.services.rallies.live
         work = _recording_work(recording, plan, state.configs.present.a, layers, live)
         self._exporter.start(state.recording, FORMATS[plan.format].suffix, work)
+        self._looked_s = float("-inf")
+
+    def _stream(self) -> None:
+        """What the Rerun file would hold, to the viewer of the command line."""
+        state, recording, services = self._host.state, self._host.recording, self._host.services
+        if state is None or recording is None or services.viewer.address is None:
+            return
+        order = StreamOrder(
+            services.viewer.address, state.recording, recording, self._plan.plan, state.configs.present.a,
+            services.workspace.labels, services.rallies.live,
+        )  # fmt: skip
+        order.check()
+        services.viewer.start(state.recording, order.send)
         self._looked_s = float("-inf")
 
     def _start_view(self, plan: ExportPlan, span: Span, state: ClientState) -> None:
@@ -196,9 +217,6 @@ def _recording_work(
         source, span = recording, span_of(recording, plan.start_us, plan.end_us)
         if isinstance(recording, RingRecording):
             source = freeze(recording, span)
-            groups = _no_rows if live is None or live.recording is not recording else live.rows.read_rows
-        else:
-            groups = getattr(recording, "read_rows", _no_rows)
         order = ExportRequest(
             format=plan.format,
             destination=path,
@@ -210,13 +228,8 @@ def _recording_work(
             plots=plan.plots,
             chain=ChainConfig.of_method("auto", detector),
         )
-        mine = [layer for layer in find_layers(labels, source.uuid) if layer.annotator == plan.annotator]
-        shown = {layer.camera: LabelStore.read(labels, layer).labels() for layer in mine if not layer.blind}
+        shown = labels_of(labels, source.uuid, plan.annotator)
+        groups = groups_of(recording, live)
         return export(order, recording=source, groups=groups, labels=shown, progress=progress, cancelled=cancelled)
 
     return work
-
-
-def _no_rows(group: str) -> Rows | None:
-    """What a recording without groups gives: no rows."""
-    return None

@@ -1,10 +1,15 @@
 """From one mode to the next, in a real browser. Screenshots are kept under test-artifacts/."""
 
+import shutil
 import zipfile
+from pathlib import Path
 
 import pytest
 
 from app.modes.watch.commands import ShowSpace
+from app.server import App
+from app.shared.library import Library
+from app.shared.workspace import Workspace
 from app.state.commands import SetCamera, StopAt
 from core.physics.episode import Case
 from core.rally.history.missed_balls import MissedBallRequest, find_missed_ball
@@ -12,6 +17,7 @@ from core.rally.history.rally_history import Outcome
 from core.rally.history.rally_picture import LandingSpot
 from labels.model import Label, LabelState
 from labels.store import LabelStore
+from tests.app.export.rrd.rerun_viewer import entities, viewer
 
 pytestmark = pytest.mark.browser
 
@@ -71,3 +77,29 @@ def test_labels_are_exported_and_the_detector_is_scored_against_them(window, wor
     window.screenshot("label-scored")
     window.press("Close")
     assert window.state.score_by is None and window.state.camera == "left"
+
+
+def test_a_recording_is_streamed_to_the_viewer_of_the_command_line(
+    open_window, wait_for, tmp_path, serve_recording: Path
+) -> None:
+    workspace = Workspace(tmp_path / "workspace")
+    shutil.copy(serve_recording, workspace.recording_path("serve"))
+    with viewer(tmp_path / "seen.rrd") as (address, _):
+        lab = App(workspace, Library(workspace), "serve", host="127.0.0.1", port=0, viewer_address=address)
+        try:
+            with open_window(lab) as window:
+                window.press("Export")
+                window.page.get_by_text(address).wait_for()
+                window.field("From [s]").fill("0.2")
+                window.field("To [s]").fill("0.3")
+                window.page.keyboard.press("Enter")
+                plan = window.session._modes["Export"]._plan
+                wait_for(lambda: (plan.plan.start_us, plan.plan.end_us) == (200_000, 300_000), "the part")
+                window.press("Stream to Rerun")
+                window.page.get_by_text("serve: all of it was sent").wait_for(timeout=90_000)
+                window.screenshot("export-stream")
+                wait_for(
+                    lambda: "world/ball/triangulated" in entities(tmp_path / "seen.rrd"), "the viewer to write", 60
+                )
+        finally:
+            lab.stop()
