@@ -39,8 +39,8 @@ class ViewOptions:
         self._folder = gui.add_folder("Of the 3D view", visible=False)
         with self._folder:
             gui.add_html(
-                "<div style='font-size:12.5px;padding:2px 12px'>Your browser draws it as you see it here. Turn the view "
-                "first; keep this window in front while a film is made.</div>"
+                "<div style='font-size:12.5px;padding:2px 12px'>Your browser draws it as you see it here. Turn the "
+                "view first; keep this window in front while a film is made.</div>"
             )
             self._size = gui.add_dropdown("Size", tuple(SIZES), initial_value="1280 x 720")
             self._rate = gui.add_dropdown("Frames a second", tuple(FRAMES_PER_S))
