@@ -48,12 +48,15 @@ class App:
         live: LiveRally | None = None,
         preparation: Preparation | None = None,
         admission: Admission | None = None,
+        viewer_address: str | None = None,
     ) -> None:
         """`config` is what every browser's detector starts with; `live` is closed with the app.
 
+        `viewer_address` is that of a Rerun viewer which may be streamed to, `rerun+http://HOST:PORT/proxy`.
+
         A first recording that is not there yet, such as a live rally that is being prepared, is opened when it comes.
         """
-        self.services = Services.of(workspace, library)
+        self.services = Services.of(workspace, library, viewer_address)
         """What its browsers share."""
         self._first_recording = first_recording
         self._config = config or DetectorConfig()

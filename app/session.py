@@ -14,7 +14,7 @@ from app.background.worker import LatestWins
 from app.control_panel import ControlPanel
 from app.front.pages import Pages, Visit
 from app.modes.factories import FACTORIES
-from app.modes.mode import Mode
+from app.modes.mode import Middle, Mode
 from app.modes.services import Services
 from app.panels.recording_info import RecordingInfo, gather_info
 from app.panels.time_bar import Runs, TimeBar, Tracks, opening_us, tracks_of
@@ -70,7 +70,7 @@ class Session:
         self._openings = LatestWins(pool, self._open, self._opened, self._failed)
         self._state: ClientState | None = None
         self._recording: Recording | None = None
-        self._shown: ClientState | None = None
+        self._shown: tuple[ClientState, Middle] | None = None
         self._requested: object = None
         self._autoplay = False
         self._tracks = Tracks(0)
@@ -160,7 +160,7 @@ class Session:
             self._open_slowly(self._opening, self._recording, wall_s)
         now_us = self._state.playhead.position_us(wall_s)
         mode = self._choose_mode(self._state)
-        shown = self._state.without_growth()
+        shown = (self._state.without_growth(), mode.middle)
         if shown != self._shown:
             self._shown = shown
             with self.client.atomic():

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Collection, Iterable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from math import isnan
 from pathlib import Path
 from typing import Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,16 +21,16 @@ from app.cli.detector_arguments import MethodArguments
 from app.cli.labels_merge import run_merge
 from app.cli.progress import progress_bar
 from app.cli.tables import json_ready
+from app.modes.label.results.label_files import LabelFilesRequest, write_label_files
 from app.modes.label.sources import LabelSource, sources_of
 from core.detection import make_detector
 from core.errors import CommandError, LabelError
 from core.recordings import CameraStream, Recording, open_recording
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES
-from labels.formats import FORMATS, ExportOptions, ImportContext, LabelSet
-from labels.formats.exchange import picture_name, write_bytes, write_text
-from labels.formats.pictures import write_pictures
-from labels.model import Label, LabelState
+from labels.formats import FORMATS, ExportOptions, ImportContext
+from labels.formats.exchange import write_text
+from labels.model import LabelState
 from labels.score import GroupScore, answers_at, score_groups
 from labels.score_picture import measure_curves, score_svg
 from labels.store import LabelStore, Layer, find_layers, has_labels
@@ -141,47 +140,28 @@ def run_import(arguments: LabelImportArguments) -> None:
 
 def run_export(arguments: LabelExportArguments) -> None:
     """Write the labels, and pictures of them, and say what the format could not hold."""
-    kind, out = FORMATS[arguments.format], arguments.out
-    with arguments.layer.open() as (recording, stream):
-        store = _read_layer(arguments.layer, recording, stream)
-        frames = None
-        if arguments.stride_us:
-            frames = tuple(range(0, recording.duration_us, arguments.stride_us))
-        if isinstance(stream, LabelSource) and stream.frames_us is not None:
-            frames = tuple(stream.frames_us.tolist())
-        labels = LabelSet(recording.uuid, stream.name, store.layer.annotator, stream.sensor, store.all(), frames)
-        options = ExportOptions(whole_pixels=not arguments.decimals, drop_unchecked=arguments.unchecked == "drop")
-        written = kind.write(labels, out, options)
-        pictures = ()
-        if arguments.pictures:
-            if not kind.pictures:
-                raise CommandError(f"{kind.name} has no pictures", where="--pictures")
-            with progress_bar("Drawing") as progress:
-                if isinstance(stream, LabelSource):
-                    pictures = write_label_pictures(stream, labels.labels, out, progress)
-                else:
-                    window_us = arguments.window_us
-                    pictures = write_pictures(stream, labels.labels, out, window_us=window_us, progress=progress)
-    counts = {"labels": len(labels.labels), "files": len(written.files), "pictures": len(pictures)}
+    out, layer = arguments.out, arguments.layer
+    with layer.open() as (recording, stream):
+        source = stream if isinstance(stream, LabelSource) else LabelSource(stream.name, stream.sensor, stream)
+        store = _read_layer(layer, recording, stream)
+        frames_us = tuple(range(0, recording.duration_us, arguments.stride_us)) if arguments.stride_us else None
+        request = LabelFilesRequest(
+            format=arguments.format,
+            recording_uuid=recording.uuid,
+            annotator=store.layer.annotator,
+            source=source,
+            labels=store.all(),
+            frames_us=frames_us,
+            pictures=arguments.pictures,
+            window_us=arguments.window_us,
+            options=ExportOptions(whole_pixels=not arguments.decimals, drop_unchecked=arguments.unchecked == "drop"),
+        )
+        with progress_bar("Drawing") if arguments.pictures else nullcontext(lambda share: None) as progress:
+            made = write_label_files(request, out, progress)
+    counts = {"labels": made.labels, "files": len(made.files), "pictures": len(made.pictures)}
     lines = [f"{counts['labels']} labels in {counts['files']} files, {counts['pictures']} pictures: {out}"]
-    lines += [f"not in this format: {loss}" for loss in written.losses]
-    arguments.layer.tell({**counts, "out": str(out), "losses": list(written.losses)}, lines)
-
-
-def write_label_pictures(
-    source: LabelSource, labels: tuple[Label, ...], folder: Path, progress: Callable[[float], None]
-) -> tuple[Path, ...]:
-    """The frame under each label as a PNG."""
-    files = []
-    for number, label in enumerate(labels):
-        frame = source.frame_at(label.t_us)
-        assert frame is not None
-        image = source.frame(frame)
-        fine, content = cv2.imencode(".png", image if image.ndim == 2 else image[:, :, ::-1])
-        assert fine
-        files.append(write_bytes(folder / f"{picture_name(source.name, label.t_us)}.png", content.tobytes()))
-        progress((number + 1) / len(labels))
-    return tuple(files)
+    lines += [f"not in this format: {loss}" for loss in made.losses]
+    layer.tell({**counts, "out": str(out), "losses": list(made.losses)}, lines)
 
 
 def run_score(arguments: LabelScoreArguments) -> None:

@@ -14,6 +14,7 @@ from app.cli.arguments import DATA, flag, positional
 from app.cli.ending import end_event
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
+from app.export.viewer_streamer import check_viewer_address
 from app.front.address import check_address
 from app.front.admission import Admission
 from app.shared.library import Library
@@ -47,6 +48,7 @@ class ServeArguments:
     data: Path = flag("workspace", default=DATA)
     folder: tuple[Path, ...] | None = flag("browsers may open its files, too; can be given again", "DIR", repeated=True)
     config: Path | None = flag("detector settings to start with, a TOML file", "FILE")
+    rerun: str | None = flag("a Rerun viewer that Export may stream to", "rerun+http://HOST:PORT/proxy")
     open: bool = flag("open a browser")
 
 
@@ -54,6 +56,8 @@ def run(arguments: ServeArguments) -> None:
     """Serve until interrupted."""
     source = _check_source(arguments.source, arguments.recording)
     own = own_simulation(arguments, source)
+    if arguments.rerun is not None:
+        check_viewer_address(arguments.rerun)
     config = load_config(DetectorConfig, arguments.config) if arguments.config else DetectorConfig()
     workspace = Workspace(arguments.data)
     library = Library(workspace, _check_folders(arguments.folder or ()))
@@ -103,6 +107,7 @@ def _show(
         config=config,
         preparation=preparation,
         admission=admission,
+        viewer_address=arguments.rerun,
     )
     if startup is not None:
         startup.hand_over(lab.use_live)

@@ -13,6 +13,7 @@ from typing import Final
 from app.background.jobs import Job
 from app.export.unfinished import Cancelled, ExportCancelledError, Progress
 from app.shared.workspace import Workspace, slug_from
+from app.words.file_size import size_text
 from core.errors import CommandError, RallyscopeError
 
 logger = logging.getLogger(__name__)
@@ -130,7 +131,7 @@ class Exporter:
 
     def _done(self, files: tuple[Path, ...]) -> None:
         size = sum(path.stat().st_size for path in files)
-        self._ended_s, self._message = time.monotonic(), f"{self._name}: {size / 1e6:.1f} MB"
+        self._ended_s, self._message = time.monotonic(), f"{self._name}: {size_text(size)}"
 
     def _went_wrong(self, error: Exception) -> None:
         if not isinstance(error, RallyscopeError | ExportCancelledError):

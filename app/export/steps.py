@@ -35,28 +35,41 @@ def window_length_us(config: ChainConfig) -> int:
     return method_config(config.method, config.detector).window.window_us
 
 
+class ChainFollower:
+    """The chain of some cameras; the spans that it is given are to follow one another."""
+
+    def __init__(self, recording: Recording, config: ChainConfig, *, picture_every: int) -> None:
+        self._window_us = window_length_us(config)
+        self._every, self._number = picture_every, 0
+        self._chain: RallyChain | None = None
+        self._detectors: dict[str, Detector] = {}
+        cameras = recording.cameras
+        if is_stereo(recording):
+            calibrated = {name: one.calibration for name, one in cameras.items() if one.calibration is not None}
+            self._chain = RallyChain(calibrated, config)
+        else:
+            self._detectors = {
+                name: make_detector(config.method, one.sensor, config.detector) for name, one in cameras.items()
+            }
+
+    def follow(self, recording: Recording, span: Span) -> Iterator[ChainStep]:
+        """Step after step through the span."""
+        chain, detectors = self._chain, self._detectors
+        for windows in windows_side_by_side(recording.cameras, span.start_us, span.end_us, self._window_us):
+            self._number += 1
+            end_us = next(iter(windows.values())).end_us
+            before = None
+            if self._number % self._every == 0:
+                before = chain.track_states() if chain else states_of(detectors)
+            if chain is not None:
+                state = chain.step(windows)
+                yield ChainStep(end_us, windows, state.detections, state.seconds.detect, state, before)
+                continue
+            started_s = time.perf_counter()
+            found = {name: detectors[name].step(window) for name, window in windows.items()}
+            yield ChainStep(end_us, windows, found, time.perf_counter() - started_s, None, before)
+
+
 def follow_span(recording: Recording, span: Span, config: ChainConfig, *, picture_every: int) -> Iterator[ChainStep]:
     """Step after step through the span."""
-    window_us = window_length_us(config)
-    side_by_side = windows_side_by_side(recording.cameras, span.start_us, span.end_us, window_us)
-    chain = None
-    if is_stereo(recording):
-        calibrated = {name: one.calibration for name, one in recording.cameras.items() if one.calibration is not None}
-        chain = RallyChain(calibrated, config)
-    detectors: dict[str, Detector] = {}
-    if chain is None:
-        detectors = {
-            name: make_detector(config.method, one.sensor, config.detector) for name, one in recording.cameras.items()
-        }
-    for number, windows in enumerate(side_by_side, start=1):
-        end_us = next(iter(windows.values())).end_us
-        before = None
-        if number % picture_every == 0:
-            before = chain.track_states() if chain else states_of(detectors)
-        if chain is not None:
-            state = chain.step(windows)
-            yield ChainStep(end_us, windows, state.detections, state.seconds.detect, state, before)
-            continue
-        started_s = time.perf_counter()
-        found = {name: detectors[name].step(window) for name, window in windows.items()}
-        yield ChainStep(end_us, windows, found, time.perf_counter() - started_s, None, before)
+    return ChainFollower(recording, config, picture_every=picture_every).follow(recording, span)

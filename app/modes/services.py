@@ -7,6 +7,7 @@ from importlib.metadata import version
 from typing import Final
 
 from app.export.exporter import Exporter
+from app.export.viewer_streamer import ViewerStreamer
 from app.shared.files import OfferedFiles
 from app.shared.library import Library
 from app.shared.rallies import Rallies
@@ -29,6 +30,7 @@ class Services:
     label_stores: LabelStoreRegistry
     """Its stores are closed by the last browser that leaves them, after what it still had to save."""
     exporter: Exporter
+    viewer: ViewerStreamer
     trainer: Trainer
     metrics: MetricsStore
     """What the training runs have written, read once for all browsers."""
@@ -38,8 +40,8 @@ class Services:
     """What can be opened beside the recordings."""
 
     @classmethod
-    def of(cls, workspace: Workspace, library: Library) -> Services:
-        """Those of a workspace."""
+    def of(cls, workspace: Workspace, library: Library, viewer_address: str | None = None) -> Services:
+        """Those of a workspace; `viewer_address` is that of a Rerun viewer which may be streamed to."""
         label_stores = LabelStoreRegistry(workspace.labels, tool=LABEL_TOOL)
         return cls(
             workspace,
@@ -47,6 +49,7 @@ class Services:
             Rallies(),
             label_stores,
             Exporter(workspace),
+            ViewerStreamer(viewer_address),
             Trainer(workspace),
             MetricsStore(),
             BrowserMemory(workspace),
@@ -56,5 +59,6 @@ class Services:
     def close(self) -> None:
         """End what belongs to the app. A training goes on: it has a process of its own."""
         self.exporter.close()
+        self.viewer.close()
         self.rallies.close()
         self.library.close()

@@ -77,6 +77,7 @@ class World:
         self._parts: Array | None = None
         self._touched = False
         self._drawn = RallyPicture()
+        self._held: Eye | None = None
         self.layers: frozenset[str] = frozenset(LAYERS)
         """Those that are drawn."""
 
@@ -153,11 +154,22 @@ class World:
             )
             if self._rig is not None:
                 self._rig.set_visible("Cameras" in on and self._view not in self._cameras)
-        if self._view == "Follow ball" and picture.ball is not None and self.visible:
+        if self._held is None and self._view == "Follow ball" and picture.ball is not None and self.visible:
             follow_viewpoint(self._client, picture.ball, FOLLOW_SHARE)
+
+    def hold(self, eye: Eye | None) -> None:
+        """Draw for this eye, wherever the browser's camera is, until None lets it go: for pictures that are kept."""
+        self._held = eye
+
+    @property
+    def eye(self) -> Eye:
+        """From where it is drawn now."""
+        return self._held or eye_of(self._client)
 
     def turn_to_eye(self) -> None:
         """What faces the eye follows it, also while nothing else moves; to be called by the loop."""
+        if self._held is not None:
+            return
         if self.visible:
             self._stand_again()
         if self.visible and not eye_of(self._client).same_as(self._eye):
@@ -165,7 +177,7 @@ class World:
                 self._show_ball(self._drawn)
 
     def _show_ball(self, picture: RallyPicture) -> None:
-        self._drawn, self._eye = picture, eye_of(self._client)
+        self._drawn, self._eye = picture, self.eye
         on = self.layers
         self._ball.show(picture.ball if "Ball" in on else None, picture.truth if "True ball" in on else None, self._eye)
 

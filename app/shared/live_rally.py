@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from app.shared.simulation_process import SimulationProcess
 from core.cameras import Camera
 from core.errors import LinkError, RecordingError
+from core.physics.episode import Case
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import PlayerState
 from core.rally.history.live_rows import LiveRows
@@ -21,6 +22,7 @@ from core.rally.history.played_bodies import PlayedBodies
 from core.rally.history.rally_history import Outcome, RallyHistory
 from core.rally.history.rally_picture import LandingSpot
 from core.rally.history.record_live import LiveRecorder
+from core.rally.history.return_counts import BallConditions, ReturnCounts
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
 from core.rally.live.live_player import LivePlayer
@@ -61,6 +63,8 @@ class LiveRally:
         self.rows = LiveRows()
         self.bodies = PlayedBodies()
         """Who is in the scene when."""
+        self.returns = ReturnCounts()
+        """Since this app was started, over all sessions of the simulation."""
         self._scene: str | None = None
         self._session = ""
         self._recorder: LiveRecorder | None = None
@@ -148,6 +152,7 @@ class LiveRally:
         """Begin anew with another session."""
         self.history.clear()
         self.rows.clear()
+        self.returns.drop_ball()
         self._session, self._forgotten_us = welcome.session, 0
         self.bodies, self._scene = PlayedBodies(), None
 
@@ -171,8 +176,12 @@ class LiveRally:
             self.rows.forget_before(state.t_us - round(REMEMBERED_S * 1e6))
 
     def on_notice(self, notice: m.Notice) -> None:
-        """Turn outcomes into landing spots."""
-        if isinstance(notice, m.OutcomeNotice):
+        """Count the balls, and turn outcomes into landing spots."""
+        conditions = BallConditions(self.player.controller.name, self._scene or "")
+        if isinstance(notice, m.ServeNotice):
+            self.returns.begin_ball(conditions)
+        elif isinstance(notice, m.OutcomeNotice):
+            self.returns.end_ball(conditions, returned=notice.case == Case.RETURNED)
             x, y, _ = notice.landing_m
             spot = LandingSpot(x, y, notice.case)
             self.rows.add_outcome(notice, self.player.controller.name)

@@ -5,10 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final, Literal, get_args
 
+from app.shared.live_rally import LiveRally
 from app.shared.workspace import Workspace
+from core.errors import CommandError
+from core.rally.control.controller import BuiltInController
+from core.rally.control.policy_controller import load_controller
 
 Player = Literal["training ball", "current policy", "best so far"]
 PLAYERS: Final[tuple[Player, ...]] = get_args(Player)
+BUILT_IN: Final = BuiltInController().name
 
 
 def run_choices(workspace: Workspace) -> tuple[str, ...]:
@@ -20,6 +25,28 @@ def run_choices(workspace: Workspace) -> tuple[str, ...]:
         if times:
             found.append((max(times), name))
     return tuple(name for _, name in sorted(found, reverse=True))
+
+
+def has_policy(workspace: Workspace, name: str) -> bool:
+    """Whether a run has written a policy already."""
+    return any(workspace.run_path(name).glob("seed-*/policy.safetensors"))
+
+
+def let_play(live: LiveRally, workspace: Workspace, name: str) -> None:
+    """Let the built-in controller, or the policy of a run, play the live rally from the next block on.
+
+    It aims where the one before it aimed. Reads a file: not to be called by the loop.
+
+    Raises:
+        RallyscopeError: if there is no such run, or its policy cannot be read.
+    """
+    goal = live.player.snapshot.goal_m
+    if name == BUILT_IN:
+        live.player.use(BuiltInController().aimed_at(goal))
+    elif name in run_choices(workspace):  # never a path made from what a browser sent
+        live.player.use(load_controller(workspace.run_path(name), goal_m=goal))
+    else:
+        raise CommandError("no policy to play with", got=repr(name[:80]), remedy="train one in the mode Train")
 
 
 def _changed_s(path: Path) -> float:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
-from app.shared.live_rally import LiveRally
+from app.shared.live_rally import LiveRally, positions
 from core.cameras import Camera
 from core.rally.history.following import Following, Followings
-from core.rally.history.rally_history import RallyHistory
-from core.rally.history.rally_picture import People
+from core.rally.history.rally_history import RallyHistory, RallyMoment
+from core.rally.history.rally_picture import People, RallyPicture
 from core.recordings import Recording
 
 GRACE_S: Final = 3.0
@@ -60,6 +60,15 @@ class WatchedRally:
         if self.live is not None:
             return self.live.bodies.at(t_us)
         return None if self.following is None else self.following.bodies.at(t_us)
+
+    def picture_of(self, moment: RallyMoment) -> RallyPicture:
+        """A moment as the 3D scene shows it."""
+        picture = replace(moment.picture, people=self.people(moment.t_us))
+        return picture if self.live is None else replace(picture, landing_target=self.live.player.snapshot.goal_m)
+
+    def picture_at(self, t_us: int) -> RallyPicture:
+        """A time as the 3D scene shows it."""
+        return self.picture_of(self.history.at(t_us, positions(self.cameras)))
 
     @property
     def followed(self) -> float:

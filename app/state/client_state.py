@@ -102,6 +102,10 @@ class ClientState:
     look: RenderSettings = field(default_factory=RenderSettings)
     tune: TuneView = field(default_factory=TuneView)
     watch: WatchView = field(default_factory=WatchView)
+    looks: int = 0
+    """How often a moment of a camera was handed from one mode to another."""
+    score_by: str | None = None
+    """The annotator against whose labels Tune is to score, as soon as it can."""
 
     @property
     def config(self) -> DetectorConfig:

@@ -263,6 +263,40 @@ class StopAt:
 
 
 @dataclass(frozen=True, slots=True)
+class LookInto:
+    """Look at a moment of a camera in another mode, and stay there."""
+
+    mode: ModeName
+    camera: str
+    t_us: int
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        for step in (StopAt(self.t_us), SetCamera(self.camera), SetMode(self.mode)):
+            state = step.apply(state, wall_s)
+        return replace(state, looks=state.looks + 1)
+
+
+@dataclass(frozen=True, slots=True)
+class AskForScore:
+    """Let Tune score its config against an annotator's labels of a camera."""
+
+    camera: str
+    annotator: str
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        state = SetMode("Tune").apply(SetCamera(self.camera).apply(state, wall_s), wall_s)
+        return replace(state, score_by=self.annotator)
+
+
+@dataclass(frozen=True, slots=True)
+class BeginScore:
+    """What was asked for is begun."""
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, score_by=None)
+
+
+@dataclass(frozen=True, slots=True)
 class ShowTruth:
     show: bool
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from app.export.rrd import camera as rrd_camera
 from app.export.rrd import plots as rrd_plots
@@ -19,7 +20,7 @@ from app.export.rrd.file import rerun_file
 from app.export.rrd.paths import picture_path
 from app.export.rrd.picture_pool import PicturePool
 from app.export.selection import DEFAULT_STRIDE_US, Span
-from app.export.steps import ChainStep, follow_span, window_length_us
+from app.export.steps import ChainFollower, ChainStep, window_length_us
 from app.export.unfinished import Cancelled, Progress, check_cancelled
 from core.detection import TrackState
 from core.detection.methods import STAGED, method_config
@@ -67,61 +68,81 @@ def export_rrd(
         CommandError: if the file exists and `overwrite` is not set, or it cannot be written.
         ExportCancelledError: if `cancelled` said so; there is no file then.
     """
-    cameras = {name: one.calibration is not None for name, one in recording.cameras.items()}
     name = f"{recording.uuid}-{span.start_us}-{span.end_us}"
-    blueprint = recording_blueprint(cameras, rewards=contents.plots and groups("/episodes") is not None)
+    blueprint = blueprint_of(recording, contents, groups)
     with rerun_file(path, blueprint, recording_id=name, overwrite=overwrite, cancelled=cancelled) as stream:
-        _Export(stream, recording, span, contents, groups).write(progress, cancelled)
+        writer = RallyWriter(stream, recording, contents, groups)
+        writer.begin()
+        with PicturePool(writer.pictures_of(span)) as pool:
+            writer.write(recording, span, pool, lambda share: progress(SHARE_OF_STEPS * share), cancelled)
     progress(1.0)
     return path
 
 
-class _Export:
-    """One export on its way."""
+def blueprint_of(recording: Recording, contents: RrdContents, groups: Callable[[str], Rows | None]) -> rrb.Blueprint:
+    """How a viewer arranges it."""
+    cameras = {name: one.calibration is not None for name, one in recording.cameras.items()}
+    return recording_blueprint(cameras, rewards=contents.plots and groups("/episodes") is not None)
+
+
+class RallyWriter:
+    """Writes one rally to a stream, span after span."""
 
     def __init__(
         self,
         stream: rr.RecordingStream,
         recording: Recording,
-        span: Span,
         contents: RrdContents,
         groups: Callable[[str], Rows | None],
+        *,
+        written: Callable[[], None] = lambda: None,
     ) -> None:
-        self._stream, self._recording, self._span, self._contents = stream, recording, span, contents
-        self._groups = groups
+        """`recording` says which cameras there are; `written` is called after every part of about a second."""
+        self._stream, self._contents, self._groups, self._written = stream, contents, groups, written
+        self._cameras = {name: one.calibration for name, one in recording.cameras.items()}
         self._paths = {
-            name: picture_path(name, calibrated=one.calibration is not None) for name, one in recording.cameras.items()
+            name: picture_path(name, calibrated=camera is not None) for name, camera in self._cameras.items()
         }
         self._detector = method_config(contents.chain.method, contents.chain.detector)
         self._stages = contents.stages and contents.chain.method in STAGED
-        self._every = max(1, round(contents.stride_us / window_length_us(contents.chain)))
+        self._window_us = window_length_us(contents.chain)
+        self._every = max(1, round(contents.stride_us / self._window_us))
+        self._chain = ChainFollower(recording, contents.chain, picture_every=self._every)
         self._steps: list[ChainStep] = []
-        self._pictures: dict[str, list[CameraPicture]] = {name: [] for name in recording.cameras}
+        self._pictures: dict[str, list[CameraPicture]] = {name: [] for name in self._cameras}
 
-    def write(self, progress: Progress, cancelled: Cancelled) -> None:
-        """Everything but the optimizing."""
-        self._write_standing()
-        expected = 0
-        if self._contents.pictures:
-            expected = len(self._paths) * self._span.length_us // (self._every * window_length_us(self._contents.chain))
-        with PicturePool(expected) as pool:
-            steps = follow_span(self._recording, self._span, self._contents.chain, picture_every=self._every)
-            for step in steps:
-                check_cancelled(cancelled)
-                self._take(step, pool)
-                if len(self._steps) >= STEPS_PER_PART:
-                    self._write_part(pool, everything=False)
-                    progress(SHARE_OF_STEPS * (step.end_us - self._span.start_us) / self._span.length_us)
-            self._write_part(pool, everything=True)
+    def pictures_of(self, span: Span) -> int:
+        """About how many pictures a span will have."""
+        return len(self._paths) * span.length_us // (self._every * self._window_us) if self._contents.pictures else 0
 
-    def _write_standing(self) -> None:
-        recording, stream, span = self._recording, self._stream, self._span
-        if any(one.calibration is not None for one in recording.cameras.values()):
-            log_arena(stream, self._contents.chain.predictor.hit_x_m)
-        log_cameras(stream, {name: one.calibration for name, one in recording.cameras.items()})
+    def begin(self) -> None:
+        """Write what never moves."""
+        if any(camera is not None for camera in self._cameras.values()):
+            log_arena(self._stream, self._contents.chain.predictor.hit_x_m)
+        log_cameras(self._stream, self._cameras)
+        if self._contents.plots:
+            rrd_plots.log_styles(self._stream, list(self._cameras))
+
+    def write(
+        self, recording: Recording, span: Span, pool: PicturePool, progress: Progress, cancelled: Cancelled
+    ) -> None:
+        """Write a span, which begins where the one before it ended."""
+        self._write_rows(recording, span)
+        for step in self._chain.follow(recording, span):
+            check_cancelled(cancelled)
+            self._take(step, pool)
+            if len(self._steps) >= STEPS_PER_PART:
+                self._write_part(recording, pool, everything=False)
+                progress((step.end_us - span.start_us) / span.length_us)
+        self._write_part(recording, pool, everything=True)
+
+    def _write_rows(self, recording: Recording, span: Span) -> None:
+        """Write what is known of the span without the chain."""
+        stream = self._stream
         if recording.ball is not None:
             first, last = np.searchsorted(recording.ball.t_us, (span.start_us, span.end_us))
-            rrd_rally.send_ball_truth(stream, recording.ball, slice(int(first), int(last)))
+            if last > first:
+                rrd_rally.send_ball_truth(stream, recording.ball, slice(int(first), int(last)))
         senders = [
             ("/racket", "t_us", rrd_rally.send_racket),
             ("/racket_targets", "t_us", rrd_rally.send_racket_targets),
@@ -137,7 +158,6 @@ class _Export:
                 if inside.any():
                     write(stream, {name: column[inside] for name, column in rows.items()})
         if self._contents.plots:
-            rrd_plots.log_styles(stream, list(recording.cameras))
             rrd_plots.send_rates(stream, recording, span)
         for name, labels in self._contents.labels.items():
             placed = labels.between(span.start_us, span.end_us)
@@ -150,19 +170,20 @@ class _Export:
                 before = step.before.get(name, TrackState())
                 pool.submit(name, PictureJob(window, before, self._detector, self._stages))
 
-    def _write_part(self, pool: PicturePool, *, everything: bool) -> None:
+    def _write_part(self, recording: Recording, pool: PicturePool, *, everything: bool) -> None:
         steps, self._steps = self._steps, []
         if steps:
-            self._write_steps(steps)
+            self._write_steps(recording, steps)
         for name, picture in pool.ready(everything=everything):
             self._pictures[name].append(picture)
         for name, pictures in self._pictures.items():
             if pictures:
                 rrd_camera.send_pictures(self._stream, self._paths[name], pictures, stages=self._stages)
                 self._pictures[name] = []
+        self._written()
 
-    def _write_steps(self, steps: list[ChainStep]) -> None:
-        stream, recording = self._stream, self._recording
+    def _write_steps(self, recording: Recording, steps: list[ChainStep]) -> None:
+        stream = self._stream
         times = [step.end_us for step in steps]
         if is_stereo(recording):
             chains = [step.chain for step in steps if step.chain is not None]

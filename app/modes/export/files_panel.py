@@ -10,6 +10,7 @@ import viser
 from app import theme
 from app.export.exporter import ExportedFile, ExportState
 from app.widgets import Listing
+from app.words.file_size import size_text
 from app.words.percent import percent
 
 SHOWN: Final = 12
@@ -77,8 +78,3 @@ def files_html(files: tuple[ExportedFile, ...]) -> str:
     ]
     more = f"<div style='color:{theme.MUTED}'>and {len(files) - SHOWN} more</div>" if len(files) > SHOWN else ""
     return f"<div style='{STYLE}'><table style='width:100%'>{''.join(rows)}</table>{more}</div>"
-
-
-def size_text(size: int) -> str:
-    """In the unit that suits it."""
-    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(1, round(size / 1e3))} kB"

@@ -6,28 +6,35 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from app.export.formats import FORMATS, ExportRequest, export
 from app.export.frozen import freeze
-from app.export.selection import span_of
+from app.export.selection import Span, span_of
 from app.export.unfinished import Cancelled, Progress
+from app.export.view_film import ViewFilmPlan, export_view_film, save_picture
+from app.modes.download import download_export
 from app.modes.export.files_panel import ExportFilesPanel
 from app.modes.export.plan_panel import ExportPlan, ExportPlanPanel
+from app.modes.export.stream import StreamOrder, groups_of, labels_of
+from app.modes.export.view_options import VIEW_PICTURE
+from app.modes.export.view_shots import ViewShots
+from app.modes.export.viewer_panel import ViewerPanel
 from app.modes.mode import Middle, ModeHost
 from app.shared.live_rally import LiveRally
 from app.state.client_state import ClientState
+from app.state.commands import TogglePlay
 from app.widgets import when_clicked
 from core.detection import DetectorConfig
 from core.errors import CommandError
 from core.rally import ChainConfig
 from core.rally.live.ring_recording import RingRecording
 from core.recordings import Recording
-from core.recordings.layout import Rows
-from labels.store import LabelStore, find_layers
+from labels.store import find_layers
 
 LOOK_EVERY_S: Final = 0.3
 OFFER_EVERY_S: Final = 2.0
-LARGEST_DOWNLOAD: Final = 1_000_000_000
-"""Bytes; a download goes through this process's memory."""
 
 
 class ExportMode:
@@ -40,41 +47,55 @@ class ExportMode:
         self._host = host
         self._exporter = host.services.exporter
         self._now_us = 0
+        self._shots = ViewShots(host)
         self._looked_s = self._offered_s = float("-inf")
         self._folder = host.client.gui.add_folder(None, visible=False)
         with self._folder:
             self._plan = ExportPlanPanel(host.client.gui, lambda: self._now_us, host.later)
             self._files = ExportFilesPanel(host.client.gui)
+            self._viewer = ViewerPanel(
+                host.client.gui,
+                host.services.viewer.address,
+                lambda: host.later(self._stream),
+                host.services.viewer.stop,
+            )
         when_clicked(self._files.export, lambda: host.later(self._start))
         when_clicked(self._files.cancel, self._exporter.cancel)
         when_clicked(self._files.download, lambda: host.later(self._download))
 
     @property
     def middle(self) -> Middle:
-        """The pictures at the cursor: where a part begins and ends is found by looking."""
-        return "events"
+        """What is at the cursor: where a part begins and ends is found by looking."""
+        return "world" if self._shots.rally is not None and self._plan.plan.of_view else "events"
 
     @property
     def restless(self) -> bool:
-        """The session's loop turns often enough for a progress bar."""
-        return False
+        """The session's loop turns often enough for a progress bar; a 3D view of a live rally moves."""
+        return self.middle == "world" and isinstance(self._host.recording, RingRecording)
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
         self._folder.visible = active
         self._looked_s = self._offered_s = float("-inf")
+        if not active:
+            self._shots.leave()
         recording = self._host.recording
         if active and isinstance(recording, RingRecording):
             self._plan.use_span(recording.start_us, recording.duration_us)
 
     def use_recording(self, recording: Recording) -> None:
         """Offer all of it."""
+        self._shots.use(self._host.services.rallies.of(recording))
         start_us = recording.start_us if isinstance(recording, RingRecording) else 0
         self._plan.use_span(start_us, recording.duration_us)
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
         """Follow the export and the folder."""
         self._now_us = now_us
+        if self.middle == "world":
+            self._shots.draw(state, now_us)
+        elif self._shots.running:
+            self._shots.leave()
         if wall_s - self._looked_s < LOOK_EVERY_S:
             return
         self._looked_s = wall_s
@@ -83,12 +104,14 @@ class ExportMode:
                 self._offered_s = wall_s
                 self._plan.offer(tuple(sorted(self._host.services.workspace.run_names())), self._annotators())
             self._files.show(self._exporter.state(), self._exporter.files())
+            self._viewer.show(self._host.services.viewer.state())
 
     def clicked(self, x: float, y: float) -> None:
         """Nothing is chosen by clicks."""
 
     def close(self) -> None:
-        """The browser is gone; the export goes on."""
+        """The browser is gone; an export goes on, unless the browser was to draw it."""
+        self._shots.close()
 
     def _annotators(self) -> tuple[str, ...]:
         if self._host.recording is None:
@@ -107,22 +130,77 @@ class ExportMode:
         recording = self._host.recording
         if recording is None or state is None:
             raise CommandError("no recording is open")
-        span_of(recording, plan.start_us, plan.end_us)  # says at once what is wrong with it
+        span = span_of(recording, plan.start_us, plan.end_us)  # says at once what is wrong with it
+        if plan.of_view:
+            self._start_view(plan, span, state)
+            return
         layers = self._host.services.workspace.labels
         live = self._host.services.rallies.live
         work = _recording_work(recording, plan, state.configs.present.a, layers, live)
         self._exporter.start(state.recording, FORMATS[plan.format].suffix, work)
         self._looked_s = float("-inf")
 
-    def _download(self) -> None:
-        name = self._files.chosen
-        if name is None:
+    def _stream(self) -> None:
+        """What the Rerun file would hold, to the viewer of the command line."""
+        state, recording, services = self._host.state, self._host.recording, self._host.services
+        if state is None or recording is None or services.viewer.address is None:
             return
-        path = self._exporter.path_of(name)
-        if path.stat().st_size > LARGEST_DOWNLOAD:
-            raise CommandError("too large to download through the browser", got=name, remedy=f"it is here: {path}")
-        send = self._host.client.send_file_download
-        self._host.pool.submit(lambda: send(path.name, path.read_bytes(), save_immediately=True))
+        order = StreamOrder(
+            services.viewer.address, state.recording, recording, self._plan.plan, state.configs.present.a,
+            services.workspace.labels, services.rallies.live,
+        )  # fmt: skip
+        order.check()
+        services.viewer.start(state.recording, order.send)
+        self._looked_s = float("-inf")
+
+    def _start_view(self, plan: ExportPlan, span: Span, state: ClientState) -> None:
+        """A picture of the moment of the cursor, or a film of the part; the cursor stands still for it."""
+        shots, host, view = self._shots, self._host, plan.view
+        if shots.rally is None:
+            remedy = "import it with --calibration, or export the events"
+            raise CommandError("no 3D view of this recording", expected="two cameras, calibrated", remedy=remedy)
+        film = ViewFilmPlan(
+            span=span,
+            speed=view.speed,
+            frames_per_s=view.frames_per_s,
+            width_px=view.width_px,
+            height_px=view.height_px,
+        )
+        times_us = (self._now_us,) if plan.format == VIEW_PICTURE else film.times_us()
+        paused = state.playhead.playing and not state.playhead.live
+        shots.begin()
+
+        def work(path: Path, progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
+            def picture_at(t_us: int) -> NDArray[np.uint8]:
+                return shots.picture_at(t_us, (view.width_px, view.height_px), cancelled)
+
+            try:
+                shots.keep(times_us, cancelled)
+                if plan.format == VIEW_PICTURE:
+                    return (save_picture(path, picture_at(times_us[0])),)
+                return (export_view_film(path, film, picture_at, progress=progress, cancelled=cancelled),)
+            finally:
+                host.later(lambda: self._end_view(state.recording, playing=paused))
+
+        try:
+            self._exporter.start(f"{state.recording}-3d", ".png" if plan.format == VIEW_PICTURE else ".mp4", work)
+        except CommandError:
+            shots.end()
+            raise
+        if paused:
+            host.send(TogglePlay())
+        self._looked_s = float("-inf")
+
+    def _end_view(self, recording: str, *, playing: bool) -> None:
+        """The cursor goes on from where it stood."""
+        self._shots.end()
+        state = self._host.state
+        if playing and state is not None and state.recording == recording and not state.playhead.playing:
+            self._host.send(TogglePlay())
+
+    def _download(self) -> None:
+        if self._files.chosen is not None:
+            download_export(self._host, self._files.chosen)
 
 
 def _run_work(run: Path) -> Callable[[Path, Progress, Cancelled], tuple[Path, ...]]:
@@ -139,9 +217,6 @@ def _recording_work(
         source, span = recording, span_of(recording, plan.start_us, plan.end_us)
         if isinstance(recording, RingRecording):
             source = freeze(recording, span)
-            groups = _no_rows if live is None or live.recording is not recording else live.rows.read_rows
-        else:
-            groups = getattr(recording, "read_rows", _no_rows)
         order = ExportRequest(
             format=plan.format,
             destination=path,
@@ -153,13 +228,8 @@ def _recording_work(
             plots=plan.plots,
             chain=ChainConfig.of_method("auto", detector),
         )
-        mine = [layer for layer in find_layers(labels, source.uuid) if layer.annotator == plan.annotator]
-        shown = {layer.camera: LabelStore.read(labels, layer).labels() for layer in mine if not layer.blind}
+        shown = labels_of(labels, source.uuid, plan.annotator)
+        groups = groups_of(recording, live)
         return export(order, recording=source, groups=groups, labels=shown, progress=progress, cancelled=cancelled)
 
     return work
-
-
-def _no_rows(group: str) -> Rows | None:
-    """What a recording without groups gives: no rows."""
-    return None

@@ -9,6 +9,7 @@ from typing import Final, Literal
 import viser
 
 from app.export.formats import FORMATS
+from app.modes.export.view_options import VIEW_PICTURE, VIEWS, ViewChoices, ViewOptions
 from app.widgets import Choice, Listing, when_changed
 
 What = Literal["Recording", "Training run"]
@@ -21,8 +22,8 @@ TITLES: Final = {
     "rrd": "Rerun (.rrd)",
     "html": "3D scene as a web page (.html)",
     "viser": "3D scene for viser (.viser)",
-    "mp4": "Film (.mp4)",
-    "png": "Picture of the end (.png)",
+    "mp4": "Film with both cameras, drawn here (.mp4)",
+    "png": "Picture with both cameras, of the end (.png)",
     "dsec": "DSEC (HDF5 per camera)",
     "evt3": "Prophesee RAW (EVT3)",
     "csv": "CSV tables",
@@ -43,6 +44,12 @@ class ExportPlan:
     stages: bool
     plots: bool
     annotator: str | None
+    view: ViewChoices
+
+    @property
+    def of_view(self) -> bool:
+        """It is drawn by the browser."""
+        return self.what == "Recording" and self.format in VIEWS
 
 
 class ExportPlanPanel:
@@ -54,12 +61,14 @@ class ExportPlanPanel:
         self._here_us = here_us
         self._choice = Choice(gui, "What", WHATS, lambda what: later(lambda: self._choose(what)))
         self._run = Listing(gui, "Run", lambda _: None, hint="Trainings of the workspace")
-        self._title = gui.add_dropdown("Format", tuple(TITLES[name] for name in FORMATS if name in TITLES))
+        self._titles = {**{name: TITLES[name] for name in FORMATS if name in TITLES}, **VIEWS}
+        self._title = gui.add_dropdown("Format", tuple(self._titles.values()))
         self._range = gui.add_folder("Part")
         with self._range:
             self._start = gui.add_number("From [s]", 0.0, min=0.0, step=0.001)
             self._end = gui.add_number("To [s]", 0.0, min=0.0, step=0.001)
             part = gui.add_button_group("Take", (ALL, ROUND), hint="All of it, or a second each side of the cursor")
+        self._view = ViewOptions(gui)
         self._contents = gui.add_folder("In the Rerun file", expand_by_default=False)
         with self._contents:
             self._pictures = gui.add_checkbox("Pictures", True, hint="What each camera saw")
@@ -85,7 +94,7 @@ class ExportPlanPanel:
     def plan(self) -> ExportPlan:
         """The plan as it is chosen now."""
         title = str(self._title.value)
-        name = next((name for name, text in TITLES.items() if text == title), "rrd")
+        name = next((name for name, text in self._titles.items() if text == title), "rrd")
         annotator = self._annotator.chosen
         return ExportPlan(
             what=self._what,
@@ -98,6 +107,7 @@ class ExportPlanPanel:
             stages=bool(self._stages.value),
             plots=bool(self._plots.value),
             annotator=None if annotator == NOBODY else annotator,
+            view=self._view.choices,
         )
 
     def offer(self, runs: tuple[str, ...], annotators: tuple[str, ...]) -> None:
@@ -126,5 +136,8 @@ class ExportPlanPanel:
     def _show_what_counts(self) -> None:
         of_run = self._what == "Training run"
         self._run.visible = of_run
-        self._range.visible = self._title.visible = not of_run
-        self._contents.visible = not of_run and self.plan.format == "rrd"
+        plan = self.plan
+        self._title.visible = not of_run
+        self._range.visible = not of_run and plan.format != VIEW_PICTURE
+        self._contents.visible = not of_run and plan.format == "rrd"
+        self._view.show(plan.format if plan.of_view else "")

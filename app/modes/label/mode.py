@@ -19,7 +19,6 @@ from app.modes.label.commands.step import LabelCommand
 from app.modes.label.editor import LabelCallbacks, LabelEditor
 from app.modes.label.first_label.annotator import annotator_from, last_annotator, remember_annotator
 from app.modes.label.first_label.annotator_prompt import AnnotatorPrompt
-from app.modes.label.first_label.live_copy import LiveCopy
 from app.modes.label.held_keys import HeldKeys
 from app.modes.label.label_strip import strip_time
 from app.modes.label.labelling import begin_labelling
@@ -27,6 +26,7 @@ from app.modes.label.panel import LabelPanel, PanelActions
 from app.modes.label.pictures import LabelPictures
 from app.modes.label.plan import LabelScene, Point, agreement_at
 from app.modes.label.prefetch import LabelMosaic
+from app.modes.label.results.results import LabelResults
 from app.modes.label.status import (
     Checked,
     checked_of,
@@ -39,6 +39,7 @@ from app.modes.label.status import (
     status_words,
 )
 from app.modes.label.view import DEFAULT_STEP_US, LABEL_STEPS_US, ZOOMS, LabelView
+from app.modes.live_copy import LiveCopy
 from app.modes.mode import Middle, ModeHost
 from app.panels.time_bar import runs_of_times
 from app.pictures.event_picture import RENDERINGS
@@ -74,6 +75,8 @@ class LabelMode:
         self._prompt: AnnotatorPrompt | None = None
         self._live = LiveCopy(host)
         self._step_chosen = False
+        self._elsewhere = ("", 0)
+        """The camera that the other modes look at, and how often it was handed over, as Label last followed it."""
         self._ring: tuple[float, float, float] | None = None
         self._in_bar: LabelArrays | None = None
         self._in_bar_s = 0.0
@@ -91,6 +94,8 @@ class LabelMode:
             numbers=lambda x, y, r: host.later(lambda: self._send(SetNumbers(x, y, r))),
         )
         self._panel = LabelPanel(host.client.gui, actions)
+        with self._panel.folder:
+            self._results = LabelResults(host)
 
     @property
     def middle(self) -> Middle:
@@ -120,6 +125,8 @@ class LabelMode:
         """Another recording was opened."""
         self._drop()
         self._recording, self._in_bar = recording, None
+        if self._host.state is not None:
+            self._elsewhere = (self._host.state.camera, self._host.state.looks)
         if self._active:
             self._open()
             moment_us = self._live.moment_in(recording)
@@ -133,6 +140,10 @@ class LabelMode:
             return
         editor.follow(now_us, max(state.step_us, LABEL_STEPS_US[0]))  # the time controls go finer than labels do
         editor.look_again(wall_s)
+        if (state.camera, state.looks) != self._elsewhere:  # another was chosen in Tune, or one is named by Watch
+            self._elsewhere = (state.camera, state.looks)
+            editor.send(ChangeView({"camera": state.camera}))
+        self._results.tick(editor, wall_s)
         now = editor.labelling
         scene = self._scene(editor, state)
         if self._pictures.arrives(scene, now.t_us):

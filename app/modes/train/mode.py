@@ -14,8 +14,12 @@ from app.modes.train.run_panel import LAST_ONES, NEWEST, NOBODY, RunPanel, confi
 from app.modes.train.side_panel import SidePanel
 from app.modes.train.training_scene import TrainingScene
 from app.modes.train.view import Details, RunsView, RunsViewer, ViewRequest
+from app.shared.live_rally import LIVE
+from app.shared.policies import let_play
 from app.shared.training.run_state import RunPhase
 from app.state.client_state import ClientState
+from app.state.commands import SetMode
+from core.errors import RallyscopeError
 from core.learning.config import RunConfig
 from core.learning.runs.control import RunCommand
 from core.recordings import Recording
@@ -120,7 +124,7 @@ class TrainMode:
         if view.details is not None or view.run is None:
             self._details = view.details
         with self._host.client.atomic():
-            self._run_panel.show(view.runs, view.run, self._details)
+            self._run_panel.show(view, self._details, has_rally=self._host.services.rallies.live is not None)
             self._side.show(view, self._details)
         self._tell_ends(view)
 
@@ -191,6 +195,36 @@ class TrainMode:
         if self._view is not None and self._view.run is not None:
             self._trainer.resume(self._view.run.name)
             self._asked_s = float("-inf")
+
+    def let_play(self) -> None:
+        """The policy of the run that is shown plays the live rally."""
+        self._host.later(self._let_play)
+
+    def _let_play(self) -> None:
+        host, live = self._host, self._host.services.rallies.live
+        if live is None or self._view is None or self._view.run is None:
+            return
+        name = self._view.run.name
+
+        def work() -> None:
+            try:
+                let_play(live, host.services.workspace, name)
+            except RallyscopeError as error:
+                self._report(error)
+            else:
+                host.later(lambda: self._watch(name))
+
+        host.pool.submit(work)
+
+    def _watch(self, name: str) -> None:
+        self._host.open_recording(LIVE)
+        self._host.send(SetMode("Watch"))
+        self._host.note(
+            f"{name} plays", "Its policy turns the racket of the live rally; Watch counts what returns.", "green"
+        )
+
+    def _report(self, error: RallyscopeError) -> None:
+        self._host.later(lambda: self._host.report(error))
 
     def set_pace(self, pace: str) -> None:
         """Slow the training down, or let it run."""

@@ -7,16 +7,20 @@ from typing import Final, Protocol
 
 import viser
 
+from app import theme
 from app.modes.train.presets import PACES
 from app.modes.train.status import status_html
-from app.modes.train.view import Details
-from app.shared.training.run_state import RunState
+from app.modes.train.view import Details, RunsView
 from app.widgets import Listing, when_clicked
 from core.learning.runs.control import RunCommand
 
 NEWEST: Final = "the newest"
 LAST_ONES: Final = "the last three"
 NOBODY: Final = "nothing"
+NO_RALLY_HTML: Final = (
+    f"<div style='font-size:12.5px;padding:4px 12px;color:{theme.MUTED}'>Its policy could play a live rally, but "
+    "there is none here: start Rallyscope without a recording, or with <code>--source</code>.</div>"
+)
 
 
 class RunActions(Protocol):
@@ -27,6 +31,7 @@ class RunActions(Protocol):
     def ask_to_stop(self) -> None: ...
     def resume(self) -> None: ...
     def set_pace(self, pace: str) -> None: ...
+    def let_play(self) -> None: ...
     def choose_run(self, name: str) -> None: ...
     def compare_with(self, name: str) -> None: ...
 
@@ -47,6 +52,14 @@ class RunPanel:
         self._go_on = gui.add_button("Go on", icon=viser.Icon.PLAYER_PLAY, visible=False)
         self._resume = gui.add_button("Resume", icon=viser.Icon.PLAYER_TRACK_NEXT, visible=False)
         self._stop = gui.add_button("Stop", icon=viser.Icon.PLAYER_STOP, color="red", visible=False)
+        self._play = gui.add_button(
+            "Let it play",
+            icon=viser.Icon.PING_PONG,
+            color="green",
+            visible=False,
+            hint="Its policy plays the live rally from now on; opens Watch",
+        )
+        self._why_not = gui.add_html(NO_RALLY_HTML, visible=False)
         self._pace = Listing(gui, "Pace", actions.set_pace, hint="Slow the training down to watch it, at any time")
         self._pace.offer(tuple(PACES))
         self._runs = Listing(gui, "Run", actions.choose_run, hint="Whose curves, landings and balls are shown")
@@ -58,9 +71,14 @@ class RunPanel:
         when_clicked(self._go_on, lambda: actions.ask("run"))
         when_clicked(self._resume, actions.resume)
         when_clicked(self._stop, actions.ask_to_stop)
+        when_clicked(self._play, actions.let_play)
 
-    def show(self, runs: tuple[RunState, ...], run: RunState | None, details: Details | None) -> None:
-        """Follow what the runs do; the buttons are for the one that is trained, or else the one that is shown."""
+    def show(self, view: RunsView, details: Details | None, *, has_rally: bool) -> None:
+        """Follow what the runs do; the buttons are for the one that is trained, or else the one that is shown.
+
+        `has_rally`: there is a live rally that a policy can play.
+        """
+        runs, run = view.runs, view.run
         active = next((state for state in runs if state.active), None)
         names = tuple(state.name for state in runs)
         self._runs.offer((NEWEST, *names))
@@ -71,6 +89,8 @@ class RunPanel:
         self._go_on.visible = active is not None and active.phase == "paused"
         self._stop.visible = active is not None and active.phase not in ("stopping", "ending")
         self._resume.visible = active is None and run is not None and run.resumable
+        self._play.visible = view.playable and has_rally
+        self._why_not.visible = view.playable and not has_rally
         self._progress.visible = active is not None
         if active is not None:
             status = None if active.phase == "starting" else active.status

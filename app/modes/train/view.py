@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from app.modes.train.curves import CURVES, Curves, curves_of, mean_curve, on_axis, points_on_axis, shared_axis
 from app.modes.train.plan_view import draw_offsets, draw_plan, encode_plan
 from app.scene.landing import REACH_M, SPOTS
+from app.shared.policies import has_policy
 from app.shared.training.metrics import Metrics, MetricsStore, last_line
 from app.shared.training.run_state import RunState, read_log_tail
 from app.shared.training.trainer import Trainer
@@ -89,6 +90,8 @@ class RunsView:
     key: object
     details: Details | None
     """None: as before."""
+    playable: bool = False
+    """The run is over, and has a policy."""
 
 
 class RunsViewer:
@@ -119,7 +122,8 @@ class RunsViewer:
         if key != request.shown:
             details = make_details(metrics, list(others.values()), run.config.episodes)
         log = read_log_tail(self._workspace.run_path(run.name))
-        return RunsView(runs, self._results(runs), run, tuple(others), log, key, details)
+        playable = not run.active and has_policy(self._workspace, run.name)
+        return RunsView(runs, self._results(runs), run, tuple(others), log, key, details, playable)
 
     def _results(self, runs: tuple[RunState, ...]) -> dict[str, dict[str, object]]:
         for run in runs[:LISTED]:

@@ -37,12 +37,12 @@ class ScoreCancelledError(Exception):
     """Somebody does not want the score any more."""
 
 
-def find_reference(folder: Path, recording_uuid: str, camera: str) -> LabelStore | None:
-    """The labels of the annotator who has made the most in this camera; None without any."""
+def find_reference(folder: Path, recording_uuid: str, camera: str, annotator: str | None = None) -> LabelStore | None:
+    """The labels of an annotator, or of the one who has made the most in this camera; None without any."""
     stores = [
         LabelStore.read(folder, layer)
         for layer in find_layers(folder, recording_uuid)
-        if layer.camera == camera and not layer.blind
+        if layer.camera == camera and not layer.blind and annotator in (None, layer.annotator)
     ]
     best = max(stores, key=lambda store: len(store.labels()), default=None)
     return best if best is not None and len(best.labels()) else None

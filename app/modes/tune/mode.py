@@ -18,7 +18,7 @@ from app.modes.tune.settings import SettingsPanel
 from app.modes.tune.tune_view import TuneViewPanel
 from app.panels.time_bar import Runs, runs_of_verdicts
 from app.state.client_state import SLOTS, ClientState, Slot
-from app.state.commands import Command, LookAt, UseConfig
+from app.state.commands import BeginScore, Command, LookAt, UseConfig
 from app.views.answer_cache import AnswerCache
 from app.views.methods_picture import MethodsRequest, answer_methods
 from app.views.requests import PictureAnswer, TuneRequest, answer_request
@@ -110,6 +110,10 @@ class TuneMode:
         if self._score is not None and wall_s - self._progress_s >= PROGRESS_EVERY_S:
             self._progress_s = wall_s
             self._results.score.show_progress(self._score.share)
+        if state.score_by is not None:
+            self._host.send(BeginScore())
+            self._cancel_score()
+            self._start_score(state.score_by)
         self._auto.tick(wall_s)
         self._compare.tick(wall_s)
         self._request_picture(state, now_us)
@@ -218,7 +222,8 @@ class TuneMode:
 
     # The score ----------------------------------------------------------------------------------------------------
 
-    def _start_score(self) -> None:
+    def _start_score(self, annotator: str | None = None) -> None:
+        """Against the labels of the annotator who made the most, or of one that is named: then the result comes up."""
         state, recording = self._host.state, self._host.recording
         if state is None or recording is None or self._score is not None:
             return
@@ -228,7 +233,8 @@ class TuneMode:
         folder, uuid, later = self._host.services.workspace.labels, recording.uuid, self._host.later
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> Score | LabelScore:
-            reference = find_reference(folder, uuid, stream.name)  # what a person said, else what the simulation knows
+            # What a person said, else what the simulation knows.
+            reference = find_reference(folder, uuid, stream.name, annotator)
             if reference is None:
                 detector, window_us = make_detector(method, stream.sensor, config), config.window.window_us
                 truth = known_truth(stream)
@@ -240,7 +246,7 @@ class TuneMode:
 
         self._score = Job(
             work,
-            lambda score: later(lambda: self._score_done(title, score)),
+            lambda score: later(lambda: self._score_done(title, score, announced=annotator is not None)),
             lambda error: later(lambda: self._score_failed(error)),
         )
         self._results.score.show_running(True)
@@ -251,8 +257,10 @@ class TuneMode:
         if self._score is not None and recording is not None and recording.uuid == uuid:
             self._host.show_runs("detector", runs)
 
-    def _score_done(self, title: str, score: Score | LabelScore) -> None:
+    def _score_done(self, title: str, score: Score | LabelScore, *, announced: bool) -> None:
         self._results.score.show_score(title, score)
+        if announced and self._active:
+            self._results.score.show_window()
         self._end_score()
 
     def _score_failed(self, error: Exception) -> None:

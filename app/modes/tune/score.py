@@ -20,6 +20,7 @@ class ScorePanel:
     """Start, cancel, progress, and the last few scores."""
 
     def __init__(self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None]) -> None:
+        self._gui = gui
         self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET)
         self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
         self._progress = gui.add_progress_bar(0.0, visible=False)
@@ -39,6 +40,13 @@ class ScorePanel:
     def show_progress(self, share: float) -> None:
         """Share of the recording that is done."""
         self._progress.value = 100.0 * share
+
+    def show_window(self) -> None:
+        """The score against labels that was shown last in a window of its own: it may be behind another tab here."""
+        modal = self._gui.add_modal("The detector against your labels")
+        with modal:
+            self._gui.add_html(f"<div style='overflow-x:auto'>{self._labels.content}</div>")
+            when_clicked(self._gui.add_button("Close", icon=viser.Icon.CHECK), modal.close)
 
     def show_score(self, title: str, score: Score | LabelScore) -> None:
         """Add a row; a score against labels has a table and a picture of its own."""

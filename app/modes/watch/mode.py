@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +11,11 @@ from app.modes.mode import Middle, ModeHost
 from app.modes.watch.camera_pictures import CameraPicturesRequest, render_camera_pictures
 from app.modes.watch.cameras_panel import CamerasPanel
 from app.modes.watch.commands import EnlargeCamera
+from app.modes.watch.missed_ball import MissedBallSearch
 from app.modes.watch.simulation_panel import SimulationPanel
 from app.modes.watch.status import live_html, moment_html
 from app.modes.watch.view_panel import ViewPanel
+from app.scene.view_render import render_view
 from app.scene.world import LAYERS
 from app.shared.live_rally import LiveRally, positions
 from app.shared.rallies import WatchedRally
@@ -32,8 +32,7 @@ PICTURES_EVERY_S = 1 / 15
 STATUS_EVERY_S = 0.15
 CONTROLLERS_EVERY_S = 2.0
 LEAD_TIMES_EVERY_S = 2.0
-PICTURE_PX = (720, 1280)
-PICTURE_WITHIN_S = 60.0
+PICTURE_PX = (1280, 720)
 ACTION_LIMIT_DEG = TaskConfig().stroke.action_limit_deg
 
 
@@ -54,6 +53,7 @@ class WatchMode:
             self._view = ViewPanel(
                 gui, host.send, self._look_from, self._look_again, self._save_picture, host.world.views
             )
+            self._missed = MissedBallSearch(host)
             self._simulation: SimulationPanel | None = None
         self._cameras = CamerasPanel(gui, lambda camera: host.send(EnlargeCamera(camera)))
         self._pictures = LatestWins(host.pool, render_camera_pictures, self._pictures_done, self._failed)
@@ -88,6 +88,7 @@ class WatchMode:
 
     def use_recording(self, recording: Recording) -> None:
         """Another recording was opened."""
+        self._missed.use_recording(recording)
         self._rally = self._host.services.rallies.of(recording)
         self._drawn = None
         self._status_s, self._predictions = 0.0, -1
@@ -106,6 +107,7 @@ class WatchMode:
             self._cameras.make_room(self._host.client.camera.aspect)
         self._view.show(state, is_stereo=self._rally is not None, views=self._host.world.views)
         live = None if self._rally is None else self._rally.live
+        self._missed.tick(None if self._rally is None else self._rally.history, now_us, wall_s)
         if self._simulation is not None:
             self._simulation.set_visible(live is not None)
             if live is not None and wall_s - self._controllers_s > CONTROLLERS_EVERY_S:
@@ -129,11 +131,8 @@ class WatchMode:
             return
         self._drawn, self._drawn_s = key, wall_s
         self._host.world.layers = frozenset(LAYERS) - state.watch.hidden
-        picture = replace(moment.picture, people=self._rally.people(moment.t_us))
-        if live is not None:
-            picture = replace(picture, landing_target=live.player.snapshot.goal_m)
         if self.middle == "world":
-            self._host.world.draw(picture)
+            self._host.world.draw(self._rally.picture_of(moment))
         self._request_pictures(state, moment, wall_s)
 
     def clicked(self, x: float, y: float) -> None:
@@ -141,6 +140,7 @@ class WatchMode:
 
     def close(self) -> None:
         """The browser is gone."""
+        self._missed.close()
         self._pictures.close()
         self._lead_times.close()
 
@@ -190,17 +190,16 @@ class WatchMode:
         self._host.later(lambda: self._host.world.look_from(self._host.world.view) if self._active else None)
 
     def _save_picture(self) -> None:
-        """The browser draws its own view again, at the size of the window's middle, and downloads it."""
-        client = self._host.client
+        """The browser draws its own view again, at a size of its own, and downloads it."""
+        client, eye = self._host.client, self._host.world.eye
 
         def save() -> None:
             try:
-                pixels = client.get_render(*PICTURE_PX, transport_format="png", timeout=PICTURE_WITHIN_S)
-            except TimeoutError:
-                error = CommandError("the browser did not draw its view", expected=f"within {PICTURE_WITHIN_S:.0f} s")
+                pixels = render_view(client, *PICTURE_PX, eye)
+            except CommandError as error:
                 self._failed(error)
                 return
-            done, png = cv2.imencode(".png", cv2.cvtColor(pixels[..., :3], cv2.COLOR_RGB2BGR))
+            done, png = cv2.imencode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR))
             if done:
                 client.send_file_download("rallyscope.png", png.tobytes(), save_immediately=True)
 

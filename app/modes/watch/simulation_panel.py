@@ -9,19 +9,17 @@ from typing import Final
 import viser
 
 from app.modes.mode import ModeHost
+from app.modes.watch.returned_table import returned_html
 from app.shared.live_rally import LiveRally
-from app.shared.policies import run_choices
+from app.shared.policies import BUILT_IN, let_play, run_choices
 from app.widgets import Listing, when_changed, when_clicked
 from app.words.glossary import tooltip
 from core.errors import RallyscopeError
-from core.rally.control.controller import BuiltInController
-from core.rally.control.policy_controller import load_controller
 from core.rally.link import messages as m
 from core.simulation.scenes.scene import SCENES
 
 RECORD: Final = "Record"
 STOP, RUN, STEP = "Stop the clock", "Run", "Step 10 ms"
-BUILT_IN: Final = BuiltInController().name
 PACES: Final = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/50": 0.02}
 SPEEDS_MPS: Final = (3.0, 9.0)
 NOISE_HZ: Final = (0.0, 5.0)
@@ -57,6 +55,10 @@ class SimulationPanel:
                 )
                 self._goal_x = gui.add_slider("Target x [m]", *GOAL_X_M, 0.05, 0.8, hint="From the net")
                 self._goal_y = gui.add_slider("Target y [m]", *GOAL_Y_M, 0.05, 0.0, hint="From the middle line")
+            with gui.add_folder("Returned"):
+                self._returned = gui.add_html(returned_html(()))
+                self._count_anew = gui.add_button("Count anew", icon=viser.Icon.REFRESH, hint="For all browsers")
+        when_clicked(self._count_anew, rally.returns.clear)
         when_clicked(self._serve, lambda: self._ask(lambda: client.serve(self._speed.value)))
         when_clicked(self._record, lambda: self._ask(self._toggle_record))
         when_changed(self._speed, lambda _: self._auto_serve() if self._auto.value else None)
@@ -78,7 +80,9 @@ class SimulationPanel:
         self._folder.visible = visible
 
     def show(self, state: m.WorldState | None) -> None:
-        """Show what the simulation says."""
+        """Show what the simulation says, and what came of its balls."""
+        if self._returned.content != (table := returned_html(self._rally.returns.rates())):
+            self._returned.content = table
         recorded = self._rally.recorded
         label = RECORD if recorded is None else f"Stop recording ({self._rally.recorded_s:.0f} s)"
         if self._record.label != label:
@@ -102,15 +106,7 @@ class SimulationPanel:
         self._controller.show(self._rally.player.controller.name)
 
     def _use(self, name: str) -> None:
-        def use() -> None:
-            goal = self._rally.player.snapshot.goal_m
-            if name == BUILT_IN:
-                self._rally.player.use(BuiltInController().aimed_at(goal))
-            elif name in run_choices(self._host.services.workspace):  # never a path made from what a browser sent
-                run = self._host.services.workspace.run_path(name)
-                self._rally.player.use(load_controller(run, goal_m=goal))
-
-        self._ask(use)
+        self._ask(lambda: let_play(self._rally, self._host.services.workspace, name))
 
     def _change_scene(self, name: object) -> None:
         if name in SCENES:

@@ -153,6 +153,16 @@ class RallyHistory:
         with self._lock:
             return list(self._hits.items)
 
+    def steps_between(self, start_us: int, end_us: int) -> list[RallyStep]:
+        """Steps of the chain with start < t <= end that are remembered."""
+        with self._lock:
+            return self._steps.between(start_us, end_us)
+
+    def outcomes_between(self, start_us: int, end_us: int) -> list[Outcome]:
+        """Balls whose outcome became known in start < t <= end."""
+        with self._lock:
+            return self._outcomes.between(start_us, end_us)
+
     @property
     def outcome_count(self) -> int:
         """Balls whose outcome is known."""

@@ -16,10 +16,17 @@ from app.shared.workspace import Workspace
 from app.state.commands import SetMethod
 from app.visit.opening_moment import SLOWEST
 from app.visit.tour import TOUR
+from core.learning.runs.run_files import create_run
+from core.learning.runs.running import run_training
+from core.physics.episode import Case
+from core.rally.control.controller import BuiltInController
+from core.rally.history.rally_history import Outcome
+from core.rally.history.rally_picture import LandingSpot
 from core.rally.link import messages as m
 from core.recordings import open_recording
 from labels.model import LabelState
 from labels.store import find_layers
+from tests.app.modes.train.small_runs import small_run
 
 SPACE = (slice(0, 720), slice(320, 870))
 TABLE_RGB = (48, 122, 202)
@@ -220,6 +227,38 @@ def test_the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(l
     live_window.screenshot("live-two-persons")
     rally.client.set_scene("ball")
     wait_for(lambda: live_window.page.get_by_label("Scene").first.input_value() == "ball", "the choice of another")
+
+
+def test_a_missed_ball_of_the_live_rally_is_frozen_and_looked_at_in_tune(live_window, live_lab, wait_for) -> None:
+    rally = rally_of(live_lab)
+    wait_for(lambda: rally.history.predicted_hits(), "a ball on its way")
+    t_us = rally.history.followed_us
+    rally.history.add_outcome(Outcome(t_us, t_us - 100_000, 5.0, LandingSpot(0.0, 0.0, Case.MISSED)))
+    live_window.press("Look at it in Tune")
+    wait_for(lambda: live_window.state.mode == "Tune", "Tune", 60)
+    assert live_window.state.recording.startswith("live-") and not live_window.state.playhead.playing
+    assert live_window.session.recording.duration_us > live_window.state.playhead.position_us(0.0) > 0
+    live_window.screenshot("live-missed-in-tune")
+
+
+def test_a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live_lab, wait_for) -> None:
+    rally, workspace = rally_of(live_lab), live_lab.services.workspace
+    run = workspace.run_path("learned")
+    create_run(run, small_run(episodes=(60,)))
+    assert run_training(run, progress=lambda share: None, stopped=lambda: False) == "finished"
+    live_window.press("Train")
+    live_window.page.get_by_role("button", name="Let it play").wait_for()
+    live_window.screenshot("live-let-it-play")
+    live_window.press("Let it play")
+    wait_for(lambda: rally.player.controller.name == "learned", "the policy to play")
+    wait_for(lambda: live_window.state.mode == "Watch" and live_window.state.recording == LIVE, "Watch")
+    assert live_window.state.playhead.following
+    wait_for(lambda: any(rate.conditions.controller == "learned" for rate in rally.returns.rates()), "its ball", 60)
+    live_window.page.get_by_text("learned · ball").wait_for()
+    live_window.screenshot("live-returned")
+    live_window.press("Count anew")
+    live_window.page.get_by_text("learned · ball").wait_for(state="hidden")
+    rally.player.use(BuiltInController())
 
 
 def test_a_simulation_that_ends_is_said_and_the_rest_goes_on(live_window, live_lab, wait_for) -> None:

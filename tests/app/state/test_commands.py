@@ -151,3 +151,17 @@ def test_the_shuttle_plays_then_changes_speed_and_steps_back_while_it_stands(sta
     assert faster.playhead.speed > playing.playhead.speed
     assert c.Shuttle(-1).apply(faster, 0.0).playhead.speed == playing.playhead.speed
     assert c.Shuttle(-1).apply(standing, 0.0).playhead.position_us(0.0) == 90_000
+
+
+def test_a_moment_of_a_camera_is_looked_into_in_another_mode(state: ClientState) -> None:
+    playing = c.TogglePlay().apply(state, 0.0)
+    after = c.LookInto("Tune", "right", 123_456).apply(playing, 1.0)
+    assert (after.mode, after.camera, after.looks) == ("Tune", "right", state.looks + 1)
+    assert not after.playhead.playing and after.playhead.position_us(9.0) == 123_456
+    assert c.LookInto("Hack", "../x", -5).apply(state, 0.0).mode == state.mode  # type: ignore[arg-type]
+
+
+def test_a_score_against_somebodys_labels_is_asked_for_once(state: ClientState) -> None:
+    asked = c.AskForScore("right", "anna").apply(state, 0.0)
+    assert (asked.mode, asked.camera, asked.score_by) == ("Tune", "right", "anna")
+    assert c.BeginScore().apply(asked, 0.0).score_by is None

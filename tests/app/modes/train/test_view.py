@@ -38,6 +38,7 @@ def test_a_finished_run_is_shown_whole(viewer: RunsViewer, trained: Workspace) -
     view = viewer(ViewRequest(None, None))
     assert view.run is not None and view.run.name == "small" and view.run.phase == "finished"
     assert view.results["small"]["episode"] == 40
+    assert view.playable
     details = view.details
     assert details is not None and details.episodes_done == 40 and details.seed == 1  # the one that was trained last
     lines = read_lines(seed_files(trained.run_path("small"), 1).metrics)[0]
@@ -134,3 +135,10 @@ def test_offsets_are_drawn_from_the_target_in_the_middle() -> None:
     assert pixel(0.485, 0.0) == NEW_RGB  # far out: at the rim
     empty = draw_offsets(np.full((1, 2), np.nan), np.zeros((1, 2)))
     assert not (empty == NEW_RGB).all(axis=-1).any()
+
+
+def test_a_run_without_a_policy_cannot_play(tmp_path) -> None:
+    workspace = Workspace(tmp_path)
+    create_run(workspace.run_path("new"), small_run())
+    view = RunsViewer(workspace, Trainer(workspace), MetricsStore())(ViewRequest(None, None))
+    assert view.run is not None and view.run.phase == "new" and not view.playable

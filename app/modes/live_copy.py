@@ -1,4 +1,4 @@
-"""Live rallies go on and are forgotten: what is labelled of one is frozen into a recording first."""
+"""Live rallies go on and are forgotten: what is labelled or looked into is frozen into a recording first."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class FrozenPart:
 
 
 class LiveCopy:
-    """Freezes what a live rally remembers, once it is to be labelled. Methods are called by the loop."""
+    """Freezes what a live rally remembers, once it is to stay. Methods are called by the loop."""
 
     def __init__(self, host: ModeHost) -> None:
         self._host = host
@@ -51,9 +51,9 @@ class LiveCopy:
         oldest_us = recording.start_us
         if not oldest_us <= t_us < recording.duration_us:
             raise RecordingError(
-                "this moment of the live rally is forgotten already", remedy="go on, and label a later one"
+                "this moment of the live rally is forgotten already", remedy="go on, and take a later one"
             )
-        # The moment falls on a step of those that are to be labelled.
+        # The moment falls on a step, of those that are to be labelled.
         span = Span(t_us - (t_us - oldest_us) // step_us * step_us, recording.duration_us)
         workspace = self._host.services.workspace
         name = time.strftime("live-%Y%m%d-%H%M%S")

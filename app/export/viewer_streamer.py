@@ -1,0 +1,104 @@
+"""The one stream to the Rerun viewer whose address the command line gave, whichever browser asked for it."""
+
+from __future__ import annotations
+
+import logging
+import re
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from app.background.jobs import Job
+from app.export.unfinished import Cancelled, Progress
+from core.errors import CommandError, RallyscopeError
+
+logger = logging.getLogger(__name__)
+ADDRESS: Final = re.compile(r"rerun(\+https?)?://(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9._-]+):\d{1,5}/proxy")
+CLOSE_WITHIN_S: Final = 8.0
+StreamWork = Callable[[Progress, Cancelled, Callable[[str], None]], None]
+"""Sends until all is sent or it is cancelled; the third argument takes a remark for the person."""
+
+
+def check_viewer_address(address: str) -> str:
+    """The address of a viewer.
+
+    Raises:
+        CommandError: if it is none.
+    """
+    if not ADDRESS.fullmatch(address):
+        raise CommandError(
+            "not a Rerun viewer", expected="rerun+http://HOST:PORT/proxy", got=repr(address[:200]), where="--rerun"
+        )
+    return address
+
+
+@dataclass(frozen=True, slots=True)
+class StreamState:
+    """How the latest stream does."""
+
+    name: str
+    """Of the recording."""
+    running: bool
+    share: float
+    """0..1; stays 0 for a live rally, which has no end."""
+    message: str
+    """How it ended, or a remark while it runs; may be empty."""
+    failed: bool
+
+
+class ViewerStreamer:
+    """Shared by all browsers; every method may be called from any thread."""
+
+    def __init__(self, address: str | None) -> None:
+        self.address = address
+        """None: the command line gave none, and nothing can be streamed."""
+        self._lock = threading.Lock()
+        self._job: Job[None] | None = None
+        self._name, self._message = "", ""
+        self._over = self._failed = False
+
+    def start(self, name: str, work: StreamWork) -> None:
+        """Begin.
+
+        Raises:
+            CommandError: if something is being streamed already.
+        """
+        with self._lock:
+            if self._job is not None and self._job.running:
+                raise CommandError("the viewer is being sent something already", got=self._name, remedy="stop it first")
+            self._name, self._message, self._over, self._failed = name, "", False, False
+            self._job = Job(lambda progress, cancelled: work(progress, cancelled, self._remark), self._done, self._lost)
+
+    def stop(self) -> None:
+        """Stop what runs; the viewer keeps what it has."""
+        with self._lock:
+            if self._job is not None and self._job.running and not self._over:
+                self._job.cancel()
+                self._over, self._message = True, f"{self._name}: stopped"
+
+    def state(self) -> StreamState | None:
+        """State of the latest stream; None if there was none."""
+        job = self._job
+        if job is None:
+            return None
+        return StreamState(self._name, not self._over, job.share, self._message, self._failed)
+
+    def close(self) -> None:
+        """Stop what runs, and wait a moment for its end."""
+        self.stop()
+        if self._job is not None:
+            self._job.wait(CLOSE_WITHIN_S)
+
+    def _remark(self, message: str) -> None:
+        if not self._over:
+            self._message = message
+
+    def _done(self, _: None) -> None:
+        self._over, self._message = True, f"{self._name}: all of it was sent"
+
+    def _lost(self, error: Exception) -> None:
+        if not isinstance(error, RallyscopeError):
+            logger.error("a stream to the viewer failed", exc_info=error)
+        self._over, self._failed = True, True
+        self._message = str(error) or "it failed; the log says why"

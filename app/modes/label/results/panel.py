@@ -1,0 +1,66 @@
+"""The controls for what labels are good for."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+from typing import Final
+
+import viser
+
+from app import theme
+from app.widgets import when_clicked
+from labels.formats import FORMATS
+
+TITLES: Final = {
+    "voc": "Pascal VOC",
+    "yolo": "YOLO",
+    "yolo-pose": "YOLO pose",
+    "coco": "COCO",
+    "cvat": "CVAT",
+    "tracknet": "TrackNet",
+    "csv": "CSV, nothing is lost",
+}
+"""Format -> what it is called here; `hdf5` writes into a recording and is for the command line."""
+STYLE: Final = "padding:2px 12px;font-size:12.5px;line-height:1.45"
+
+
+class LabelResultsPanel:
+    """Of one browser."""
+
+    def __init__(
+        self, gui: viser.GuiApi, score: Callable[[], None], export: Callable[[], None], cancel: Callable[[], None]
+    ) -> None:
+        with gui.add_folder("With these labels"):
+            scoring = gui.add_button(
+                "Score the detector", icon=viser.Icon.TARGET, hint="Tune's method and config against your labels here"
+            )
+            self._format = gui.add_dropdown("Format", tuple(TITLES.values()))
+            self._pictures = gui.add_checkbox(
+                "With pictures", False, hint="A PNG of the events of each label; CSV has none"
+            )
+            self._export = gui.add_button("Export labels", icon=viser.Icon.DOWNLOAD, hint="One ZIP file, downloaded")
+            self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
+            self._status = gui.add_html("")
+        when_clicked(scoring, score)
+        when_clicked(self._export, export)
+        when_clicked(self._cancel, cancel)
+
+    @property
+    def format(self) -> str:
+        """Name of the chosen format."""
+        return next((name for name, title in TITLES.items() if title == self._format.value), "voc")
+
+    @property
+    def pictures(self) -> bool:
+        """Whether pictures are wanted and the format has any."""
+        return bool(self._pictures.value) and FORMATS[self.format].pictures
+
+    def show(self, lines: tuple[str, ...], *, running: bool, failed: bool) -> None:
+        """How the export goes, or how it ended."""
+        self._export.visible, self._cancel.visible = not running, running
+        colour = theme.BAD if failed else theme.MUTED
+        text = "<br>".join(html.escape(line) for line in lines)
+        content = f"<div style='{STYLE};color:{colour}'>{text}</div>" if lines else ""
+        if self._status.content != content:
+            self._status.content = content

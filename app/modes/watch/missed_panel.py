@@ -1,0 +1,45 @@
+"""The last missed ball, and the ways from there to Tune and Label."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Callable
+
+import viser
+
+from app import theme
+from app.state.client_state import ModeName
+from app.widgets import when_clicked
+from core.rally.history.missed_balls import MissedBall
+
+
+class MissedPanel:
+    """Of one browser."""
+
+    def __init__(self, gui: viser.GuiApi, look: Callable[[ModeName], None]) -> None:
+        self._folder = gui.add_folder("Missed ball", visible=False)
+        with self._folder:
+            self._text = gui.add_html("")
+            tune = gui.add_button("Look at it in Tune", icon=viser.Icon.ADJUSTMENTS, hint="The same window and camera")
+            label = gui.add_button("Label it", icon=viser.Icon.TARGET, hint="The same moment and camera")
+        when_clicked(tune, lambda: look("Tune"))
+        when_clicked(label, lambda: look("Label"))
+
+    def show(self, missed: MissedBall | None, *, copies: bool) -> None:
+        """Say which it is; `copies`: the rally is live and has to be frozen to be looked at."""
+        self._folder.visible = missed is not None
+        if missed is not None and self._text.content != (content := missed_html(missed, copies=copies)):
+            self._text.content = content
+
+
+def missed_html(missed: MissedBall, *, copies: bool) -> str:
+    """What was missed, in a line or two."""
+    camera = html.escape(missed.camera)
+    unseen = f"{camera} did not see it for {missed.unseen_us / 1e3:.0f} ms"
+    what = "not seen" if missed.kind == "not seen" else "did not come back"
+    if missed.kind == "not returned":
+        unseen = unseen if missed.unseen_us else "the cameras saw it up to the racket"
+    text = f"<b>{missed.t_us / 1e6:.3f} s</b>: {what}; {unseen}."
+    if copies:
+        text += f"<br><span style='color:{theme.MUTED}'>What is remembered since becomes a recording.</span>"
+    return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{text}</div>"

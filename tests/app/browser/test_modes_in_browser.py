@@ -1,0 +1,105 @@
+"""From one mode to the next, in a real browser. Screenshots are kept under test-artifacts/."""
+
+import shutil
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from app.modes.watch.commands import ShowSpace
+from app.server import App
+from app.shared.library import Library
+from app.shared.workspace import Workspace
+from app.state.commands import SetCamera, StopAt
+from core.physics.episode import Case
+from core.rally.history.missed_balls import MissedBallRequest, find_missed_ball
+from core.rally.history.rally_history import Outcome
+from core.rally.history.rally_picture import LandingSpot
+from labels.model import Label, LabelState
+from labels.store import LabelStore
+from tests.app.export.rrd.rerun_viewer import entities, viewer
+
+pytestmark = pytest.mark.browser
+
+
+def test_a_missed_ball_in_watch_is_looked_at_in_tune_and_labelled(window, lab, wait_for) -> None:
+    window.session.send(ShowSpace(True))
+    following = lab.services.rallies.of(window.session.recording)
+    wait_for(lambda: following.followed == 1.0, "the chain to follow the recording", 90)
+    following.history.add_outcome(Outcome(590_000, 10_000, 5.0, LandingSpot(0.0, 0.0, Case.MISSED)))
+    window.session.send(StopAt(595_000))
+    window.page.get_by_text("did not come back").wait_for()
+    missed = find_missed_ball(MissedBallRequest(window.session.recording, following.history, 595_000))
+    window.screenshot("watch-missed")
+    window.press("Look at it in Tune")
+    wait_for(lambda: window.state.mode == "Tune", "Tune")
+    assert window.state.playhead.position_us(0.0) == missed.t_us and window.state.camera == missed.camera
+    other = next(name for name in window.state.cameras if name != missed.camera)
+    window.session.send(SetCamera(other))
+    window.press("Watch")
+    wait_for(lambda: window.state.mode == "Watch", "Watch again")
+    window.session.send(StopAt(595_000))
+    window.press("Label it")
+    label = window.session._modes["Label"]
+    wait_for(lambda: window.state.mode == "Label" and label._editor is not None, "Label")
+    wait_for(lambda: label._editor.labelling.view.camera == missed.camera, "its camera")
+    wait_for(lambda: abs(label._editor.labelling.t_us - missed.t_us) <= window.state.step_us, "its moment")
+    assert window.state.recording == "serve"
+
+
+def test_labels_are_exported_and_the_detector_is_scored_against_them(window, workspace, wait_for, tmp_path) -> None:
+    recording, page = window.session.recording, window.page
+    truth = recording.cameras["left"].truth
+    with LabelStore.open(workspace.labels, recording.uuid, "left", "anna") as store:
+        for t_us in range(200_000, 260_000, 4_000):
+            at = truth.at([t_us])
+            x, y, r = (float(column[0]) for column in (at.u_px, at.v_px, at.r_px))
+            store.put(Label(t_us=t_us, state=LabelState.VISIBLE, x_px=x, y_px=y, r_px=r))
+    window.press("Label")
+    label = window.session._modes["Label"]
+    wait_for(lambda: label._editor is not None, "Label")
+    window.session.later(lambda: label._use_name("anna"))
+    wait_for(lambda: len(label._editor.labelling.here.labels) == 15, "the labels")
+    page.get_by_label("Format", exact=True).first.click()
+    page.get_by_role("option", name="COCO").click()
+    with page.expect_download(timeout=90_000) as waiting:
+        window.press("Export labels")
+    waiting.value.save_as(tmp_path / "labels.zip")
+    (made,) = workspace.exports.glob("*.zip")
+    assert made.name == "serve-left-anna-coco-1.zip" and (tmp_path / "labels.zip").read_bytes() == made.read_bytes()
+    assert any(name.endswith(".json") for name in zipfile.ZipFile(made).namelist())
+    page.get_by_text("15 labels, 0 pictures").wait_for()
+    window.screenshot("label-exported")
+    window.press("Score the detector")
+    wait_for(lambda: window.state.mode == "Tune", "Tune")
+    page.get_by_text("The detector against your labels").wait_for(timeout=90_000)
+    page.get_by_text("15 labels by anna").first.wait_for()
+    window.screenshot("label-scored")
+    window.press("Close")
+    assert window.state.score_by is None and window.state.camera == "left"
+
+
+def test_a_recording_is_streamed_to_the_viewer_of_the_command_line(
+    open_window, wait_for, tmp_path, serve_recording: Path
+) -> None:
+    workspace = Workspace(tmp_path / "workspace")
+    shutil.copy(serve_recording, workspace.recording_path("serve"))
+    with viewer(tmp_path / "seen.rrd") as (address, _):
+        lab = App(workspace, Library(workspace), "serve", host="127.0.0.1", port=0, viewer_address=address)
+        try:
+            with open_window(lab) as window:
+                window.press("Export")
+                window.page.get_by_text(address).wait_for()
+                window.field("From [s]").fill("0.2")
+                window.field("To [s]").fill("0.3")
+                window.page.keyboard.press("Enter")
+                plan = window.session._modes["Export"]._plan
+                wait_for(lambda: (plan.plan.start_us, plan.plan.end_us) == (200_000, 300_000), "the part")
+                window.press("Stream to Rerun")
+                window.page.get_by_text("serve: all of it was sent").wait_for(timeout=90_000)
+                window.screenshot("export-stream")
+                wait_for(
+                    lambda: "world/ball/triangulated" in entities(tmp_path / "seen.rrd"), "the viewer to write", 60
+                )
+        finally:
+            lab.stop()

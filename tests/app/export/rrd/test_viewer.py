@@ -1,0 +1,94 @@
+"""Streaming to a Rerun viewer: here one that saves what it is sent."""
+
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from app.export.rrd.recording import RrdContents, export_rrd
+from app.export.rrd.viewer import LIVE_PART_US, stream_live, stream_recording
+from app.export.selection import Span
+from app.export.unfinished import ExportCancelledError
+from core.cameras import stereo_preset
+from core.errors import CommandError
+from core.events import SensorSize
+from core.rally.link.client import SimulationClient
+from core.rally.link.server import ServerConfig, SimulationServer
+from core.rally.live.ring_recording import RingRecording
+from core.recordings import open_recording
+from tests.app.export.rrd.rerun_viewer import end, entities, free_port, viewer
+
+SPAN = Span(200_000, 300_000)
+
+
+def test_a_viewer_is_sent_what_the_file_would_hold(serve_recording: Path, tmp_path: Path) -> None:
+    with open_recording(serve_recording) as recording:
+        export_rrd(recording, tmp_path / "file.rrd", SPAN, RrdContents(), groups=recording.read_rows)
+        with viewer(tmp_path / "seen.rrd") as (address, _):
+            shares: list[float] = []
+            stream_recording(
+                recording, address, SPAN, RrdContents(), name="serve", groups=recording.read_rows,
+                progress=shares.append,
+            )  # fmt: skip
+            expected = entities(tmp_path / "file.rrd")
+            assert {"world/ball/triangulated", "world/cameras/left/picture", "plots/event_rate/left"} <= expected
+            wait(lambda: entities(tmp_path / "seen.rrd") >= expected)  # the viewer writes at its leisure
+    assert entities(tmp_path / "seen.rrd") == expected and shares[-1] == 1.0
+
+
+def test_where_no_viewer_is_one_line_says_so(serve_recording: Path) -> None:
+    address = f"rerun+http://127.0.0.1:{free_port()}/proxy"
+    with open_recording(serve_recording) as recording, pytest.raises(CommandError) as caught:
+        stream_recording(recording, address, SPAN, RrdContents(), name="serve")
+    assert "no Rerun viewer answers" in str(caught.value) and address in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_live_rally_is_sent_until_somebody_stops_it_or_the_viewer_is_lost(tmp_path: Path) -> None:
+    small = stereo_preset("side", SensorSize(640, 360))
+    server = SimulationServer(ServerConfig(), small, "tcp://127.0.0.1:0", seed=5)
+    ended, enough = threading.Event(), threading.Event()
+    thread = threading.Thread(target=server.run, args=(ended.is_set,))
+    thread.start()
+    ring, client = RingRecording(), None
+    try:
+        client = SimulationClient(server.address)
+        client.add_listener(ring)
+        client.set_speed(0.3)
+        client.auto_serve(5.0)
+        contents = RrdContents(stride_us=20_000, stages=False)
+        with viewer(tmp_path / "live.rrd") as (address, process):
+            until_us = ring.duration_us + 4 * LIVE_PART_US
+            stopper = threading.Thread(target=set_when, args=(enough, lambda: ring.duration_us > until_us))
+            stopper.start()
+            with pytest.raises(ExportCancelledError):
+                stream_live(ring, address, contents, name="live", cancelled=enough.is_set)
+            stopper.join()
+            lost_us = ring.duration_us + 2 * LIVE_PART_US
+            killer = threading.Thread(target=lambda: (wait(lambda: ring.duration_us > lost_us), end(process)))
+            killer.start()
+            with pytest.raises(CommandError, match="the Rerun viewer is lost") as caught:
+                stream_live(ring, address, contents, name="live")
+            killer.join()
+            assert "\n" not in str(caught.value)
+        assert {"world/ball/triangulated", "world/cameras/left/picture", "plots/event_rate/left"} <= entities(
+            tmp_path / "live.rrd"
+        )
+    finally:
+        if client is not None:
+            client.close()
+        ended.set()
+        thread.join()
+
+
+def wait(true) -> None:
+    until_s = time.monotonic() + 120
+    while not true():
+        assert time.monotonic() < until_s, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def set_when(event: threading.Event, true) -> None:
+    wait(true)
+    event.set()
