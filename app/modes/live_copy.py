@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from app.background.jobs import Job
 from app.export.frozen import freeze, write_frozen
@@ -13,6 +14,8 @@ from app.modes.mode import ModeHost
 from core.errors import RecordingError
 from core.rally.live.ring_recording import RingRecording
 from core.recordings import Recording
+
+NEXT_BLOCK_S: Final = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,28 +52,29 @@ class LiveCopy:
         if self.share is not None:
             return
         oldest_us = recording.start_us
-        if not oldest_us <= t_us < recording.duration_us:
+        if not oldest_us <= t_us <= recording.duration_us:
             raise RecordingError(
                 "this moment of the live rally is forgotten already", remedy="go on, and take a later one"
             )
         # The moment falls on a step, of those that are to be labelled.
-        span = Span(t_us - (t_us - oldest_us) // step_us * step_us, recording.duration_us)
+        start_us = t_us - (t_us - oldest_us) // step_us * step_us
         workspace = self._host.services.workspace
         name = time.strftime("live-%Y%m%d-%H%M%S")
         path = workspace.recording_path(name)
 
         def work(progress: Callable[[float], None], cancelled: Callable[[], bool]) -> FrozenPart:
+            span = Span(start_us, _end_us(recording, t_us, cancelled))
             frozen = freeze(recording, span)
             return FrozenPart(name, write_frozen(frozen, span, path, progress=progress, cancelled=cancelled))
 
-        self._t_us, self._then = t_us - span.start_us, then
+        self._t_us, self._then = t_us - start_us, then
         host = self._host
         self._job = Job(
             work,
             lambda made: host.later(lambda: self._open(made)),
             lambda error: host.later(lambda: self._failed(error)),
         )
-        seconds = span.length_us / 1e6
+        seconds = (recording.duration_us - start_us) / 1e6
         host.note("Freezing the live rally", f"Its last {seconds:.0f} s become the recording {name}.", "blue")
 
     def moment_in(self, recording: Recording) -> int | None:
@@ -102,6 +106,22 @@ class LiveCopy:
         self._job = None
         self.forget()
         self._host.report(error)
+
+
+def _end_us(recording: RingRecording, t_us: int, cancelled: Callable[[], bool]) -> int:
+    """Where the copy ends: after the moment, so that this is in it. The newest moment waits for the next block.
+
+    Raises:
+        RecordingError: if none comes.
+    """
+    until_s = time.monotonic() + NEXT_BLOCK_S
+    while (end_us := recording.duration_us) <= t_us:
+        if cancelled() or time.monotonic() > until_s:
+            raise RecordingError(
+                "nothing came after this moment yet", remedy="let the clock run, or take an earlier one"
+            )
+        time.sleep(0.01)
+    return end_us
 
 
 def _nothing() -> None:
