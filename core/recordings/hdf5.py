@@ -101,6 +101,16 @@ def names_in(group: h5py.Group) -> list[str]:
         return [str(name) for name in group]
 
 
+def has_attribute(item: h5py.Group, name: str) -> bool:
+    """Whether there is one of that name.
+
+    Raises:
+        RecordingError: if the attributes cannot be read.
+    """
+    with telling("attributes cannot be read", place_of(item)):
+        return name in item.attrs
+
+
 def attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
     """The attribute of that name; numbers are numpy scalars, text is `str`.
 

@@ -23,9 +23,12 @@ from core.recordings.hdf5 import (
     attribute,
     dataset_at,
     group_at,
+    has_attribute,
     has_item,
     kind_at,
     names_in,
+    place_of,
+    telling,
     text_of,
     whole_number,
 )
@@ -88,7 +91,7 @@ class FileRecording:
         """What is good to know but not needed: notes, seed and config."""
         self.seed: int | None = None
         self.config: dict[str, object] | None = None
-        if "notes" in self._file.attrs:
+        if has_attribute(self._file, "notes"):
             with self._told.left_out("notes"):
                 notes = np.atleast_1d(attribute(self._file, "notes"))
                 if notes.dtype.kind not in "OUS" or notes.ndim != 1:
@@ -96,10 +99,10 @@ class FileRecording:
                 texts = (note.decode("utf-8", "replace") if isinstance(note, bytes) else str(note) for note in notes)
                 for text in texts:
                     self._told.add(text)
-        if "seed" in self._file.attrs:
+        if has_attribute(self._file, "seed"):
             with self._told.left_out("the seed"):
                 self.seed = whole_number(self._file, "seed", 0, 2**64)
-        if "config" in self._file.attrs:
+        if has_attribute(self._file, "config"):
             with self._told.left_out("the config"):
                 self.config = _parse_config(text_of(self._file, "config"))
 
@@ -120,7 +123,7 @@ class FileRecording:
 
     def _names_of_cameras(self, group: h5py.Group) -> list[str]:
         there, order = names_in(group), None
-        if "order" in group.attrs:
+        if has_attribute(group, "order"):
             with self._told.left_out("the order of the cameras"):
                 order = [str(name) for name in np.atleast_1d(attribute(group, "order")).tolist()]
         if order is None or sorted(order) != sorted(there):
