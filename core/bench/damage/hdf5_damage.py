@@ -187,7 +187,7 @@ def _damage_link(file: h5py.File, name: str, rng: np.random.Generator) -> str:
             file.create_dataset(name, shape, dtype, external=[(ELSEWHERE, 0, h5py.h5f.UNLIMITED)])
             return f"{name} with its data in another file"
         case 7 if shape and shape[0]:
-            layout = h5py.VirtualLayout(shape, dtype)  # pyright: ignore[reportArgumentType,reportCallIssue]
+            layout = h5py.VirtualLayout(shape, dtype)  # type: ignore[call-overload]
             layout[...] = h5py.VirtualSource(ELSEWHERE, name, shape)
             file.create_virtual_dataset(name, layout)
             return f"{name} a view of another file"

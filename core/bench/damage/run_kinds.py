@@ -30,7 +30,9 @@ def _make_run(folder: Path) -> None:
     sizes = (8, 16, 3)
     layers = tuple((rng.normal(0, 0.1, (a, b)).astype(np.float32), np.zeros(b, np.float32)) for a, b in pairwise(sizes))
     for path in (files.policy, files.best):
-        save_policy(Policy(layers, "relu", "tanh", False, np.float32([4, 6]), np.float32([1, 2])), path)
+        save_policy(
+            Policy(layers, "relu", "tanh", False, np.array([4, 6], np.float32), np.array([1, 2], np.float32)), path
+        )
     line = {"case": 3, "reward": 0.5, "error_mm": 30.5, "landing_m": [0.5, 0.1], "goal_m": [0.6, 0.0]}
     for path in (files.metrics, files.evaluations):
         path.write_text("".join(json.dumps({"episode": number, **line}) + "\n" for number in range(5)))
