@@ -15,9 +15,8 @@ from core.cameras import Camera
 from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.recordings import layout
-from core.recordings.damage_notes import DamageNotes
 from core.recordings.event_blocks import EventBlocks
-from core.recordings.hdf5 import dataset_at, group_at, names_in, read_whole, whole_number
+from core.recordings.hdf5 import DamageNotes, dataset_at, group_at, names_in, read_whole, whole_number
 from core.recordings.ms_index import MAX_TIME_US
 from core.recordings.recording import Triggers
 from core.recordings.truth import PixelTruth, credible_pixels

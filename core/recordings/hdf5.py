@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import RecordingError
+from core.errors import RallyscopeError, RecordingError
 
 HDF5_ERRORS: Final = (
     OSError,
@@ -178,6 +178,30 @@ def read_only(array: NDArray) -> NDArray:
     """The array, closed for writing."""
     array.flags.writeable = False
     return array
+
+
+class DamageNotes:
+    """Notes in the order in which they were made, each once; any thread may add one."""
+
+    def __init__(self) -> None:
+        self._notes: dict[str, None] = {}
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """All so far, one line each."""
+        return tuple(self._notes.copy())
+
+    def add(self, text: str) -> None:
+        """Say something about the file."""
+        self._notes.setdefault(" ".join(text.split()))
+
+    @contextmanager
+    def left_out(self, what: str) -> Iterator[None]:
+        """Go on without what cannot be read in a block, with a note that says why."""
+        try:
+            yield
+        except RallyscopeError as error:
+            self.add(f"{what[0].upper()}{what[1:]}: left out, {error}.")
 
 
 def _item_at(parent: h5py.Group, path: str, links: int) -> object:

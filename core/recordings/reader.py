@@ -15,11 +15,11 @@ import numpy as np
 
 from core.errors import RallyscopeError, RecordingError
 from core.recordings import layout
-from core.recordings.damage_notes import DamageNotes
 from core.recordings.file_camera import FileCamera
 from core.recordings.frames import FrameStream
 from core.recordings.hdf5 import (
     HDF5_ERRORS,
+    DamageNotes,
     attribute,
     dataset_at,
     group_at,
