@@ -76,7 +76,7 @@ def check_settings(config: object) -> None:
         where = f"{type(config).__name__}.{item.name}"
         kind = hints[item.name]
         if kind is float:
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
                 raise ConfigError("not a finite number", expected="float", got=repr(value), where=where)
         elif kind is int:
             if isinstance(value, bool) or not isinstance(value, int):
@@ -162,7 +162,7 @@ def config_from_mapping(config_type: type[C], mapping: object, *, where: str) ->
         if dataclasses.is_dataclass(kind):
             values[key] = config_from_mapping(typing.cast(type, kind), value, where=f"{where} [{key}]")
         elif kind is float and isinstance(value, int) and not isinstance(value, bool):
-            values[key] = float(value)
+            values[key] = float(value) if _is_finite(value) else math.inf  # one of hundreds of digits: refused below
         else:
             values[key] = value
     try:
@@ -181,7 +181,7 @@ def load_config(config_type: type[C], path: Path) -> C:
         mapping = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError("cannot read the config", got=error.strerror, where=path) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError("not a TOML file", got=str(error), where=path) from error
     return config_from_mapping(config_type, mapping, where=str(path))
 
@@ -196,6 +196,13 @@ def save_config(config: object, path: Path) -> None:
         replace_file(path, tomli_w.dumps(config_to_mapping(config)).encode(), durable=False)
     except OSError as error:
         raise ConfigError("cannot write the config", got=error.strerror, where=path) from error
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return False
 
 
 @functools.cache

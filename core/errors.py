@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+LONGEST_FACT: Final = 600
+"""Characters of what was expected, or got, in a message."""
+
 
 class RallyscopeError(Exception):
     """Something the user gave cannot be used; the message is one line that says what, where, and what to do.
@@ -18,13 +23,20 @@ class RallyscopeError(Exception):
         where: object = None,
         remedy: str | None = None,
     ) -> None:
-        facts = [f"{name} {value}" for name, value in (("expected", expected), ("got", got)) if value is not None]
+        given = {"expected": expected, "got": got}
+        facts = [f"{name} {_short(value)}" for name, value in given.items() if value is not None]
         rest = [part for part in (", ".join(facts), remedy) if part]
         super().__init__(_one_line([what if where is None else f"{where}: {what}", *rest]))
         self.what = _one_line([what])
         """What did not work."""
         self.details = _one_line([*([] if where is None else [str(where)]), *rest])
         """Where, why, and what to do; may be empty."""
+
+
+def _short(value: object) -> str:
+    """A damaged file may hold a value of any length."""
+    text = str(value)
+    return text if len(text) <= LONGEST_FACT else f"{text[:LONGEST_FACT]}..."
 
 
 def _one_line(parts: list[str]) -> str:

@@ -77,7 +77,7 @@ def read_json(path: Path) -> dict[str, object]:
     """An object from a JSON file; empty if there is none."""
     try:
         value = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return value if isinstance(value, dict) else {}
 

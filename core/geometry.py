@@ -41,7 +41,7 @@ def check_transform(T: ArrayLike, *, where: str) -> Array:
     if T.shape != (4, 4) or not np.isfinite(T).all():
         raise CalibrationError("not a transform", expected="a finite (4, 4) matrix", got=T.shape, where=where)
     R = T[:3, :3]
-    rigid = np.allclose(R @ R.T, np.eye(3), atol=1e-6) and np.linalg.det(R) > 0
+    rigid = np.abs(R).max() < 2 and np.allclose(R @ R.T, np.eye(3), atol=1e-6) and np.linalg.det(R) > 0
     if not rigid or not np.allclose(T[3], (0, 0, 0, 1)):
         raise CalibrationError("not a rigid transform", expected="a rotation and a last row of 0 0 0 1", where=where)
     return T

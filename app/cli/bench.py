@@ -36,6 +36,7 @@ BENCHES = {
     "label-mode": "app.bench.bench_label_mode",
     "export": "app.bench.bench_export",
     "app": "app.bench.bench_app",
+    "damage": "app.bench.bench_damage",
 }
 """The module that measures each."""
 
@@ -50,7 +51,9 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of each speed (perceived-prediction), flights (drawn-scenes, rivals), seeds (paper-perception)", "N"
+        "balls of each speed (perceived-prediction), flights (drawn-scenes, rivals), seeds (paper-perception), "
+        "damages of each kind of file (damage)",
+        "N",
     )
     folder: Path | None = flag(
         "what is measured is kept here (learning, perceived-prediction, drawn-scenes, paper-perception)"

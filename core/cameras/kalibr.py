@@ -47,7 +47,7 @@ def cameras_from_kalibr(tree: CalibrationNode, where: str) -> dict[str, Camera]:
 def _camera(node: CalibrationNode, T_world_camera: np.ndarray) -> Camera:
     model = (node.get("camera_model"), node.values.get("distortion_model", "none"))
     if model not in (("pinhole", "radtan"), ("pinhole", "none")):
-        got = " with ".join(part if isinstance(part, str) else short_repr(part) for part in model)
+        got = " with ".join(part[:40] if isinstance(part, str) else short_repr(part) for part in model)
         raise CalibrationError("unsupported camera model", expected="pinhole with radtan", got=got, where=node.where)
     fx, fy, cx, cy = read_matrix(node, "intrinsics", (4,))
     width, height = read_matrix(node, "resolution", (2,))

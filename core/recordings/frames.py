@@ -3,30 +3,64 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from core.errors import RecordingError
 from core.events import CameraFrame, Events, SensorSize, Window
-from core.recordings.hdf5 import dataset_at, read_only
+from core.recordings.hdf5 import dataset_at, place_of, read_only, read_whole, telling
+
+LARGEST_SIDE_PX: Final = 16_384
+LARGEST_US: Final = 2 * 24 * 3600 * 1_000_000
 
 
 class FrameStream:
     """Frames by number, read one at a time."""
 
     def __init__(self, group: h5py.Group) -> None:
+        """The frames of `/cameras/<name>/frames`.
+
+        Raises:
+            RecordingError: if they are not pictures with times.
+        """
         self._images = dataset_at(group, "image")
-        self.t_us = read_only(dataset_at(group, "t_us")[()].astype(np.int64))
+        self._where = place_of(group)
+        self.t_us = self._times(group, "t_us")
         """Mid exposure."""
-        self.exposure_us = read_only(dataset_at(group, "exposure_us")[()].astype(np.int64))
+        self.exposure_us = self._times(group, "exposure_us")
+        shape, count = self._images.shape, len(self.t_us)
+        if self._images.dtype != np.uint8 or not (len(shape) == 3 or (len(shape) == 4 and shape[3] == 3)):
+            got = f"{self._images.dtype}{shape}"
+            raise RecordingError("not pictures", expected="uint8 (N, height, width[, 3])", got=got, where=self._where)
+        if not shape[0] == count == len(self.exposure_us):
+            got = f"{shape[0]} pictures, {count} times, {len(self.exposure_us)} exposures"
+            raise RecordingError("pictures and times differ in number", got=got, where=self._where)
+        if count and not (0 < shape[1] <= LARGEST_SIDE_PX and 0 < shape[2] <= LARGEST_SIDE_PX):
+            raise RecordingError("impossible size of a picture", got=shape[1:3], where=self._where)
+        if (np.diff(self.t_us) < 0).any() or (self.exposure_us < 0).any():
+            raise RecordingError("times of pictures run backwards", where=self._where)
+
+    def _times(self, group: h5py.Group, name: str) -> NDArray[np.int64]:
+        values = read_whole(dataset_at(group, name))
+        if values.ndim != 1 or values.dtype.kind not in "iu" or (len(values) and np.abs(values).max() > LARGEST_US):
+            expected, got = "whole microseconds", f"{values.dtype}{values.shape}"
+            raise RecordingError(f"{name} of the pictures is damaged", expected=expected, got=got, where=self._where)
+        return read_only(values.astype(np.int64))
 
     def __len__(self) -> int:
         return len(self.t_us)
 
     def image(self, number: int) -> NDArray[np.uint8]:
-        """(height, width) or (height, width, 3 = RGB)."""
-        return read_only(self._images[number])
+        """(height, width) or (height, width, 3 = RGB).
+
+        Raises:
+            RecordingError: if it is damaged, or the recording closed.
+        """
+        with telling(f"picture {number} cannot be read", self._where):
+            return read_only(self._images[number])
 
     def frame(self, number: int) -> CameraFrame:
         """The picture with its times."""

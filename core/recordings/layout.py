@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.hdf5 import dataset_at, read_only
+from core.recordings.hdf5 import dataset_at, kind_at, names_in, place_of, read_whole
+from core.recordings.ms_index import MAX_TIME_US as MAX_TIME_US
 from core.recordings.recording import Triggers
 from core.recordings.truth import BallTruth, PixelTruth
 
 FORMAT: Final = "rallyscope-recording"
 VERSION: Final = 1
-MAX_TIME_US: Final = 24 * 3600 * 1_000_000
-"""A recording is shorter than a day: a later time stamp is a damaged one, and the millisecond index stays in memory."""
+LARGEST_CALIBRATED: Final = 1e9
+"""Of any number of a calibration."""
 
 Rows = dict[str, NDArray]
 """Equally long columns of one group; the first axis is the row."""
@@ -101,23 +102,31 @@ def read_rows(group: h5py.Group) -> Rows:
     """Every column of a group, read-only.
 
     Raises:
-        RecordingError: if the columns do not fit together.
+        RecordingError: if one cannot be read, or they do not fit together.
     """
     rows: Rows = {}
-    for name, item in group.items():
-        if isinstance(item, h5py.Dataset) and item.ndim:
-            rows[name] = read_only(np.asarray(item[()]))
+    for name in names_in(group):
+        if kind_at(group, name) is not h5py.Group:
+            dataset = dataset_at(group, name)
+            if dataset.ndim:
+                rows[name] = read_whole(dataset)
     if len({len(column) for column in rows.values()}) > 1:
         lengths = {name: len(column) for name, column in rows.items()}
-        raise RecordingError("columns differ in length", expected="equal lengths", got=lengths, where=group.name)
+        raise RecordingError("columns differ in length", expected="equal lengths", got=lengths, where=place_of(group))
     return rows
 
 
 def read_calibration(group: h5py.Group, sensor: SensorSize) -> Camera:
-    """The camera of `/cameras/<name>/calibration`."""
-    K, distortion, T_world_camera = (
-        _column(dataset_at(group, name)[()], np.float64) for name in ("K", "distortion", "T_world_camera")
-    )
+    """The camera of `/cameras/<name>/calibration`.
+
+    Raises:
+        RallyscopeError: if it is not one.
+    """
+    columns = [read_whole(dataset_at(group, name)) for name in ("K", "distortion", "T_world_camera")]
+    for column in columns:
+        if column.dtype.kind not in "fiu" or not (np.abs(column) < LARGEST_CALIBRATED).all():
+            raise RecordingError("the calibration is no numbers of a camera", got=column.dtype, where=place_of(group))
+    K, distortion, T_world_camera = (_column(column, np.float64) for column in columns)
     return Camera(sensor, K, distortion, T_world_camera)
 
 

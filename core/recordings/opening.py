@@ -14,6 +14,7 @@ from core.events import SensorSize
 from core.recordings import layout
 from core.recordings.assemble import assemble
 from core.recordings.growing import is_growing
+from core.recordings.hdf5 import HDF5_ERRORS
 from core.recordings.importing import import_recording
 from core.recordings.reader import FileRecording
 
@@ -55,8 +56,9 @@ def is_recording(path: Path) -> bool:
         return False
     try:
         with h5py.File(path, "r") as file:
-            return file.attrs.get("format") == layout.FORMAT
-    except OSError:
+            said = file.attrs.get("format")
+            return isinstance(said, str) and said == layout.FORMAT
+    except HDF5_ERRORS:
         return False
 
 

@@ -3,27 +3,41 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import Final, Self
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
-from core.cameras import Camera
 from core.errors import RallyscopeError, RecordingError
-from core.events import Events, SensorSize
 from core.recordings import layout
-from core.recordings.event_blocks import EventBlocks
+from core.recordings.file_camera import FileCamera
 from core.recordings.frames import FrameStream
-from core.recordings.hdf5 import attribute, dataset_at, group_at
-from core.recordings.recording import CameraStream, Triggers
-from core.recordings.truth import BallTruth, PixelTruth
+from core.recordings.hdf5 import (
+    HDF5_ERRORS,
+    DamageNotes,
+    attribute,
+    dataset_at,
+    group_at,
+    has_attribute,
+    has_item,
+    kind_at,
+    names_in,
+    place_of,
+    telling,
+    text_of,
+    whole_number,
+)
+from core.recordings.known_groups import check_known_rows
+from core.recordings.ms_index import MAX_TIME_US
+from core.recordings.recording import CameraStream
+from core.recordings.truth import BallTruth, credible_ball
 
-_NO_TRIGGERS = layout.triggers_from_rows({"t": np.empty(0), "p": np.empty(0), "id": np.empty(0)})
+MOST_GROUPS: Final = 1000
 
 
 class FileRecording:
@@ -38,22 +52,21 @@ class FileRecording:
         self.path = path
         self._on_close = on_close
         self._threads = ThreadPoolExecutor(2, thread_name_prefix="unpack")
+        self._told = DamageNotes()
         try:
             self._file = h5py.File(path, "r")
-        except OSError as error:
+        except HDF5_ERRORS as error:
             raise RecordingError("the HDF5 file cannot be opened", got=error, where=path) from error
         try:
             self._read_header()
-        except RallyscopeError:
+        except BaseException:
+            self._threads.shutdown()
             self._file.close()
             raise
-        except (KeyError, ValueError, TypeError, AttributeError, OSError, RuntimeError) as error:
-            self._file.close()
-            raise RecordingError("the recording is damaged", got=error, where=path) from error
 
     def _read_header(self) -> None:
         file = self._file
-        version = int(attribute(file, "version"))
+        version = whole_number(file, "version", 0, 2**31)
         if version > layout.VERSION:
             raise RecordingError(
                 "the recording is of a newer version",
@@ -62,16 +75,80 @@ class FileRecording:
                 where=self.path,
                 remedy="update Rallyscope",
             )
-        self.uuid = str(attribute(file, "uuid"))
-        self.seed = int(attribute(file, "seed")) if "seed" in file.attrs else None
-        self.config = json.loads(attribute(file, "config")) if "config" in file.attrs else None
-        self.duration_us = int(attribute(file, "duration_us"))
-        self.notes = tuple(map(str, attribute(file, "notes"))) if "notes" in file.attrs else ()
-        group = group_at(file, "cameras")
-        names = map(str, attribute(group, "order")) if "order" in group.attrs else sorted(group)
-        self._cameras: dict[str, CameraStream] = {
-            name: FileCamera(self, group_at(group, name), self._threads) for name in names if _has_events(group, name)
-        }
+        self.uuid = self._read_uuid()
+        self._read_remarks()
+        self._cameras = self._read_cameras()
+        self.duration_us = self._read_duration()
+
+    def _read_uuid(self) -> str:
+        uuid = text_of(self._file, "uuid")
+        if not re.fullmatch(r"[\w.-]{1,100}", uuid):
+            expected = "letters, digits, dots and dashes"
+            raise RecordingError("the uuid is damaged", expected=expected, got=repr(uuid)[:80], where=self.path)
+        return uuid
+
+    def _read_remarks(self) -> None:
+        """What is good to know but not needed: notes, seed and config."""
+        self.seed: int | None = None
+        self.config: dict[str, object] | None = None
+        if has_attribute(self._file, "notes"):
+            with self._told.left_out("notes"):
+                notes = np.atleast_1d(attribute(self._file, "notes"))
+                if notes.dtype.kind not in "OUS" or notes.ndim != 1:
+                    raise RecordingError("they are no texts", got=notes.dtype)
+                texts = (note.decode("utf-8", "replace") if isinstance(note, bytes) else str(note) for note in notes)
+                for text in texts:
+                    self._told.add(text)
+        if has_attribute(self._file, "seed"):
+            with self._told.left_out("the seed"):
+                self.seed = whole_number(self._file, "seed", 0, 2**64)
+        if has_attribute(self._file, "config"):
+            with self._told.left_out("the config"):
+                self.config = _parse_config(text_of(self._file, "config"))
+
+    def _read_cameras(self) -> dict[str, CameraStream]:
+        group = group_at(self._file, "cameras")
+        found: dict[str, CameraStream] = {}
+        lost: RallyscopeError | None = None
+        for name in self._names_of_cameras(group):
+            try:
+                if _has_events(group, name):
+                    found[name] = FileCamera(self, group_at(group, name), self._threads, self._told)
+            except RallyscopeError as error:
+                lost = error
+                self._told.add(f"Camera {name} is left out: {error}.")
+        if lost is not None and not found:
+            raise lost
+        return found
+
+    def _names_of_cameras(self, group: h5py.Group) -> list[str]:
+        there, order = names_in(group), None
+        if has_attribute(group, "order"):
+            with self._told.left_out("the order of the cameras"):
+                order = [str(name) for name in np.atleast_1d(attribute(group, "order")).tolist()]
+        if order is None or sorted(order) != sorted(there):
+            if order is not None:
+                self._told.add("The order of the cameras names others than those in the file.")
+            return sorted(there)
+        return order
+
+    def _read_duration(self) -> int:
+        """As the file says, but never less than its events need."""
+        ends = [camera.end_us for camera in self._cameras.values() if isinstance(camera, FileCamera)]
+        needed = max(ends, default=0)
+        try:
+            stated = whole_number(self._file, "duration_us", 0, MAX_TIME_US)
+        except RecordingError as error:
+            self._told.add(f"The duration is that of the events: {error}.")
+            return needed
+        if stated < needed:
+            self._told.add(f"The duration is that of the events: the file says {stated:,} us.")
+        return max(stated, needed)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader should know; what is damaged is told when it was asked for."""
+        return self._told.texts
 
     @property
     def cameras(self) -> dict[str, CameraStream]:
@@ -80,22 +157,28 @@ class FileRecording:
     @property
     def groups(self) -> tuple[str, ...]:
         """Every group of columns outside /cameras, such as "/racket" or "/ground_truth/ball"."""
+        self.check_open()
         found: list[str] = []
-
-        def visit(name: str, item: h5py.Group | h5py.Dataset) -> None:
-            if not isinstance(item, h5py.Group) or name.startswith("cameras"):
-                return
-            if any(isinstance(child, h5py.Dataset) for child in item.values()):
-                found.append(f"/{name}")
-
-        self._file.visititems(visit)
+        with self._told.left_out("a group"):
+            _find_groups(group_at(self._file, "/"), "", found, set())
         return tuple(found)
 
     def read_rows(self, group: str) -> layout.Rows | None:
-        """All columns of a group, or None if the recording does not have it."""
+        """All columns of a group; None if the recording does not have it, or with a note if it is damaged."""
         self.check_open()
-        item = self._file.get(group)
-        return layout.read_rows(item) if isinstance(item, h5py.Group) else None
+        name = "/" + group.strip("/")
+        parent, _, own = name.rpartition("/")
+        try:
+            above = group_at(self._file, parent or "/")
+            if own not in names_in(above):
+                return None
+        except RecordingError:
+            return None
+        with self._told.left_out(f"the group {name}"):
+            rows = layout.read_rows(group_at(above, own))
+            check_known_rows(name, rows)
+            return rows
+        return None
 
     @property
     def ball(self) -> BallTruth | None:
@@ -104,18 +187,25 @@ class FileRecording:
     @cached_property
     def _ball(self) -> BallTruth | None:
         rows = self.read_rows(layout.BALL_GROUP)
-        return None if rows is None else layout.ball_from_rows(rows)
+        if rows is None:
+            return None
+        told = layout.ball_from_rows(rows)
+        ball = credible_ball(told)
+        if ball is not told:
+            self._told.add("The true ball is at absurd places now and then: it counts as not visible there.")
+        return ball
 
     @cached_property
     def frames(self) -> dict[str, FrameStream]:
         """Pictures of ordinary cameras, by camera."""
         self.check_open()
         group = group_at(self._file, "cameras")
-        return {
-            name: FrameStream(group_at(group, f"{name}/frames"))
-            for name in map(str, group)
-            if f"{name}/frames" in group
-        }
+        found: dict[str, FrameStream] = {}
+        for name in names_in(group):
+            if has_item(group, f"{name}/frames"):
+                with self._told.left_out(f"the pictures of camera {name}"):
+                    found[name] = FrameStream(group_at(group, f"{name}/frames"))
+        return found
 
     def check_open(self) -> None:
         if not self._file.id.valid:
@@ -137,81 +227,29 @@ class FileRecording:
 
 def _has_events(cameras: h5py.Group, name: str) -> bool:
     """Not so for an ordinary camera, which is in the file for its frames."""
-    return f"{name}/frames" not in cameras or len(dataset_at(cameras, f"{name}/events/t")) > 0
+    return not has_item(cameras, f"{name}/frames") or dataset_at(cameras, f"{name}/events/t").shape != (0,)
 
 
-class FileCamera:
-    """One camera of a recording file."""
+def _parse_config(text: str) -> dict[str, object]:
+    try:
+        config = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RecordingError("it is no JSON", got=error) from error
+    if not isinstance(config, dict):
+        raise RecordingError("it is no table of settings", got=type(config).__name__)
+    return config
 
-    def __init__(self, recording: FileRecording, group: h5py.Group, threads: ThreadPoolExecutor) -> None:
-        self._recording = recording
-        self._name = str(group.name).rsplit("/", 1)[-1]
-        self._sensor = SensorSize(int(attribute(group, "width")), int(attribute(group, "height")))
-        where = f"{recording.path}, camera {self._name}"
-        self._blocks = EventBlocks(group_at(group, "events"), self._sensor, threads, where=where)
-        marks = dataset_at(group, "ms_to_idx")[()].astype(np.int64)
-        self._marks = np.append(marks, self._blocks.event_count)
-        if bool((np.diff(self._marks) < 0).any()) or (len(marks) and marks[0] != 0):
-            raise RecordingError("the index ms_to_idx is damaged", where=where)
-        self.t_offset_us = int(dataset_at(group, "t_offset")[()])
-        self._calibration = (
-            layout.read_calibration(group_at(group, "calibration"), self._sensor) if "calibration" in group else None
-        )
 
-    @property
-    def name(self) -> str:
-        return self._name
-
-    @property
-    def sensor(self) -> SensorSize:
-        return self._sensor
-
-    @property
-    def event_count(self) -> int:
-        return self._blocks.event_count
-
-    @property
-    def calibration(self) -> Camera | None:
-        return self._calibration
-
-    @property
-    def triggers(self) -> Triggers:
-        return self._triggers
-
-    @cached_property
-    def _triggers(self) -> Triggers:
-        rows = self._recording.read_rows(layout.triggers_group(self._name))
-        return _NO_TRIGGERS if rows is None else layout.triggers_from_rows(rows)
-
-    @property
-    def truth(self) -> PixelTruth | None:
-        return self._truth
-
-    @cached_property
-    def _truth(self) -> PixelTruth | None:
-        rows = self._recording.read_rows(layout.truth_group(self._name))
-        return None if rows is None else layout.pixel_truth_from_rows(rows)
-
-    def slice(self, start_us: int, end_us: int) -> Events:
-        """The events with `start_us <= t < end_us`.
-
-        Raises:
-            RecordingError: if the recording is closed or damaged there.
-        """
-        self._recording.check_open()
-        first = self._mark(int(start_us) // 1000)
-        last = self._mark(-(-int(end_us) // 1000))
-        if first >= last:
-            return Events.empty(self._sensor)
-        return self._blocks.rows(first, last).between(start_us, end_us)
-
-    def counts_per_ms(self) -> NDArray[np.int64]:
-        counts = np.zeros(-(-self._recording.duration_us // 1000), np.int64)
-        own = np.diff(self._marks)
-        counts[: len(own)] = own
-        counts.flags.writeable = False
-        return counts
-
-    def _mark(self, ms: int) -> int:
-        """The first event at or after a millisecond."""
-        return int(self._marks[min(max(ms, 0), len(self._marks) - 1)])
+def _find_groups(group: h5py.Group, path: str, found: list[str], seen: set[object]) -> None:
+    """Groups of columns below one, but for those of cameras; every group once, though links may make a circle."""
+    with telling("a group cannot be read", place_of(group)):
+        if group.id in seen or len(seen) > MOST_GROUPS:
+            return
+        seen.add(group.id)
+    for name in names_in(group):
+        here = f"{path}/{name}"
+        kind = None if here == "/cameras" else kind_at(group, name)
+        if kind is h5py.Group:
+            _find_groups(group_at(group, name), here, found, seen)
+        elif kind is h5py.Dataset and path and path not in found:
+            found.append(path)

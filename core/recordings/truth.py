@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 LARGEST_GAP_US: Final = 20_000
 """Samples further apart say nothing about what was between them."""
+LARGEST_PX: Final = 1e5
+LARGEST_M: Final = 1e4
+"""What is farther away, or faster in m/s, is no ball."""
 SLOWEST_MPS: Final = 0.2
 """A velocity that turns by less than this each way is the top of a flight, or noise."""
 
@@ -58,6 +61,31 @@ class PixelTruth:
             for column in (self.u_px, self.v_px, self.r_px)
         )
         return PixelTruth(t, u, v, r, visible)
+
+
+def credible_pixels(truth: PixelTruth) -> PixelTruth:
+    """The same, not visible where the position is no number or far outside any picture, without radii below 0."""
+    with np.errstate(invalid="ignore"):
+        near = (np.abs(truth.u_px) < LARGEST_PX) & (np.abs(truth.v_px) < LARGEST_PX)
+        radius = np.isnan(truth.r_px) | ((truth.r_px >= 0) & (truth.r_px < LARGEST_PX))
+    if not bool(np.any(truth.visible & ~(near & radius))):
+        return truth
+    r_px, visible = np.where(radius, truth.r_px, np.nan), truth.visible & near
+    return PixelTruth(truth.t_us, truth.u_px, truth.v_px, _closed(r_px), _closed(visible))
+
+
+def credible_ball(ball: BallTruth) -> BallTruth:
+    """The same, not visible where position or velocity are absurd or the position is no number."""
+    with np.errstate(invalid="ignore"):
+        near = (np.abs(ball.p_world_m) < LARGEST_M).all(axis=1) & ~(np.abs(ball.v_world_mps) > LARGEST_M).any(axis=1)
+    if not bool(np.any(ball.visible & ~near)):
+        return ball
+    return BallTruth(ball.t_us, ball.p_world_m, ball.v_world_mps, ball.spin_radps, _closed(ball.visible & near))
+
+
+def _closed(column: NDArray) -> NDArray:
+    column.flags.writeable = False
+    return column
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -101,10 +101,10 @@ def telling(path: Path, what: str, remedy: str = "") -> Iterator[None]:
     except sqlite3.OperationalError as error:
         if "locked" in str(error):
             raise LabelError(what, got="another program keeps it busy", where=path, remedy="try again") from error
-        if error.sqlite_errorname in ("SQLITE_CANTOPEN", "SQLITE_READONLY") and not remedy:
+        if getattr(error, "sqlite_errorname", "") in ("SQLITE_CANTOPEN", "SQLITE_READONLY") and not remedy:
             raise _not_writable(path, str(error), what) from error
         raise LabelError(what, got=error, where=path, remedy=remedy or None) from error
-    except sqlite3.DatabaseError as error:
+    except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # the second over text that is none any more
         advice = f"what can be read of it: rallyscope labels merge {path} --out NEW.sqlite"
         raise DamagedStoreError("a damaged label store", got=error, where=path, remedy=advice) from error
 

@@ -64,6 +64,6 @@ class _Readable:
         self.whole = False
 
     def __iter__(self) -> Iterator[tuple]:
-        with contextlib.suppress(sqlite3.DatabaseError):
+        with contextlib.suppress(sqlite3.DatabaseError, UnicodeDecodeError):
             yield from self._db.execute(self._query)
             self.whole = True

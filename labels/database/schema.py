@@ -121,7 +121,7 @@ def check_schema(db: sqlite3.Connection, path: Path) -> None:
     if version > VERSION:
         expected = f"up to version {VERSION}"
         raise LabelError("labels of another version", expected=expected, got=version, where=path, remedy="update")
-    odd = sorted(name for _, name, _, _ in _entries(db) ^ _our_entries())
+    odd = sorted(str(name) for _, name, _, _ in _entries(db) ^ _our_entries())
     if odd:
         raise LabelError(
             "a label store with other tables than ours; nothing of it is read",

@@ -18,6 +18,8 @@ from core.learning.runs.run_files import read_lines, seed_files
 Array = NDArray[np.float64]
 COLUMNS: Final = ("case", "reward", "error_mm", "noise", "w1", "w2", "speed_mps")
 WIDTH: Final = len(COLUMNS) + 4
+LARGEST: Final = 1e300
+"""A damaged line may hold whole numbers of hundreds of digits."""
 RECENT: Final = 24
 """Whole lines that are kept, to play those balls again."""
 FILES_KEPT: Final = 64
@@ -63,9 +65,9 @@ class MetricsReader:
             self._forget()
         try:
             return self._read_on()
-        except ValueError as error:
+        except ConfigError as error:
             self._forget()
-            raise ConfigError("a broken line in the metrics", got=str(error), where=self._files.folder) from error
+            raise ConfigError("a broken line in the metrics", got=error, where=self._files.folder) from error
 
     def _read_on(self) -> Metrics:
         lines, self._at = read_lines(self._files.metrics, self._at)
@@ -135,7 +137,7 @@ def _row(line: dict[str, object]) -> list[float]:
 
 
 def _number(value: object) -> float:
-    return float(value) if isinstance(value, (int, float)) else float("nan")
+    return float(value) if isinstance(value, (int, float)) and abs(value) < LARGEST else float("nan")
 
 
 def _size(path: Path) -> int:

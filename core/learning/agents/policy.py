@@ -105,7 +105,7 @@ def read_policy(path: Path) -> Policy:
         layers = tuple((tensors[f"weight_{i}"], tensors[f"bias_{i}"]) for i in range(count))
         hidden, output, sees = about["hidden"], about["output"], about["sees_racket_speed"]
         incoming, racket = tensors["incoming_mps"], tensors["racket_mps"]
-    except (AttributeError, KeyError, ValueError) as error:
+    except (AttributeError, KeyError, ValueError, RecursionError) as error:
         raise ConfigError("an incomplete policy", got=str(error), where=path) from error
     return _checked(layers, hidden, output, sees, incoming, racket, path)
 

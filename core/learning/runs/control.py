@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast, get_args
 
 from core import files
 from core.errors import ConfigError
@@ -71,7 +72,7 @@ def read_control(run: Path) -> Control:
     found = read_json(run / "control.json")
     command, rate = found.get("wish"), found.get("episodes_per_s")
     wanted: RunCommand = "pause" if command == "pause" else "stop" if command == "stop" else "run"
-    return Control(wanted, float(rate) if isinstance(rate, (int, float)) and rate > 0 else None)
+    return Control(wanted, float(rate) if isinstance(rate, (int, float)) and 0 < rate < 1e9 else None)
 
 
 def write_status(run: Path, status: RunStatus) -> None:
@@ -82,13 +83,25 @@ def write_status(run: Path, status: RunStatus) -> None:
 def read_status(run: Path) -> RunStatus | None:
     """How it goes, or went; None before a first word. A process that died is `failed`, whatever it last said."""
     found = read_json(run / "status.json")
-    try:
-        status = RunStatus(**found)  # type: ignore[arg-type]
-    except TypeError:
+    if not _is_status(found):
         return None
+    status = RunStatus(**found)  # type: ignore[arg-type]
     if status.state in ("running", "paused") and not _is_alive(status.pid):
         return dataclasses.replace(status, state="failed", message=status.message or "the process ended unexpectedly")
     return status
+
+
+def _is_status(found: Mapping[str, object]) -> bool:
+    """Whether every value is there and of its kind: the file may be damaged."""
+    whole, real = ("pid", "seed", "episode", "episodes"), ("share", "speed_mps", "seconds_left")
+    names = {field.name for field in dataclasses.fields(RunStatus)}
+    return (
+        names - {"message"} <= found.keys() <= names
+        and found["state"] in get_args(State)
+        and all(type(found[name]) is int and 0 <= cast(int, found[name]) < 2**31 for name in whole)
+        and all(type(found[name]) in (int, float) or (name == "seconds_left" and found[name] is None) for name in real)
+        and isinstance(found.get("message", ""), str)
+    )
 
 
 def _is_alive(pid: int) -> bool:

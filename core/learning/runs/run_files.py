@@ -117,7 +117,11 @@ def load_policy(run: Path, seed: int | None = None, which: Literal["last", "best
 
 
 def read_lines(path: Path, start_byte: int = 0) -> tuple[list[dict[str, object]], int]:
-    """Complete lines of a growing .jsonl file from a byte on, and the byte to go on from."""
+    """Complete lines of a growing .jsonl file from a byte on, and the byte to go on from.
+
+    Raises:
+        ConfigError: if a line is not what a run writes.
+    """
     try:
         with path.open("rb") as file:
             file.seek(start_byte)
@@ -125,7 +129,17 @@ def read_lines(path: Path, start_byte: int = 0) -> tuple[list[dict[str, object]]
     except OSError:
         return [], start_byte
     end = data.rfind(b"\n") + 1
-    return [json.loads(line) for line in data[:end].splitlines()], start_byte + end
+    return [_parse_line(line, path) for line in data[:end].split(b"\n")[:-1]], start_byte + end
+
+
+def _parse_line(line: bytes, path: Path) -> dict[str, object]:
+    try:
+        values = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise ConfigError("a broken line", got=error, where=path) from error
+    if not isinstance(values, dict):
+        raise ConfigError("a broken line", expected="named values", got=type(values).__name__, where=path)
+    return values
 
 
 class SeedWriter:

@@ -12,6 +12,7 @@ from typing import Final
 from core.errors import RecordingError
 from core.files import replace_file
 from core.markdown import markdown_table
+from core.rally.data_sets.checked_manifest import check_manifest
 from core.rally.data_sets.facts import RecordingFacts
 from core.rally.data_sets.plan import DataSetPlan, PlannedRecording
 
@@ -34,15 +35,16 @@ def read_manifest(folder: Path) -> Json:
     """The manifest of a data set.
 
     Raises:
-        RecordingError: if there is none.
+        RecordingError: if there is none, or it is damaged.
     """
     path = folder / MANIFEST
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RecordingError("not a data set", expected=f"a folder with {MANIFEST}", where=path) from error
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise RecordingError("not a manifest of a data set", where=path)
+    check_manifest(manifest, path)
     return manifest
 
 

@@ -15,6 +15,8 @@ from core.recordings import BallTruth
 
 AT_SPOT_M: Final = 0.05
 NEVER_US: Final = 2**62
+KNOWN_CASES: Final = frozenset(int(case) for case in Case)
+"""Of a row with another nothing can be said."""
 
 
 def add_known(history: RallyHistory, ball: BallTruth | None, rows: HasRows) -> None:
@@ -30,6 +32,8 @@ def add_known(history: RallyHistory, ball: BallTruth | None, rows: HasRows) -> N
         rows_of = list(zip(*columns, strict=True))
         ends_us = [*(int(row[0]) for row in rows_of[1:]), NEVER_US]
         for (serve_us, speed_mps, case, landing), until_us in zip(rows_of, ends_us, strict=True):
+            if case not in KNOWN_CASES:
+                continue
             spot = LandingSpot(float(landing[0]), float(landing[1]), Case(int(case)))
             known_us = _known_us(ball, int(serve_us), until_us, np.asarray(landing, np.float64))
             history.add_outcome(Outcome(known_us, int(serve_us), float(speed_mps), spot))
