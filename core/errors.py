@@ -67,6 +67,10 @@ class NoAnswerError(LinkError):
     """Nobody answered in time."""
 
 
+class RefusedError(LinkError):
+    """A server that is there and does not know our key, or is not the one whose key we know."""
+
+
 class NotReadyError(LinkError):
     """A server that is there but still being prepared; `share` of that is done, 0 to 1."""
 

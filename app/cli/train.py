@@ -61,6 +61,7 @@ class TrainArguments:
     resume: bool = flag("go on with the run in that folder")
     new: NewRunArguments
     source: str | None = flag("play every ball in a simulation server (its outcomes are the same)", "tcp://HOST:PORT")
+    keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
     json: bool = flag("print a summary as JSON")
 
 
@@ -74,7 +75,7 @@ def run(arguments: TrainArguments) -> None:
         config = read_run(folder)
     else:
         config = requested_run(arguments.new)
-    with open_backend(config, arguments.source) as backend:
+    with open_backend(config, arguments.source, arguments.keys) as backend:
         if not arguments.resume:
             create_run(folder, config)
         from core.learning.runs.running import run_training  # late: torch takes a second, a mistake should not

@@ -23,6 +23,7 @@ from core.rally.history.rally_picture import LandingSpot
 from core.rally.history.record_live import LiveRecorder
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
+from core.rally.link.keys import ClientKeys
 from core.rally.live.live_player import LivePlayer
 from core.rally.live.ring_recording import LiveConfig, RingRecording
 
@@ -41,6 +42,7 @@ class LiveRally:
         *,
         process: SimulationProcess | None = None,
         preparing: Callable[[float], None] = lambda share: None,
+        keys: ClientKeys | None = None,
     ) -> None:
         """Join the simulation at an address, when it is ready; `process` is ended with the rally.
 
@@ -51,7 +53,7 @@ class LiveRally:
         """
         self._process = process
         try:
-            self.client = SimulationClient(address, preparing=preparing)
+            self.client = SimulationClient(address, preparing=preparing, keys=keys)
         except LinkError:
             if process is not None:
                 process.stop()
