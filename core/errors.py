@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+from core.plain_text import plain
+
+LONGEST_PART: Final = 2000
+"""Of a message: what was got may be a whole file."""
+
 
 class RallyscopeError(Exception):
     """Something the user gave cannot be used; the message is one line that says what, where, and what to do.
@@ -18,17 +25,24 @@ class RallyscopeError(Exception):
         where: object = None,
         remedy: str | None = None,
     ) -> None:
-        facts = [f"{name} {value}" for name, value in (("expected", expected), ("got", got)) if value is not None]
+        facts = [
+            f"{name} {_bounded(value)}" for name, value in (("expected", expected), ("got", got)) if value is not None
+        ]
         rest = [part for part in (", ".join(facts), remedy) if part]
-        super().__init__(_one_line([what if where is None else f"{where}: {what}", *rest]))
+        super().__init__(_one_line([what if where is None else f"{_bounded(where)}: {what}", *rest]))
         self.what = _one_line([what])
         """What did not work."""
-        self.details = _one_line([*([] if where is None else [str(where)]), *rest])
+        self.details = _one_line([*([] if where is None else [_bounded(where)]), *rest])
         """Where, why, and what to do; may be empty."""
 
 
 def _one_line(parts: list[str]) -> str:
-    return " ".join("; ".join(parts).split())
+    return plain(" ".join("; ".join(map(_bounded, parts)).split()), None)
+
+
+def _bounded(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= LONGEST_PART else f"{text[:LONGEST_PART]} ..."
 
 
 class EventsError(RallyscopeError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 import socket
 import webbrowser
@@ -14,6 +13,7 @@ from app.cli.arguments import DATA, flag, positional
 from app.cli.ending import end_event
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
+from app.cli.terminal import say
 from app.front.address import check_address
 from app.front.admission import Admission
 from app.shared.library import Library
@@ -74,7 +74,7 @@ def run(arguments: ServeArguments) -> None:
             workspace,
             address=address,
             arguments=("--auto-serve", "5", *own),
-            say=functools.partial(print, flush=True),
+            say=say,
             keys=keys,
         )
     try:
@@ -117,8 +117,8 @@ def _show(
         startup.hand_over(lab.use_live)
     url = page_url(arguments.host, lab.port, admission)
     if not admission.local:
-        print(tunnel_advice(lab.port), flush=True)
-    print(f"Rallyscope shows {first!r} at {url}   (Ctrl-C ends it)", flush=True)
+        say(tunnel_advice(lab.port))
+    say(f"Rallyscope shows {first!r} at {url}   (Ctrl-C ends it)")
     if arguments.open:
         webbrowser.open(url)
     end_event().wait()

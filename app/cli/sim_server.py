@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from app.cli.arguments import flag, setting_flag
 from app.cli.cameras import Sensor, named_cameras
 from app.cli.ending import end_event
 from app.cli.scenes import SceneArguments
+from app.cli.terminal import say
 from core.cameras.presets import SENSOR_720
 from core.errors import CommandError
 from core.files import end_with_parent
@@ -86,14 +86,14 @@ def run(arguments: SimServerArguments) -> None:
     )
     server.prepare()
     ended = end_event()
-    print(f"The simulation is at {server.address}   (Ctrl-C ends it)", flush=True)
+    say(f"The simulation is at {server.address}   (Ctrl-C ends it)")
     server.run(ended.is_set)
 
 
 def _make_keys(folder: Path) -> None:
     server, client = make_keys(folder)
-    print(f"{server}: the server's keys, for `rallyscope sim-server --bind tcp://HOST:PORT --keys {server}`")
-    print(
+    say(f"{server}: the server's keys, for `rallyscope sim-server --bind tcp://HOST:PORT --keys {server}`")
+    say(
         f"{client}: a client's keys. Bring them to its machine on a safe way, then there: "
         f"`rallyscope serve --source tcp://HOST:PORT --keys {client.name}`"
     )
@@ -107,6 +107,6 @@ def _tell_progress() -> KernelProgress:
         nonlocal said
         if time.monotonic() - began_s > QUIET_S and ready >= said + SAY_EVERY:
             said = ready
-            print(f"compiling, on the first start only: {ready} of about {known} kernels", file=sys.stderr, flush=True)
+            say(f"compiling, on the first start only: {ready} of about {known} kernels", error=True)
 
     return tell

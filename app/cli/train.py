@@ -12,6 +12,7 @@ from app.cli.arguments import Counts, Numbers, PositiveInt, flag, given, setting
 from app.cli.ending import end_event
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
+from app.cli.terminal import say
 from core.config import load_config
 from core.errors import CommandError
 from core.learning.config import (
@@ -124,10 +125,10 @@ def _report(folder: Path, config: RunConfig, state: str, *, as_json: bool) -> No
         lines, _ = read_lines(seed_files(folder, seed).evaluations)
         last += [{"seed": seed, **lines[-1]}] if lines else []
     if as_json:
-        print(json.dumps({"run": str(folder), "state": state, "seeds": last}))
+        say(json.dumps({"run": str(folder), "state": state, "seeds": last}))
         return
-    print(f"{state}: {folder}" + ("" if state == "finished" else "   (go on with --resume)"))
+    say(f"{state}: {folder}" + ("" if state == "finished" else "   (go on with --resume)"))
     for line in last:
         error = line["error_mm"]
         shown = "-" if error is None else f"{error:.0f} mm from the target"
-        print(f"seed {line['seed']}: {100 * line['returned']:.1f} % returned at {line['speed_mps']:g} m/s, {shown}")
+        say(f"seed {line['seed']}: {100 * line['returned']:.1f} % returned at {line['speed_mps']:g} m/s, {shown}")
