@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Final
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RecordingError
+from core.json_text import parse_json
 from core.physics.episode import Serves
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ def _read_json(path: Path) -> list[object]:
         if size > MOST_BYTES:
             limit = f"up to {MOST_BYTES >> 20} MiB"
             raise RecordingError("too large a file of ball states", expected=limit, got=f"{size} bytes", where=path)
-        found = json.loads(path.read_text(encoding="utf-8-sig"))
+        found = parse_json(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise RecordingError("cannot read the ball states", got=error.strerror, where=path) from error
     except (ValueError, RecursionError) as error:

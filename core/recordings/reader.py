@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.errors import RallyscopeError, RecordingError
 from core.events import Events, SensorSize
+from core.json_text import parse_json
 from core.recordings import layout
 from core.recordings.event_blocks import EventBlocks
 from core.recordings.frames import FrameStream
@@ -64,7 +64,7 @@ class FileRecording:
             )
         self.uuid = str(attribute(file, "uuid"))
         self.seed = int(attribute(file, "seed")) if "seed" in file.attrs else None
-        self.config = json.loads(attribute(file, "config")) if "config" in file.attrs else None
+        self.config = parse_json(attribute(file, "config")) if "config" in file.attrs else None
         self.duration_us = int(attribute(file, "duration_us"))
         self.notes = tuple(map(str, attribute(file, "notes"))) if "notes" in file.attrs else ()
         group = group_at(file, "cameras")

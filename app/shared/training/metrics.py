@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 from collections import OrderedDict, deque
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import ConfigError
+from core.json_text import parse_json
 from core.learning.runs.run_files import read_lines, seed_files
 
 Array = NDArray[np.float64]
@@ -120,7 +120,7 @@ def last_line(path: Path) -> dict[str, object] | None:
         with path.open("rb") as file:
             file.seek(max(0, _size(path) - LAST_LINE_BYTES))
             complete = file.read().split(b"\n")[:-1]
-        line = json.loads(complete[-1])
+        line = parse_json(complete[-1])
     except (OSError, IndexError, ValueError):
         return None
     return line if isinstance(line, dict) else None

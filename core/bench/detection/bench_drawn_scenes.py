@@ -21,6 +21,7 @@ from core.bench.machine import describe_machine, machine_words
 from core.cameras.presets import stereo_preset
 from core.detection.methods import Method, make_detector, method_config
 from core.files import replace_file
+from core.json_text import parse_json
 from core.markdown import markdown_table
 from core.metrics.grid_score import SLOW_PX_PER_MS, GridScore, score_on_grid
 from core.metrics.run import run_detector
@@ -77,7 +78,7 @@ def score_flight(flight: DrawnFlight, drawn: bool, folder: Path) -> dict[str, di
             scores["fitted"] = _simulate_and_score(there)
         by_method = {method: {name: asdict(one[method]) for name, one in scores.items()} for method in scores["scored"]}
         replace_file(kept, json.dumps(by_method, default=_plain).encode(), durable=False)
-    stored = json.loads(kept.read_text(encoding="utf-8"))
+    stored = parse_json(kept.read_text(encoding="utf-8"))
     return {method: {name: _score_from(one) for name, one in names.items()} for method, names in stored.items()}
 
 

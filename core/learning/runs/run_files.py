@@ -25,6 +25,7 @@ from typing import Literal
 from core.config import load_config, save_config
 from core.errors import ConfigError
 from core.files import write_json
+from core.json_text import parse_json
 from core.learning.agents.policy import Policy, read_policy
 from core.learning.config import RunConfig
 
@@ -125,7 +126,7 @@ def read_lines(path: Path, start_byte: int = 0) -> tuple[list[dict[str, object]]
     except OSError:
         return [], start_byte
     end = data.rfind(b"\n") + 1
-    return [json.loads(line) for line in data[:end].splitlines()], start_byte + end
+    return [parse_json(line) for line in data[:end].splitlines()], start_byte + end
 
 
 class SeedWriter:

@@ -11,6 +11,7 @@ from typing import Final
 
 from core.errors import RecordingError
 from core.files import replace_file
+from core.json_text import parse_json
 from core.markdown import markdown_table
 from core.rally.data_sets.facts import RecordingFacts
 from core.rally.data_sets.plan import DataSetPlan, PlannedRecording
@@ -38,7 +39,7 @@ def read_manifest(folder: Path) -> Json:
     """
     path = folder / MANIFEST
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
+        manifest = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise RecordingError("not a data set", expected=f"a folder with {MANIFEST}", where=path) from error
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import h5py
 import numpy as np
 
 from core.errors import RecordingError
+from core.json_text import parse_json
 from core.physics.episode import Case
 from core.rally.data_sets.make import REMARK
 from core.rally.data_sets.plan import PlannedRecording
@@ -97,7 +97,7 @@ def _check_settings(path: Path, planned: PlannedRecording) -> None:
     remedy = "choose another folder, the same settings, or --force"
     try:
         with h5py.File(path, "r") as file:
-            made = json.loads(str(file.attrs.get("config", "{}"))).get(REMARK)
+            made = parse_json(str(file.attrs.get("config", "{}"))).get(REMARK)
     except (OSError, ValueError) as error:
         raise RecordingError("not a whole recording", where=path, remedy="remove it, or --force") from error
     if not isinstance(made, dict):

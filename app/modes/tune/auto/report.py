@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Any, Final
 
 from app import theme
 from app.words.file_text import html_text
+from core.json_text import parse_json
 from core.tuning.split_score import Figures
 
 TITLES: Final = ("windows", "config", "precision", "recall", "median error", "objective")
@@ -47,7 +47,7 @@ def read_report(line: str) -> TuningReport:
     Raises:
         ValueError: if it is none.
     """
-    said = json.loads(line)
+    said = parse_json(line)
     if not isinstance(said, dict) or "importance" not in said:
         raise ValueError(f"not a report: {line[:80]}")
     return TuningReport(
