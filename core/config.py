@@ -22,7 +22,7 @@ import tomli_w
 
 from core.errors import ConfigError
 from core.files import replace_file
-from core.toml_text import parse_toml
+from core.text.toml_text import parse_toml
 
 C = typing.TypeVar("C")
 LARGEST_FILE_BYTES: typing.Final = 1 << 20

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from core.plain_text import plain
+from core.text.plain_text import plain
 
 LONGEST_PART: Final = 2000
 """Of a message: what was got may be a whole file."""

@@ -19,7 +19,7 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from core.json_text import parse_json
+from core.text.json_text import parse_json
 
 PROBE_S: Final = 0.2
 """Who wants a lock waits as long: `is_held` has it for a moment, and that is no reason to give up."""

@@ -19,12 +19,12 @@ from core.config import load_config
 from core.detection import DetectorConfig
 from core.errors import RallyscopeError
 from core.files import read_json
-from core.json_text import parse_json
 from core.learning.agents.policy import read_policy
 from core.learning.config import RunConfig
 from core.physics.ball_states import read_ball_states
 from core.rally.data_sets.card import read_manifest
 from core.recordings import open_recording
+from core.text.json_text import parse_json
 from labels.formats.safe_xml import XmlError, parse_xml
 from labels.records import unpack_line
 
@@ -40,8 +40,8 @@ FORBIDDEN = {
 }  # fmt: skip
 ALLOWED = {
     ("core/jit.py", "pickle.loads"),  # our own compiled kernels, in the cache of this user; see docs/how/security.md
-    ("core/json_text.py", "json.loads"),
-    ("core/toml_text.py", "tomllib.loads"),
+    ("core/text/json_text.py", "json.loads"),
+    ("core/text/toml_text.py", "tomllib.loads"),
     ("labels/formats/json_lines.py", "json.loads"),
     ("app/visit/view_link.py", "compile"),
 }

@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from app.cli.terminal import say
 from app.words.percent import percent
-from core.plain_text import plain
+from core.text.plain_text import plain
 
 QUIET_S: Final = 5.0
 """What is done sooner says nothing where no bar can be drawn."""

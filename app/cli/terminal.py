@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterable
 from typing import Final
 
-from core.plain_text import plain
+from core.text.plain_text import plain
 
 LONGEST_LINE: Final = 2000
 

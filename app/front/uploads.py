@@ -21,7 +21,7 @@ from typing import Final
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from core.json_text import parse_json
+from core.text.json_text import parse_json
 
 logger = logging.getLogger(__name__)
 MAX_UPLOAD_BYTES: Final = 200_000_000

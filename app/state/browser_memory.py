@@ -21,7 +21,7 @@ from app.state.undo import History
 from core.detection.methods import METHODS, STAGED, Method
 from core.errors import CommandError, ConfigError
 from core.files import replace_file
-from core.json_text import parse_json
+from core.text.json_text import parse_json
 
 logger = logging.getLogger(__name__)
 MAX_STEPS: Final = 50

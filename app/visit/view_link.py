@@ -32,7 +32,7 @@ from app.state.commands import Command
 from app.state.settings_text import default_config, differing_settings, with_settings
 from core.detection.methods import METHODS, Method
 from core.errors import ConfigError
-from core.json_text import parse_json
+from core.text.json_text import parse_json
 
 MAX_LENGTH: Final = 4_000
 VERSION: Final = "1"

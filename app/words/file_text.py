@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 
-from core.plain_text import LONGEST, plain
+from core.text.plain_text import LONGEST, plain
 
 
 def html_text(text: str, most: int = LONGEST) -> str:

@@ -20,7 +20,7 @@ from core.cameras.kalibr import cameras_from_kalibr, looks_like_kalibr
 from core.cameras.opencv_yaml import OpenCVLoader, cameras_from_opencv
 from core.errors import CalibrationError
 from core.files import replace_file
-from core.toml_text import parse_toml
+from core.text.toml_text import parse_toml
 
 FORMAT: Final = "rallyscope-calibration"
 VERSION: Final = 1

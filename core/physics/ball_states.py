@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RecordingError
-from core.json_text import parse_json
 from core.physics.episode import Serves
+from core.text.json_text import parse_json
 
 Array = NDArray[np.float64]
 

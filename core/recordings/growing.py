@@ -21,7 +21,7 @@ from isal import isal_zlib
 
 from core.errors import RecordingError
 from core.files import lock_descriptor
-from core.json_text import parse_json
+from core.text.json_text import parse_json
 
 MAGIC: Final = b"RALLYSCOPE-GROW1"
 _HEAD: Final = struct.Struct("<4sIQI")

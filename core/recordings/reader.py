@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.errors import RallyscopeError, RecordingError
 from core.events import Events, SensorSize
-from core.json_text import parse_json
 from core.recordings import layout
 from core.recordings.event_blocks import EventBlocks
 from core.recordings.frames import FrameStream
 from core.recordings.hdf5 import attribute, dataset_at, group_at
 from core.recordings.recording import CameraStream, Triggers
 from core.recordings.truth import BallTruth, PixelTruth
+from core.text.json_text import parse_json
 
 _NO_TRIGGERS = layout.triggers_from_rows({"t": np.empty(0), "p": np.empty(0), "id": np.empty(0)})
 

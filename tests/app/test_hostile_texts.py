@@ -36,8 +36,8 @@ from core.detection import DetectorConfig
 from core.errors import RallyscopeError, RecordingError
 from core.events import Events, SensorSize
 from core.learning.config import RunConfig
-from core.plain_text import LONGEST, plain
 from core.recordings import RecordingWriter
+from core.text.plain_text import LONGEST, plain
 from core.tuning.split_score import Figures
 
 HOSTILE = (

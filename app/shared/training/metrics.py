@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import ConfigError
-from core.json_text import parse_json
 from core.learning.runs.run_files import read_lines, seed_files
+from core.text.json_text import parse_json
 
 Array = NDArray[np.float64]
 COLUMNS: Final = ("case", "reward", "error_mm", "noise", "w1", "w2", "speed_mps")

@@ -13,8 +13,8 @@ from core.bench.learning.plan import Counts, Experiment, is_minor, plan
 from core.bench.learning.report import write_learning_report
 from core.bench.learning.runs import Results, SeedResult, load_results, train_seed, values_at_end
 from core.bench.machine import describe_machine
-from core.json_text import parse_json
 from core.learning.runs.summary import rounded_number, spread_of
+from core.text.json_text import parse_json
 
 Progress = Callable[[float], None]
 

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from core.bench.machine import describe_machine
 from core.bench.partial_rows import tell_rows
 from core.events import SensorSize
-from core.json_text import parse_json
 from core.recordings import open_recording
+from core.text.json_text import parse_json
 
 SENSOR: Final = SensorSize(1280, 720)
 RATE_PER_US: Final = 5

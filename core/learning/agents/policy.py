@@ -17,8 +17,8 @@ from safetensors.numpy import save
 
 from core.errors import ConfigError
 from core.files import replace_file
-from core.json_text import parse_json
 from core.learning.task.normalise import normal_observations
+from core.text.json_text import parse_json
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

@@ -21,11 +21,11 @@ from core.detection.yolo.detector import WHITE
 from core.detection.yolo.network import YoloTiny
 from core.errors import ConfigError
 from core.files import replace_file
-from core.json_text import parse_json
 from core.learning.detector_training.config import DetectorTrainingConfig
 from core.learning.detector_training.crops import CropBatch, draw_batch
 from core.learning.detector_training.loss import yolo_loss
 from core.learning.detector_training.pool import TrainingPictures
+from core.text.json_text import parse_json
 
 CROPS_STREAM: Final = 0x63726F70
 MOMENTS: Final = ("step", "exp_avg", "exp_avg_sq")

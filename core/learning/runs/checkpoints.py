@@ -12,7 +12,7 @@ from safetensors.numpy import save
 
 from core.errors import ConfigError
 from core.files import replace_file
-from core.json_text import parse_json
+from core.text.json_text import parse_json
 
 
 def save_checkpoint(path: Path, arrays: dict[str, NDArray[np.generic]], about: dict[str, object]) -> None:

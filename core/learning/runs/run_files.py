@@ -25,9 +25,9 @@ from typing import Literal
 from core.config import load_config, save_config
 from core.errors import ConfigError
 from core.files import write_json
-from core.json_text import parse_json
 from core.learning.agents.policy import Policy, read_policy
 from core.learning.config import RunConfig
+from core.text.json_text import parse_json
 
 PACKAGES = ("rallyscope", "numpy", "numba", "torch", "mujoco", "gymnasium", "stable-baselines3", "sb3-contrib")
 

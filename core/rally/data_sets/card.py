@@ -11,10 +11,10 @@ from typing import Final
 
 from core.errors import RecordingError
 from core.files import replace_file
-from core.json_text import parse_json
 from core.markdown import markdown_table
 from core.rally.data_sets.facts import RecordingFacts
 from core.rally.data_sets.plan import DataSetPlan, PlannedRecording
+from core.text.json_text import parse_json
 
 MANIFEST: Final = "manifest.json"
 CARD: Final = "CARD.md"

@@ -9,7 +9,6 @@ import h5py
 import numpy as np
 
 from core.errors import RecordingError
-from core.json_text import parse_json
 from core.physics.episode import Case
 from core.rally.data_sets.make import REMARK
 from core.rally.data_sets.plan import PlannedRecording
@@ -17,6 +16,7 @@ from core.rally.history.recorded_rally import EPISODES, RACKET
 from core.recordings import open_recording
 from core.recordings.reader import FileRecording
 from core.simulation.recording import READOUT
+from core.text.json_text import parse_json
 
 
 @dataclass(frozen=True, slots=True)

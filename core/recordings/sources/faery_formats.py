@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.json_text import parse_json
 from core.recordings.sources.checking import check_stream
 from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import read_prophesee_header
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.text.json_text import parse_json
 
 _WORKER: Final = Path(__file__).with_name("faery_worker.py")
 _SILENCE_S: Final = 60

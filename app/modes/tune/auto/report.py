@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from app import theme
 from app.words.file_text import html_text
-from core.json_text import parse_json
+from core.text.json_text import parse_json
 from core.tuning.split_score import Figures
 
 TITLES: Final = ("windows", "config", "precision", "recall", "median error", "objective")
