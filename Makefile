@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 DATA ?= rallyscope-data
 PORT ?= 8080
 
-.PHONY: run test quick check bench docs film clean
+.PHONY: run test quick check bench docs film install-hashed hashes clean
 
 run: $(VENV)/.installed
 	$(BIN)/rallyscope serve --data "$(DATA)" --port $(PORT) --open
@@ -38,6 +38,19 @@ docs: $(VENV)/.installed-docs
 film: $(VENV)/.installed-dev
 	$(BIN)/python tests/ensure_chromium.py
 	$(BIN)/python -m docs.make_film
+
+# Only wheels whose hashes are known, then the project alone: for those who trust no index. With CUDA on Linux.
+install-hashed: | $(VENV)/bin/python
+	$(BIN)/pip install --require-hashes --only-binary :all: --requirement constraints-hashed.txt
+	$(BIN)/pip install --no-deps --no-build-isolation --editable .
+	touch $(VENV)/.installed
+
+# After a change of constraints.txt: the hashes of all wheels of these versions, for every platform.
+hashes: | $(VENV)/bin/python
+	$(BIN)/pip install --quiet uv
+	(echo '# Every wheel that may be installed, by its hash: `make hashes` makes this file from constraints.txt.'; \
+	 $(BIN)/uv pip compile pyproject.toml --extra dev --constraint constraints.txt --universal --python-version 3.11.5 \
+	 --generate-hashes --only-binary :all: --no-emit-index-url --no-header --no-annotate --quiet) > constraints-hashed.txt
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

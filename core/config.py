@@ -13,7 +13,6 @@ import inspect
 import itertools
 import math
 import textwrap
-import tomllib
 import types
 import typing
 from dataclasses import dataclass
@@ -23,8 +22,11 @@ import tomli_w
 
 from core.errors import ConfigError
 from core.files import replace_file
+from core.text.toml_text import parse_toml
 
 C = typing.TypeVar("C")
+LARGEST_FILE_BYTES: typing.Final = 1 << 20
+"""A config is a few kilobytes."""
 Setting = bool | int | float | str | tuple[float, ...]
 """The value of a leaf."""
 
@@ -178,10 +180,13 @@ def load_config(config_type: type[C], path: Path) -> C:
         ConfigError: if the file is missing, is not TOML, or holds a setting that does not fit.
     """
     try:
-        mapping = tomllib.loads(path.read_text(encoding="utf-8"))
+        size = path.stat().st_size
+        if size > LARGEST_FILE_BYTES:
+            raise ConfigError("too large for a config", expected="at most 1 MiB", got=f"{size} bytes", where=path)
+        mapping = parse_toml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError("cannot read the config", got=error.strerror, where=path) from error
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ConfigError("not a TOML file", got=str(error), where=path) from error
     return config_from_mapping(config_type, mapping, where=str(path))
 

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Final
 
+from core.text.plain_text import plain
+
 LONGEST_FACT: Final = 600
 """Characters of what was expected, or got, in a message."""
+LONGEST_PART: Final = 2000
+"""Of a message: what was got may be a whole file."""
 
 
 class RallyscopeError(Exception):
@@ -26,10 +30,10 @@ class RallyscopeError(Exception):
         given = {"expected": expected, "got": got}
         facts = [f"{name} {_short(value)}" for name, value in given.items() if value is not None]
         rest = [part for part in (", ".join(facts), remedy) if part]
-        super().__init__(_one_line([what if where is None else f"{where}: {what}", *rest]))
+        super().__init__(_one_line([what if where is None else f"{_bounded(where)}: {what}", *rest]))
         self.what = _one_line([what])
         """What did not work."""
-        self.details = _one_line([*([] if where is None else [str(where)]), *rest])
+        self.details = _one_line([*([] if where is None else [_bounded(where)]), *rest])
         """Where, why, and what to do; may be empty."""
 
 
@@ -40,7 +44,12 @@ def _short(value: object) -> str:
 
 
 def _one_line(parts: list[str]) -> str:
-    return " ".join("; ".join(parts).split())
+    return plain(" ".join("; ".join(map(_bounded, parts)).split()), None)
+
+
+def _bounded(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= LONGEST_PART else f"{text[:LONGEST_PART]} ..."
 
 
 class EventsError(RallyscopeError):
@@ -77,6 +86,10 @@ class LinkError(RallyscopeError):
 
 class NoAnswerError(LinkError):
     """Nobody answered in time."""
+
+
+class RefusedError(LinkError):
+    """A server that is there and does not know our key, or is not the one whose key we know."""
 
 
 class NotReadyError(LinkError):

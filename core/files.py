@@ -19,6 +19,8 @@ from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
+from core.text.json_text import parse_json
+
 PROBE_S: Final = 0.2
 """Who wants a lock waits as long: `is_held` has it for a moment, and that is no reason to give up."""
 GIVES_UP_AFTER_S: Final = 10.0
@@ -76,8 +78,8 @@ def write_json(path: Path, value: object) -> None:
 def read_json(path: Path) -> dict[str, object]:
     """An object from a JSON file; empty if there is none."""
     try:
-        value = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        value = parse_json(path.read_bytes())
+    except (OSError, ValueError):
         return {}
     return value if isinstance(value, dict) else {}
 

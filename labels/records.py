@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 
 from core.errors import LabelError
+from core.text.json_text import parse_json
 from labels.model import Label, LabelState, PositionSource, Provenance
 
 Json = Mapping[str, object]
@@ -21,7 +21,7 @@ def unpack_line(line: bytes) -> dict[str, object]:
         LabelError: if it is none: something else than this program wrote it.
     """
     try:
-        record = json.loads(line)
+        record = parse_json(line)
     except ValueError as error:
         raise LabelError("a line of labels that is not JSON", got=str(error)) from error
     if not isinstance(record, dict):

@@ -85,3 +85,31 @@ def test_everything_that_a_newcomer_installs_is_imported() -> None:
 def test_everything_that_is_declared_is_pinned(extra: str | None) -> None:
     wanted = PROJECT["dependencies"] if extra is None else PROJECT["optional-dependencies"][extra]
     assert names(wanted) <= names((ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines())
+
+
+def hashed() -> dict[str, tuple[str, list[str]]]:
+    """Name -> version and hashes of the file that is installed from without trust in an index."""
+    text = (ROOT / "constraints-hashed.txt").read_text(encoding="utf-8")
+    blocks = re.findall(r"^([\w.-]+)==([^\s;]+)[^\n]*((?:\n    [^\n]*)*)", text, re.MULTILINE)
+    return {
+        normal(name): (version, re.findall(r"--hash=sha256:([0-9a-f]{64})", rest)) for name, version, rest in blocks
+    }
+
+
+def test_hashed_constraints_are_those_of_the_versions_that_are_tested() -> None:
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").split()
+    pinned = {normal(name): version for name, _, version in (line.partition("==") for line in lines)}
+    found = hashed()
+    for name, version in pinned.items():
+        if name in found:
+            assert found[name][0] == version, f"{name}: run `make hashes`"
+    needed = names(PROJECT["dependencies"]) | names(PROJECT["optional-dependencies"]["dev"])
+    assert not needed - set(found), "run `make hashes`"
+    assert set(pinned) - set(found) <= WITHOUT_ITS_OWN
+
+
+def test_every_hashed_constraint_has_hashes_and_no_address() -> None:
+    found = hashed()
+    assert len(found) > 90 and all(hashes for _, hashes in found.values())
+    text = (ROOT / "constraints-hashed.txt").read_text(encoding="utf-8")
+    assert "://" not in text and "--index" not in text and "--find-links" not in text and " @ " not in text

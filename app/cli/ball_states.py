@@ -12,6 +12,7 @@ import numpy as np
 from app.cli.arguments import PositiveInt, flag, setting_flag
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table
+from app.cli.terminal import say
 from core.bench.rally.ball_states_report import PlayedFile, losses, report_rows, write_ball_states_report
 from core.errors import CommandError
 from core.physics.ball_states import read_ball_states
@@ -56,13 +57,13 @@ def run_ball_states(arguments: BallStatesArguments, paths: tuple[Path, ...], *, 
     if report is not None:
         write_ball_states_report(report, files, config, _command(arguments, paths))
     if as_json:
-        print(json.dumps(rows | {"losses": {file.name: losses(file.played) for file in files}}))
+        say(json.dumps(rows | {"losses": {file.name: losses(file.played) for file in files}}))
         return
     for table in rows.values():
-        print(format_table(table))
-        print()
+        say(format_table(table))
+        say()
     lost = [losses(file.played).items() for file in files]
-    print(format_table([{"lost to": words, "balls": count} for counts in lost for words, count in counts]))
+    say(format_table([{"lost to": words, "balls": count} for counts in lost for words, count in counts]))
 
 
 def _command(arguments: BallStatesArguments, paths: tuple[Path, ...]) -> str:

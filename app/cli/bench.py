@@ -15,6 +15,7 @@ from app.cli.arguments import Numbers, PositiveInt, flag, given, positional
 from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.cli.tables import format_row, format_table
+from app.cli.terminal import say
 from core.errors import CommandError, NotBuiltError
 
 BENCHES = {
@@ -79,13 +80,13 @@ def run(arguments: BenchArguments) -> None:
     with progress_bar(f"Measuring {arguments.name}") as progress:
         report = measure(_RowsAsTheyCome(progress), **options)
     if arguments.json:
-        print(json.dumps(report))
+        say(json.dumps(report))
         return
     rows = report.pop("rows")
     assert isinstance(rows, list)
-    print(format_table(rows))
+    say(format_table(rows))
     for name, value in report.items():
-        print(f"{name}: {value if isinstance(value, str) else json.dumps(value)}")
+        say(f"{name}: {value if isinstance(value, str) else json.dumps(value)}")
 
 
 class _RowsAsTheyCome:

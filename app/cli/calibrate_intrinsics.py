@@ -11,6 +11,7 @@ import numpy as np
 from app.cli.arguments import PositiveInt, flag, positional
 from app.cli.files import check_folder, write_text
 from app.cli.progress import progress_bar
+from app.cli.terminal import say
 from core.cameras.calibration import Board, BoardView, Lens, calibrate_lens, find_board
 from core.cameras.calibration.board import KINDS, BoardKind
 from core.cameras.calibration.intrinsics import COEFFICIENTS
@@ -59,7 +60,7 @@ def run(arguments: IntrinsicsArguments) -> None:
     if arguments.report is not None:
         write_text(arguments.report, _picture(lens, f"{name}: {arguments.source.name}"))
     report = _report(lens, empty, arguments)
-    print(json.dumps(report) if arguments.json else _describe(lens, empty, arguments.out))
+    say(json.dumps(report) if arguments.json else _describe(lens, empty, arguments.out))
 
 
 def check_destinations(out: Path, report: Path | None, suffixes: tuple[str, ...] = (*YAML_SUFFIXES, ".toml")) -> None:

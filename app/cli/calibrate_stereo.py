@@ -18,6 +18,7 @@ from app.cli.detector_arguments import MethodArguments
 from app.cli.files import write_text
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table
+from app.cli.terminal import say
 from core.cameras import Camera, load_calibration, save_calibration
 from core.cameras.calibration.free_fall import REAL_DRAG_PER_M
 from core.cameras.calibration.point_track import PointTrack, read_point_track
@@ -101,7 +102,7 @@ def run(arguments: StereoArguments) -> None:
     if arguments.report is not None:
         write_text(arguments.report, rig_svg(found, arguments.out.name))
     rows = [_row(name, fit, found) for name, fit in found.fits.items()]
-    print(json.dumps(_report(found, rows, arguments.out)) if arguments.json else _describe(found, rows, arguments.out))
+    say(json.dumps(_report(found, rows, arguments.out)) if arguments.json else _describe(found, rows, arguments.out))
 
 
 def rig_svg(found: RigCalibration, title: str) -> str:

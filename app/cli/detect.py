@@ -13,6 +13,7 @@ from app.cli.arguments import flag, given, positional
 from app.cli.detector_arguments import AnyMethodArguments
 from app.cli.files import check_folder, write_csv
 from app.cli.progress import progress_bar
+from app.cli.terminal import say
 from core.detection import RefinedDetection, make_detector
 from core.detection.methods import FRAME_METHODS
 from core.detection.refined.sensor_delay import estimate_delay
@@ -45,12 +46,12 @@ def run(arguments: DetectArguments) -> None:
         write_detections(arguments.out, found.answers)
         summary = _summarise(arguments, found)
     if arguments.json:
-        print(json.dumps(summary))
+        say(json.dumps(summary))
         return
     score, what = summary["score"], "pictures" if on_frames else "windows"
-    print(f"{summary['detections']} detections in {summary['windows']} {what} of {found.window_us} us: {arguments.out}")
+    say(f"{summary['detections']} detections in {summary['windows']} {what} of {found.window_us} us: {arguments.out}")
     if isinstance(score, dict):
-        print(f"precision {score['precision']}, recall {score['recall']}, median error {score['median_error_px']} px")
+        say(f"precision {score['precision']}, recall {score['recall']}, median error {score['median_error_px']} px")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from pathlib import Path
 
 from core.learning.config import RunConfig
 from core.learning.task.episode_backend import EpisodeBackend
 
 
 @contextlib.contextmanager
-def open_backend(config: RunConfig, source: str | None) -> Iterator[EpisodeBackend | None]:
+def open_backend(config: RunConfig, source: str | None, keys: Path | None = None) -> Iterator[EpisodeBackend | None]:
     """The court that a run needs, until the block ends; None for the closed-form simulator.
 
     Raises:
-        LinkError: if there is no server at `source`, or it cannot give what the run asks for.
+        LinkError: if there is no server at `source`, it does not take `keys`, or it cannot give what the run asks for.
     """
     if source is not None:
-        from core.rally.link.episode_backend import (
-            LinkBackend,  # late: the chain and its compiled loops are for those who ask
-        )
+        # late: the chain and its compiled loops are for those who ask
+        from core.rally.link.episode_backend import LinkBackend
+        from core.rally.link.keys import read_client_keys
 
-        backend = LinkBackend(config.environment, source)
+        backend = LinkBackend(config.environment, source, None if keys is None else read_client_keys(keys))
     elif config.environment.state_source == "events":
         from core.rally.simulated.event_environment import EventCameraBackend
 

@@ -11,6 +11,7 @@ from app.cli.ball_states import BallStatesArguments, run_ball_states
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table
+from app.cli.terminal import say
 from core.errors import CommandError
 from core.learning.runs.run_files import read_run
 from core.learning.runs.summary import evaluate_run
@@ -46,7 +47,7 @@ def _evaluate(folder: Path, arguments: EvaluateArguments) -> None:
         else:
             with progress_bar("Playing before the cameras") as progress:
                 rows = evaluate_run(folder, balls=arguments.balls, which=which, backend=backend, progress=progress)
-    print(json.dumps(rows) if arguments.json else format_table([line for row in rows for line in _lines(row)]))
+    say(json.dumps(rows) if arguments.json else format_table([line for row in rows for line in _lines(row)]))
 
 
 def _lines(row: dict[str, object]) -> list[dict[str, object]]:

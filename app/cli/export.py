@@ -12,6 +12,7 @@ from app.cli.arguments import DATA, PositiveInt, flag, one_of, positional
 from app.cli.detector_arguments import MethodArguments
 from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
+from app.cli.terminal import say
 from app.export.formats import FORMATS, ExportRequest, export, is_run
 from core.errors import CommandError
 from core.rally import ChainConfig
@@ -48,10 +49,10 @@ def run(arguments: ExportArguments) -> None:
     seconds = time.perf_counter() - started_s
     if arguments.json:
         made = [{"path": str(path), "bytes": path.stat().st_size} for path in files]
-        print(json.dumps({"format": name, "files": made, "seconds": round(seconds, 3)}))
+        say(json.dumps({"format": name, "files": made, "seconds": round(seconds, 3)}))
         return
     for path in files:
-        print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+        say(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
 
 
 def _export(arguments: ExportArguments, progress: Progress) -> tuple[Path, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 from app.cli.arguments import flag, positional
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table
+from app.cli.terminal import say
 from core.errors import CommandError
 
 if TYPE_CHECKING:
@@ -71,19 +72,19 @@ def run(arguments: FitPhysicsArguments) -> None:
             "predictors": [{"method": name, **asdict(row)} for name, row in predictors.items()],
             "flights": {"fit": len(fit), "test": len(test)},
         }
-        print(json.dumps(report))
+        say(json.dumps(report))
         return
-    print(f"{len(fit)} flights fitted, {len(test)} kept for the test; median distance {1e3 * fitted.median_m:.1f} mm")
-    print(format_table([{"constant": name, **values} for name, values in constants.items()]))
-    print()
-    print("Test flights, errors after 150 ms of observation, mm (median, 95 %):")
-    print(format_table([_row("model", name, row) for name, row in errors.items()]))
-    print()
-    print(
+    say(f"{len(fit)} flights fitted, {len(test)} kept for the test; median distance {1e3 * fitted.median_m:.1f} mm")
+    say(format_table([{"constant": name, **values} for name, values in constants.items()]))
+    say()
+    say("Test flights, errors after 150 ms of observation, mm (median, 95 %):")
+    say(format_table([_row("model", name, row) for name, row in errors.items()]))
+    say()
+    say(
         "Test flights, predicted point by point from the same 150 ms, mm (median, 95 %; squared error over its spread):"
     )
     rows = [_row("predictor", name, row) | _by_time(row.normalised, " nees") for name, row in predictors.items()]
-    print(format_table(rows))
+    say(format_table(rows))
 
 
 def _row(kind: str, name: str, errors: FlightErrors) -> dict[str, object]:

@@ -10,6 +10,7 @@ from typing import ClassVar
 
 from app.cli.arguments import Names, PositiveInt, flag, positional
 from app.cli.progress import progress_bar
+from app.cli.terminal import say
 from core.cameras import load_calibration
 from core.errors import CommandError
 from core.events import SensorSize
@@ -58,7 +59,7 @@ def run(arguments: ImportArguments) -> None:
         )
     assert summary is not None  # nobody cancels but with Ctrl-C
     report = {**dataclasses.asdict(summary), "path": str(summary.path)}
-    print(json.dumps(report) if arguments.json else _describe(summary))
+    say(json.dumps(report) if arguments.json else _describe(summary))
 
 
 def _sensor(width: int | None, height: int | None) -> SensorSize | None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from app.cli.arguments import flag, positional
 from app.cli.progress import progress_bar
+from app.cli.terminal import say, say_each
 from core.recordings import CameraStream, open_recording
 from core.recordings.reader import FileRecording
 
@@ -32,7 +33,10 @@ def run(arguments: InfoArguments) -> None:
     with closing(recording):
         facts = recording_facts(recording)
         lines = [str(arguments.recording), *_lines(recording, facts)]
-        print(json.dumps({"path": lines[0], **facts}) if arguments.json else "\n".join(lines))
+        if arguments.json:
+            say(json.dumps({"path": lines[0], **facts}))
+        else:
+            say_each(lines)
 
 
 def recording_facts(recording: FileRecording) -> Facts:

@@ -21,6 +21,7 @@ from app.cli.detector_arguments import MethodArguments
 from app.cli.labels_merge import run_merge
 from app.cli.progress import progress_bar
 from app.cli.tables import json_ready
+from app.cli.terminal import say, say_each
 from app.modes.label.results.label_files import LabelFilesRequest, write_label_files
 from app.modes.label.sources import LabelSource, sources_of
 from core.detection import make_detector
@@ -69,7 +70,10 @@ class LayerArguments:
 
     def tell(self, report: dict[str, object], lines: Iterable[str]) -> None:
         """What came out, for a program or a person."""
-        print(json.dumps(json_ready(report)) if self.json else "\n".join(lines))
+        if self.json:
+            say(json.dumps(json_ready(report)))
+        else:
+            say_each(lines)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,6 +9,7 @@ from typing import Annotated, Final
 
 from app.cli.arguments import flag, positional
 from app.cli.tables import json_ready
+from app.cli.terminal import say, say_each
 from labels.merging import WITHIN_PX, LabelConflict, MergedStores, merge_stores
 
 MAX_SHOWN: Final = 20
@@ -37,9 +38,9 @@ def run_merge(arguments: LabelMergeArguments) -> None:
     """Merge, and say what was left out."""
     merged = merge_stores(arguments.stores, arguments.out, within_px=arguments.within_px, prefer=arguments.prefer)
     if arguments.json:
-        print(json.dumps(json_ready({**asdict(merged), "out": str(arguments.out)})))
+        say(json.dumps(json_ready({**asdict(merged), "out": str(arguments.out)})))
     else:
-        print("\n".join(_lines(merged, arguments)))
+        say_each(_lines(merged, arguments))
 
 
 def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:

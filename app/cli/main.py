@@ -13,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from app.cli.arguments import Parser, add_verb, arguments_of
+from app.cli.terminal import PlainFormatter, say
 from core.errors import NotBuiltError, RallyscopeError
 
 VERBS = {
@@ -59,23 +60,25 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return _run(arguments)
     except RallyscopeError as error:
-        print(f"rallyscope: {error}", file=sys.stderr)
+        say(f"rallyscope: {error}", error=True)
         return 2
     except KeyboardInterrupt:
-        print("rallyscope: stopped", file=sys.stderr)
+        say("rallyscope: stopped", error=True)
         return 130
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except Exception:  # noqa: BLE001 (the last resort: it is shown whole, and called a bug)
-        traceback.print_exc()
-        print("rallyscope: this is a bug; the lines above say where", file=sys.stderr)
+        say(traceback.format_exc().rstrip(), error=True)
+        say("rallyscope: this is a bug; the lines above say where", error=True)
         return 1
 
 
 def _run(argv: list[str]) -> int:
     arguments = parse(argv)
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    handler = logging.StreamHandler()
+    handler.setFormatter(PlainFormatter("%(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
     arguments.run(arguments)
     return 0
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from app.cli.arguments import flag, positional, setting_flag
 from app.cli.files import check_folder, write_text
+from app.cli.terminal import say
 from core.errors import CommandError
 from core.physics.config import Profile
 from core.physics.points_file import read_points
@@ -127,13 +128,13 @@ def _say(arguments: PredictArguments, prediction: Prediction, seen: int) -> None
             "hit_plane": None if plane is None else _hit_plane_json(plane),
             "out": str(arguments.out),
         }
-        print(json.dumps(summary))
+        say(json.dumps(summary))
     elif plane is None:
-        print(f"from {seen} points: the ball does not come to x = {arguments.hit_x:g} m: {arguments.out}")
+        say(f"from {seen} points: the ball does not come to x = {arguments.hit_x:g} m: {arguments.out}")
     else:
         y, z = plane.p_world_m[1:]
         after_ms = 1e3 * plane.t_s - 1e-3 * prediction.t_us
-        print(
+        say(
             f"from {seen} points, {prediction.stage}-bounce: at x = {arguments.hit_x:g} m in {after_ms:.0f} ms, "
             f"y {y:.3f} m, z {z:.3f} m: {arguments.out}"
         )

@@ -11,7 +11,9 @@ from typing import Final
 
 from tqdm import tqdm
 
+from app.cli.terminal import say
 from app.words.percent import percent
+from core.text.plain_text import plain
 
 QUIET_S: Final = 5.0
 """What is done sooner says nothing where no bar can be drawn."""
@@ -35,6 +37,7 @@ class Progress:
 @contextmanager
 def progress_bar(title: str) -> Iterator[Progress]:
     """A bar that the yielded object moves; where there is no terminal, lines with the share and the time left."""
+    title = plain(title)
     if not sys.stderr.isatty():
         lines = _Lines(title)
         try:
@@ -54,7 +57,7 @@ def progress_bar(title: str) -> Iterator[Progress]:
         def show(share: float) -> None:
             bar.update(min(100.0, 100.0 * share) - bar.n)
 
-        yield Progress(show, lambda line: bar.write(line, file=sys.stderr))
+        yield Progress(show, lambda line: bar.write(plain(line, None), file=sys.stderr))
 
 
 class _Lines:
@@ -95,4 +98,4 @@ def words_of_seconds(seconds: float) -> str:
 
 
 def _say_line(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
+    say(line, error=True)

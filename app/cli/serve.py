@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import logging
 import socket
 import webbrowser
@@ -14,6 +13,7 @@ from app.cli.arguments import DATA, flag, positional
 from app.cli.ending import end_event
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
+from app.cli.terminal import say
 from app.export.viewer_streamer import check_viewer_address
 from app.front.address import check_address
 from app.front.admission import Admission
@@ -23,6 +23,9 @@ from core.config import load_config
 from core.detection import DetectorConfig
 from core.errors import CommandError
 from core.physics.config import Profile
+from core.rally.link.address import split_address
+from core.rally.link.guard import check_reach
+from core.rally.link.keys import ClientKeys, read_client_keys
 
 if TYPE_CHECKING:
     from app.preparation.startup import Startup
@@ -40,6 +43,7 @@ class ServeArguments:
         "live|tcp://HOST:PORT",
         "live, without a recording",
     )
+    keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
     physics: Profile | None = flag("of a live simulation of its own", default="paper")
     ball_states: tuple[Path, ...] | None = flag("it serves recorded balls (JSON), by default in `real`", "FILE")
     host: str = flag("address to listen on; the default is this machine only", default="127.0.0.1")
@@ -55,6 +59,7 @@ class ServeArguments:
 def run(arguments: ServeArguments) -> None:
     """Serve until interrupted."""
     source = _check_source(arguments.source, arguments.recording)
+    keys = read_keys(arguments.keys, source)
     own = own_simulation(arguments, source)
     if arguments.rerun is not None:
         check_viewer_address(arguments.rerun)
@@ -70,7 +75,11 @@ def run(arguments: ServeArguments) -> None:
 
         address = None if source == LIVE else source
         startup = Startup(
-            workspace, address=address, arguments=("--auto-serve", "5", *own), say=functools.partial(print, flush=True)
+            workspace,
+            address=address,
+            arguments=("--auto-serve", "5", *own),
+            say=say,
+            keys=keys,
         )
     try:
         _show(arguments, workspace, library, config, startup, admission)
@@ -113,8 +122,8 @@ def _show(
         startup.hand_over(lab.use_live)
     url = page_url(arguments.host, lab.port, admission)
     if not admission.local:
-        print(tunnel_advice(lab.port), flush=True)
-    print(f"Rallyscope shows {first!r} at {url}   (Ctrl-C ends it)", flush=True)
+        say(tunnel_advice(lab.port))
+    say(f"Rallyscope shows {first!r} at {url}   (Ctrl-C ends it)")
     if arguments.open:
         webbrowser.open(url)
     end_event().wait()
@@ -153,6 +162,22 @@ def _check_source(source: str | None, recording: Path | None) -> str | None:
     if source != LIVE and not source.startswith("tcp://"):
         raise CommandError("not a source", expected="live or tcp://HOST:PORT", got=repr(source), where="--source")
     return source
+
+
+def read_keys(folder: Path | None, source: str | None) -> ClientKeys | None:
+    """The keys for a source; None where none are given.
+
+    Raises:
+        CommandError: if there is no simulation that could ask for them.
+        LinkError: if they cannot be used, or the source is beyond this machine and there are none.
+    """
+    if source is None or source == LIVE:
+        if folder is not None:
+            raise CommandError("keys without a source", expected="--source tcp://HOST:PORT", where="--keys")
+        return None
+    keys = None if folder is None else read_client_keys(folder)
+    check_reach(split_address(source, lowest=1)[0], keys)
+    return keys
 
 
 def _check_folders(folders: tuple[Path, ...]) -> tuple[Path, ...]:

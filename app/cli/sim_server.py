@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,12 +10,16 @@ from app.cli.arguments import flag, setting_flag
 from app.cli.cameras import Sensor, named_cameras
 from app.cli.ending import end_event
 from app.cli.scenes import SceneArguments
+from app.cli.terminal import say
 from core.cameras.presets import SENSOR_720
 from core.errors import CommandError
 from core.files import end_with_parent
 from core.physics.ball_states import join_serves, read_ball_states
 from core.physics.config import Profile
 from core.physics.task import task_profile
+from core.rally.link.address import split_address
+from core.rally.link.guard import check_reach
+from core.rally.link.keys import make_keys, read_server_keys
 from core.rally.link.responder import KernelProgress
 from core.rally.link.server import ServerConfig, SimulationServer
 from core.rally.simulated.world import WorldConfig
@@ -25,7 +28,6 @@ from core.simulation.episodes.recorded_serves import RecordedServes
 
 QUIET_S = 2.0
 SAY_EVERY = 5
-LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +39,8 @@ class SimServerArguments:
         "tcp://HOST:PORT",
         "tcp://127.0.0.1:5555",
     )
+    keys: Path | None = flag("only for those whose public keys are in it; needed beyond this machine", "DIR")
+    make_keys: Path | None = flag("make keys of a server and a client there, or of one more client; then end", "DIR")
     cameras: str = flag("placement, or a calibration file", "PRESET|FILE", "side")
     sensor: Sensor | None = flag("of a placement's cameras", "WxH", SENSOR_720)
     scene: SceneArguments
@@ -50,6 +54,11 @@ class SimServerArguments:
 
 def run(arguments: SimServerArguments) -> None:
     """Serve until interrupted."""
+    if arguments.make_keys is not None:
+        _make_keys(arguments.make_keys)
+        return
+    keys = None if arguments.keys is None else read_server_keys(arguments.keys)
+    check_reach(split_address(arguments.bind)[0], keys)  # at once: the rest takes a while
     if arguments.seed < 0:
         raise CommandError("no such seed", expected="a whole number from 0", got=arguments.seed, where="--seed")
     if arguments.auto_serve and not 3 <= arguments.auto_serve <= 9:
@@ -67,15 +76,27 @@ def run(arguments: SimServerArguments) -> None:
     if arguments.until_eof:
         end_with_parent()
     server = SimulationServer(
-        config, cameras, arguments.bind, seed=arguments.seed, recorded=recorded, preparing=_tell_progress()
+        config,
+        cameras,
+        arguments.bind,
+        seed=arguments.seed,
+        recorded=recorded,
+        preparing=_tell_progress(),
+        keys=keys,
     )
     server.prepare()
-    host = server.address.removeprefix("tcp://").rpartition(":")[0]
-    if host not in LOOPBACK:
-        print(f"Anyone who can reach {host} can command this simulation: it has no passwords.", flush=True)
     ended = end_event()
-    print(f"The simulation is at {server.address}   (Ctrl-C ends it)", flush=True)
+    say(f"The simulation is at {server.address}   (Ctrl-C ends it)")
     server.run(ended.is_set)
+
+
+def _make_keys(folder: Path) -> None:
+    server, client = make_keys(folder)
+    say(f"{server}: the server's keys, for `rallyscope sim-server --bind tcp://HOST:PORT --keys {server}`")
+    say(
+        f"{client}: a client's keys. Bring them to its machine on a safe way, then there: "
+        f"`rallyscope serve --source tcp://HOST:PORT --keys {client.name}`"
+    )
 
 
 def _tell_progress() -> KernelProgress:
@@ -86,6 +107,6 @@ def _tell_progress() -> KernelProgress:
         nonlocal said
         if time.monotonic() - began_s > QUIET_S and ready >= said + SAY_EVERY:
             said = ready
-            print(f"compiling, on the first start only: {ready} of about {known} kernels", file=sys.stderr, flush=True)
+            say(f"compiling, on the first start only: {ready} of about {known} kernels", error=True)
 
     return tell

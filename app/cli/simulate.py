@@ -10,6 +10,7 @@ from app.cli.cameras import named_cameras
 from app.cli.progress import Progress, progress_bar
 from app.cli.simulate_arguments import SERVES, SimulateArguments
 from app.cli.simulate_data_set import refuse_data_set_arguments, run_data_sets
+from app.cli.terminal import say
 from core.errors import CommandError
 from core.physics.config import physics_profile
 from core.physics.task import task_profile
@@ -33,7 +34,7 @@ def run(arguments: SimulateArguments) -> None:
     refuse_data_set_arguments(arguments.data_set)
     with progress_bar(f"Simulating {arguments.out.name}") as progress:
         made = _simulate(arguments, progress)
-    print(json.dumps({**asdict(made), "path": str(made.path)}) if arguments.json else _describe(made))
+    say(json.dumps({**asdict(made), "path": str(made.path)}) if arguments.json else _describe(made))
 
 
 def _simulate(arguments: SimulateArguments, progress: Progress) -> SimulatedRecording:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from app.cli.arguments import given
 from app.cli.progress import progress_bar
 from app.cli.simulate_arguments import SERVES, DataSetArguments, SimulateArguments
+from app.cli.terminal import say
 from core.cameras.presets import PLACEMENTS, SENSOR_720
 from core.errors import CommandError
 from core.rally.data_sets import CARD, PRESETS, DataSetPlan, DataSetRun, plan_data_set, preset_plan, run_data_set
@@ -35,7 +36,7 @@ def run_data_sets(arguments: SimulateArguments) -> None:
     with progress_bar(f"Simulating {len(plan.recordings)} recordings") as progress:
         done = run_data_set(plan, arguments.out, jobs=jobs, overwrite=arguments.force, progress=progress)
     report = {"folder": str(done.folder), "made": done.made, "kept": done.kept, "total": done.manifest["total"]}
-    print(json.dumps(report) if arguments.json else _describe(done))
+    say(json.dumps(report) if arguments.json else _describe(done))
 
 
 def _plan(arguments: SimulateArguments) -> DataSetPlan:

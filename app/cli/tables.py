@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from core.text.plain_text import plain
+
 
 def format_table(rows: list[dict[str, object]]) -> str:
     """Rows with the same keys as text, numbers to the right and to three decimals."""
@@ -23,7 +25,7 @@ def format_row(row: Mapping[str, object]) -> str:
 def _cell(value: object) -> str:
     if value is None:
         return "-"
-    return f"{value:.3f}" if isinstance(value, float) else str(value)
+    return f"{value:.3f}" if isinstance(value, float) else plain(str(value))
 
 
 def json_ready(value: object) -> object:

@@ -14,6 +14,7 @@ from app.cli.arguments import flag, positional
 from app.cli.detector_arguments import DetectorArguments
 from app.cli.files import check_folder, write_csv
 from app.cli.progress import progress_bar
+from app.cli.terminal import say
 from core.rally import ChainConfig
 from core.rally.chain.follow import Track, follow_recording, true_positions
 from core.recordings import BallTruth, open_recording
@@ -52,12 +53,12 @@ def run(arguments: TrackArguments) -> None:
         "out": str(arguments.out),
     }
     if arguments.json:
-        print(json.dumps(summary))
+        say(json.dumps(summary))
         return
-    print(f"{len(track.t_us)} points in {track.windows} windows of {window_us} us: {arguments.out}")
+    say(f"{len(track.t_us)} points in {track.windows} windows of {window_us} us: {arguments.out}")
     for name, values in (("residual px", summary["residual_px"]), ("3D error mm", summary["error_mm"])):
         if isinstance(values, dict):
-            print(f"{name}: median {values['median']}, p95 {values['p95']}")
+            say(f"{name}: median {values['median']}, p95 {values['p95']}")
 
 
 def write_track(path: Path, track: Track) -> None:

@@ -12,6 +12,7 @@ from app.cli.arguments import Counts, Numbers, PositiveInt, flag, given, setting
 from app.cli.ending import end_event
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
+from app.cli.terminal import say
 from core.config import load_config
 from core.errors import CommandError
 from core.learning.config import (
@@ -61,6 +62,7 @@ class TrainArguments:
     resume: bool = flag("go on with the run in that folder")
     new: NewRunArguments
     source: str | None = flag("play every ball in a simulation server (its outcomes are the same)", "tcp://HOST:PORT")
+    keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
     json: bool = flag("print a summary as JSON")
 
 
@@ -74,7 +76,7 @@ def run(arguments: TrainArguments) -> None:
         config = read_run(folder)
     else:
         config = requested_run(arguments.new)
-    with open_backend(config, arguments.source) as backend:
+    with open_backend(config, arguments.source, arguments.keys) as backend:
         if not arguments.resume:
             create_run(folder, config)
         from core.learning.runs.running import run_training  # late: torch takes a second, a mistake should not
@@ -123,10 +125,10 @@ def _report(folder: Path, config: RunConfig, state: str, *, as_json: bool) -> No
         lines, _ = read_lines(seed_files(folder, seed).evaluations)
         last += [{"seed": seed, **lines[-1]}] if lines else []
     if as_json:
-        print(json.dumps({"run": str(folder), "state": state, "seeds": last}))
+        say(json.dumps({"run": str(folder), "state": state, "seeds": last}))
         return
-    print(f"{state}: {folder}" + ("" if state == "finished" else "   (go on with --resume)"))
+    say(f"{state}: {folder}" + ("" if state == "finished" else "   (go on with --resume)"))
     for line in last:
         error = line["error_mm"]
         shown = "-" if error is None else f"{error:.0f} mm from the target"
-        print(f"seed {line['seed']}: {100 * line['returned']:.1f} % returned at {line['speed_mps']:g} m/s, {shown}")
+        say(f"seed {line['seed']}: {100 * line['returned']:.1f} % returned at {line['speed_mps']:g} m/s, {shown}")

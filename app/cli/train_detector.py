@@ -13,6 +13,7 @@ from app.cli.arguments import PositiveInt, flag, given, positional, setting_flag
 from app.cli.ending import end_event
 from app.cli.files import check_folder
 from app.cli.progress import progress_bar
+from app.cli.terminal import say
 from core.config import load_config
 from core.detection.yolo.config import YoloConfig
 from core.errors import CommandError
@@ -76,19 +77,19 @@ def run(arguments: TrainDetectorArguments) -> None:
     state = "stopped" if score is None else "finished"
     if arguments.json:
         found = None if score is None else {k: v if math.isfinite(v) else None for k, v in asdict(score).items()}
-        print(json.dumps({"weights": str(arguments.out), "state": state, "score": found}))
+        say(json.dumps({"weights": str(arguments.out), "state": state, "score": found}))
         return
     if score is None:
-        print(f"stopped: {arguments.out}   (the same command goes on)")
+        say(f"stopped: {arguments.out}   (the same command goes on)")
         return
     confidence = load_weights(arguments.out).config.confidence
-    print(f"finished: {arguments.out}, {arguments.out.stat().st_size / 1e6:.1f} MB, confidence from {confidence:g}")
-    print(
+    say(f"finished: {arguments.out}, {arguments.out.stat().st_size / 1e6:.1f} MB, confidence from {confidence:g}")
+    say(
         f"{score.pictures} sharp pictures it was not trained on: recall {score.recall:.3f} and precision "
         f"{score.precision:.3f} at 8 px, median error {score.median_error_px:.2f} px"
     )
     if not score.is_rival:
-        print(f"with a recall below {LEAST_RECALL:g} it is no rival: train longer, or on more rooms")
+        say(f"with a recall below {LEAST_RECALL:g} it is no rival: train longer, or on more rooms")
 
 
 def requested_training(arguments: TrainDetectorArguments) -> DetectorTrainingConfig:

@@ -18,6 +18,7 @@ from app.cli.files import check_folder
 from app.cli.labels import read_layers
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table, json_ready
+from app.cli.terminal import say
 from core.config import save_config
 from core.errors import CommandError
 from core.files import end_with_parent, usable_cores
@@ -101,7 +102,7 @@ def run(arguments: TuneArguments) -> None:
         "asked": arguments.trials,
         "out": str(arguments.out),
     }
-    print(json.dumps(json_ready(about | report_of(result))) if arguments.json else _describe(arguments, result))
+    say(json.dumps(json_ready(about | report_of(result))) if arguments.json else _describe(arguments, result))
 
 
 def _objective(

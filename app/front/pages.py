@@ -15,6 +15,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.protocol import State
 
 from app.front.uploads import Uploads
+from core.text.json_text import parse_json
 
 logger = logging.getLogger(__name__)
 MAX_MESSAGE_BYTES: Final = 65_536
@@ -126,7 +127,7 @@ class Pages:
         if isinstance(text, bytes) or len(text) > MAX_MESSAGE_BYTES or known.listen is None:
             return
         try:
-            message = json.loads(text)
+            message = parse_json(text)
         except (ValueError, RecursionError):
             return
         if isinstance(message, dict) and isinstance(message.get("type"), str):

@@ -21,6 +21,8 @@ from typing import Final
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
+from core.text.json_text import parse_json
+
 logger = logging.getLogger(__name__)
 MAX_UPLOAD_BYTES: Final = 200_000_000
 MAX_PIECE_BYTES: Final = 1 << 20
@@ -124,7 +126,7 @@ class Uploads:
     def _announced(self, text: str | bytes) -> tuple[str, int]:
         """Name and size of the file that is to come."""
         try:
-            said = json.loads(text) if isinstance(text, str) else None
+            said = parse_json(text) if isinstance(text, str) else None
         except (ValueError, RecursionError):
             said = None
         name, size = (said.get("name"), said.get("size")) if isinstance(said, dict) else (None, None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ import viser
 
 from app import theme
 from app.shared.library import Library
+from app.words.file_text import html_text
 from core.events import Health, RateCurve, rate_curve
 from core.recordings import Recording
 
@@ -57,16 +57,16 @@ def health_html(info: RecordingInfo) -> str:
         for title in ("camera", "duration", "events", "mean rate", "peak rate", "ON share", "hot pixels", "gaps")
     )
     rows = "".join(_health_row(name, health) for name, health in info.health.items())
-    notes = "".join(f"<div style='color:{theme.MUTED}'>{html.escape(note)}</div>" for note in info.notes)
+    notes = "".join(f"<div style='color:{theme.MUTED}'>{html_text(note)}</div>" for note in info.notes)
     remarks: list[str] = []
     for name, health in info.health.items():
         remarks += [
-            f"{html.escape(name)}: no events from {gap.start_us / 1e6:.3f} to {gap.end_us / 1e6:.3f} s"
+            f"{html_text(name)}: no events from {gap.start_us / 1e6:.3f} to {gap.end_us / 1e6:.3f} s"
             for gap in health.gaps[:LISTED]
         ]
         pixels = ", ".join(f"({x}, {y})" for x, y in health.hot_pixels_xy[:LISTED])
         if pixels:
-            remarks.append(f"{html.escape(name)}: busiest hot pixels {pixels}")
+            remarks.append(f"{html_text(name)}: busiest hot pixels {pixels}")
     listed = "".join(f"<div style='color:{theme.BAD}'>{remark}</div>" for remark in remarks)
     sound = f"<div style='color:{theme.GOOD}'>nothing stands out</div>"
     return (
@@ -78,7 +78,7 @@ def health_html(info: RecordingInfo) -> str:
 def _health_row(name: str, health: Health) -> str:
     share = "-" if np.isnan(health.on_share) else f"{health.on_share:.0%}"
     cells = (
-        html.escape(name), f"{health.duration_us / 1e6:.3f} s", f"{health.event_count:,}",
+        html_text(name), f"{health.duration_us / 1e6:.3f} s", f"{health.event_count:,}",
         f"{health.mean_rate_hz / 1e6:.2f} Mev/s", f"{health.peak_rate_hz / 1e6:.2f} Mev/s",
         share, len(health.hot_pixels_xy), len(health.gaps),
     )  # fmt: skip

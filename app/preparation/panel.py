@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from typing import Final
 
@@ -10,6 +9,7 @@ import viser
 
 from app import theme
 from app.preparation.steps import Step
+from app.words.file_text import html_text
 
 PLACE_PX: Final = (8, -8)
 SIZE_PX: Final = (430, 230)
@@ -47,13 +47,13 @@ def card_html(steps: Sequence[Step]) -> str:
 
 def _row(step: Step) -> str:
     colours = {"waiting": theme.MUTED, "running": "inherit", "done": theme.GOOD, "failed": theme.BAD}
-    said = html.escape(step.title)
+    said = html_text(step.title)
     if step.state == "running":
         said += f" <b>{step.share:.0%}</b>" if step.share else " ..."
-        said += f"<div style='color:{theme.MUTED};font-size:11.5px'>{html.escape(step.hint)}</div>" if step.hint else ""
+        said += f"<div style='color:{theme.MUTED};font-size:11.5px'>{html_text(step.hint)}</div>" if step.hint else ""
         said += _bar(step.share)
     elif step.state == "failed":
-        said += f"<div style='font-size:11.5px'>{html.escape(step.problem)}</div>"
+        said += f"<div style='font-size:11.5px'>{html_text(step.problem)}</div>"
     sign = f"<span style='display:inline-block;width:20px'>{SIGNS[step.state]}</span>"
     return f"<div style='color:{colours[step.state]};display:flex'>{sign}<div style='flex:1'>{said}</div></div>"
 

@@ -14,6 +14,7 @@ from app.shared.live_rally import LiveRally
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
 from core.errors import RallyscopeError
+from core.rally.link.keys import ClientKeys
 
 logger = logging.getLogger(__name__)
 
@@ -45,10 +46,14 @@ class Startup:
         address: str | None = None,
         arguments: Sequence[str] = (),
         say: Callable[[str], None] = lambda line: None,
+        keys: ClientKeys | None = None,
     ) -> None:
-        """Begin: watch the simulation at an address, or start one with the arguments of `rallyscope sim-server`."""
+        """Begin: watch the simulation at an address, or start one with the arguments of `rallyscope sim-server`.
+
+        Beyond this machine the one at an address is watched with `keys`.
+        """
         self._workspace = workspace
-        self._address = address
+        self._address, self._keys = address, keys
         self._say = say
         self._lock = threading.Lock()
         self._stopped = False
@@ -164,7 +169,7 @@ class Startup:
 
     def _remote_rally(self) -> LiveRally:
         assert self._address is not None
-        live = LiveRally(self._address, preparing=self._simulation_progress)
+        live = LiveRally(self._address, preparing=self._simulation_progress, keys=self._keys)
         self.preparation.finish("simulation")
         self.preparation.begin("rally")
         return live

@@ -25,6 +25,7 @@ from core.rally.history.record_live import LiveRecorder
 from core.rally.history.return_counts import BallConditions, ReturnCounts
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
+from core.rally.link.keys import ClientKeys
 from core.rally.live.live_player import LivePlayer
 from core.rally.live.ring_recording import LiveConfig, RingRecording
 
@@ -43,6 +44,7 @@ class LiveRally:
         *,
         process: SimulationProcess | None = None,
         preparing: Callable[[float], None] = lambda share: None,
+        keys: ClientKeys | None = None,
     ) -> None:
         """Join the simulation at an address, when it is ready; `process` is ended with the rally.
 
@@ -53,7 +55,7 @@ class LiveRally:
         """
         self._process = process
         try:
-            self.client = SimulationClient(address, preparing=preparing)
+            self.client = SimulationClient(address, preparing=preparing, keys=keys)
         except LinkError:
             if process is not None:
                 process.stop()

@@ -21,6 +21,7 @@ from app.state.undo import History
 from core.detection.methods import METHODS, STAGED, Method
 from core.errors import CommandError, ConfigError
 from core.files import replace_file
+from core.text.json_text import parse_json
 
 logger = logging.getLogger(__name__)
 MAX_STEPS: Final = 50
@@ -58,7 +59,7 @@ class BrowserMemory:
             path = self._path(browser)
             if not path.is_file() or path.stat().st_size > MAX_FILE_BYTES:
                 return None
-            return _decode(json.loads(path.read_bytes()))
+            return _decode(parse_json(path.read_bytes()))
         except (OSError, ValueError, TypeError, KeyError, RecursionError, CommandError, ConfigError) as error:
             logger.warning("the settings of a browser cannot be read again: %s", error)
             return None

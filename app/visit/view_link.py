@@ -32,6 +32,7 @@ from app.state.commands import Command
 from app.state.settings_text import default_config, differing_settings, with_settings
 from core.detection.methods import METHODS, Method
 from core.errors import ConfigError
+from core.text.json_text import parse_json
 
 MAX_LENGTH: Final = 4_000
 VERSION: Final = "1"
@@ -155,7 +156,7 @@ def _configs(values: Values, method: Method) -> Configs:
     for key, text in values.items():
         slot, dot, name = key.partition(".")
         if dot and slot.upper() in told:
-            told[slot.upper()][name] = json.loads(text)
+            told[slot.upper()][name] = parse_json(text)
     return Configs(with_settings(base, told["A"]), with_settings(base, told["B"]))
 
 

@@ -7,7 +7,6 @@ All three count pixels from the centre of the top left one, as we do. Nothing in
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
@@ -21,6 +20,7 @@ from core.cameras.kalibr import cameras_from_kalibr, looks_like_kalibr
 from core.cameras.opencv_yaml import OpenCVLoader, cameras_from_opencv
 from core.errors import CalibrationError
 from core.files import replace_file
+from core.text.toml_text import parse_toml
 
 FORMAT: Final = "rallyscope-calibration"
 VERSION: Final = 1
@@ -86,8 +86,8 @@ def _read_text(path: Path) -> str:
 
 def _cameras_from_toml(text: str, path: Path) -> dict[str, Camera]:
     try:
-        tree = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
+        tree = parse_toml(text)
+    except ValueError as error:
         raise CalibrationError("not a TOML file", got=str(error)[:200], where=path) from error
     where = str(path)
     if (tree.get("format"), tree.get("version")) != (FORMAT, VERSION):

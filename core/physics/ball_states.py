@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Final
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.physics.episode import Serves
+from core.text.json_text import parse_json
 
 Array = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def _read_json(path: Path) -> list[object]:
         if size > MOST_BYTES:
             limit = f"up to {MOST_BYTES >> 20} MiB"
             raise RecordingError("too large a file of ball states", expected=limit, got=f"{size} bytes", where=path)
-        found = json.loads(path.read_text(encoding="utf-8-sig"))
+        found = parse_json(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise RecordingError("cannot read the ball states", got=error.strerror, where=path) from error
     except (ValueError, RecursionError) as error:

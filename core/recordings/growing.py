@@ -21,6 +21,7 @@ from isal import isal_zlib
 
 from core.errors import RecordingError
 from core.files import lock_descriptor
+from core.text.json_text import parse_json
 
 MAGIC: Final = b"RALLYSCOPE-GROW1"
 _HEAD: Final = struct.Struct("<4sIQI")
@@ -140,7 +141,7 @@ def scan(file: BinaryIO, *, check: bool) -> Iterator[Frame]:
         text = file.read(meta_size)
         if check and not _is_intact(file, text, size, checksum):
             return
-        yield Frame(json.loads(text), payload_at, size)
+        yield Frame(parse_json(text), payload_at, size)
         position = payload_at + size
 
 

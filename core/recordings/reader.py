@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -36,6 +35,7 @@ from core.recordings.known_groups import check_known_rows
 from core.recordings.ms_index import MAX_TIME_US
 from core.recordings.recording import CameraStream
 from core.recordings.truth import BallTruth, credible_ball
+from core.text.json_text import parse_json
 
 MOST_GROUPS: Final = 1000
 
@@ -232,7 +232,7 @@ def _has_events(cameras: h5py.Group, name: str) -> bool:
 
 def _parse_config(text: str) -> dict[str, object]:
     try:
-        config = json.loads(text)
+        config = parse_json(text)
     except (ValueError, RecursionError) as error:
         raise RecordingError("it is no JSON", got=error) from error
     if not isinstance(config, dict):

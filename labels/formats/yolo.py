@@ -31,6 +31,7 @@ from labels.formats.exchange import (
 from labels.model import Label, LabelState
 
 CLASSES = "classes.txt"
+MOST_CLASSES = 10_000
 PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
 """Visibility of a keypoint: occluded, visible."""
 
@@ -150,14 +151,19 @@ def _ball_class(folder: Path, collector: Collector) -> int | None:
 def _yaml_names(file: Path, collector: Collector) -> list[str]:
     try:
         content = yaml.safe_load(read_text(file, collector) or "")
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         collector.reject(file, 1, f"not YAML: {error}")
         return []
     names = content.get("names") if isinstance(content, dict) else None
     if isinstance(names, dict):
-        whole = {key: value for key, value in names.items() if isinstance(key, int) and 0 <= key < 10_000}
-        return [str(whole.get(index, "")) for index in range(max(whole, default=-1) + 1)]
-    return [str(name) for name in names] if isinstance(names, list) else []
+        whole = {key: value for key, value in names.items() if isinstance(key, int) and 0 <= key < MOST_CLASSES}
+        return [_class_name(whole.get(index)) for index in range(max(whole, default=-1) + 1)]
+    return [_class_name(name) for name in names[:MOST_CLASSES]] if isinstance(names, list) else []
+
+
+def _class_name(value: object) -> str:
+    """A list is none: by anchors a few lines of YAML make lists of billions, which must not be written out."""
+    return str(value) if isinstance(value, (str, int, float)) else ""
 
 
 YOLO = LabelFormat("yolo", "YOLO text files with boxes", write_yolo, read_yolo, pictures=True)

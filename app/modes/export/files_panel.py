@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from typing import Final
 
 import viser
@@ -11,6 +10,7 @@ from app import theme
 from app.export.exporter import ExportedFile, ExportState
 from app.widgets import Listing
 from app.words.file_size import size_text
+from app.words.file_text import html_text
 from app.words.percent import percent
 
 SHOWN: Final = 12
@@ -60,10 +60,10 @@ def state_html(state: ExportState | None) -> str:
         return f"<div style='{STYLE}'>Files are made in the folder <b>exports</b> of the workspace.</div>"
     if state.running:
         left = "" if state.left_s is None else f", about {max(1, round(state.left_s))} s left"
-        text = f"{html.escape(state.name)}: {percent(state.share)}{left}"
+        text = f"{html_text(state.name)}: {percent(state.share)}{left}"
         return f"<div style='{STYLE}'>{text}</div>"
     colour = theme.BAD if state.failed else theme.MUTED if state.message == "cancelled" else theme.GOOD
-    text = f"{html.escape(state.message)} ({state.seconds:.0f} s)"
+    text = f"{html_text(state.message)} ({state.seconds:.0f} s)"
     return f"<div style='{STYLE};color:{colour}'>{text}</div>"
 
 
@@ -72,7 +72,7 @@ def files_html(files: tuple[ExportedFile, ...]) -> str:
     if not files:
         return f"<div style='{STYLE};color:{theme.MUTED}'>Nothing yet.</div>"
     rows = [
-        f"<tr><td style='overflow-wrap:anywhere'>{html.escape(file.name)}</td>"
+        f"<tr><td style='overflow-wrap:anywhere'>{html_text(file.name)}</td>"
         f"<td style='text-align:right;white-space:nowrap'>{size_text(file.size)}</td></tr>"
         for file in files[:SHOWN]
     ]

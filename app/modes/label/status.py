@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import time
 from dataclasses import dataclass
 
@@ -14,6 +13,7 @@ from app.modes.label.label_writer import LabelWriter
 from app.modes.label.labelling import Labelling
 from app.modes.label.plan import CameraAgreement
 from app.pictures.palette import Ink
+from app.words.file_text import html_text
 from app.words.percent import percent
 from labels.assist import Proposals
 from labels.model import Label
@@ -56,7 +56,7 @@ def _live_text(share: float | None) -> str:
 def save_html(labelling: Labelling, writer: LabelWriter) -> str:
     """Whether everything is on the disk."""
     if writer.failure is not None:
-        return _line(f"not saved: {html.escape(writer.failure)}", theme.BAD)
+        return _line(f"not saved: {html_text(writer.failure)}", theme.BAD)
     if labelling.view.camera not in labelling.saved:
         return _line("reading the labels", theme.MUTED)
     if writer.waiting:
@@ -116,13 +116,13 @@ def here_html(
 ) -> str:
     """What is known at this time."""
     if labelling.asking is not None:
-        return _line(f"<b>not stored:</b> {labelling.asking.question}", AMBER)
+        return _line(f"<b>not stored:</b> {html_text(labelling.asking.question)}", AMBER)
     if labelling.view.blind:
         return _line("second look: place the ball again, without the first label", BRAND)
     if label is not None:
         made = label.provenance
         text = (
-            f"<b>{label.state.replace('_', ' ')}</b>, {made.source.replace('_', ' ')} by {html.escape(made.annotator)}"
+            f"<b>{label.state.replace('_', ' ')}</b>, {made.source.replace('_', ' ')} by {html_text(made.annotator)}"
             f"{_radius_text(label)}"
         )
         if label.covariance_px2 is not None:
@@ -139,7 +139,7 @@ def here_html(
         text = f"cameras agree to {agreement.residual_px:.2f} px, ball {agreement.distance_m:.2f} m away"
         lines.append(_line(f"{text}, expected radius {agreement.expected_r_px:.1f} px", colour))
     if reason:
-        lines.append(_line(html.escape(reason), BRAND))
+        lines.append(_line(html_text(reason), BRAND))
     return "".join(lines)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from typing import Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from viser import uplot
 from app import theme
 from app.modes.train.curves import WINDOW
 from app.modes.train.view import COMPARED, ChartData
+from app.words.file_text import html_text
 
 Array = NDArray[np.float64]
 CHART_HEIGHT_PX: Final = 102
@@ -91,7 +91,7 @@ def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: boo
         entries.append((MEAN, "mean of its seeds"))
     entries += list(zip(OTHERS, compared, strict=False))
     shown = " &nbsp; ".join(
-        f"<span style='white-space:nowrap'><span style='color:{colour}'>●</span> {html.escape(name)}</span>"
+        f"<span style='white-space:nowrap'><span style='color:{colour}'>●</span> {html_text(name)}</span>"
         for colour, name in entries
     )
     return f"<div style='font-size:12.5px;padding:6px 12px 0'>{shown}</div>"

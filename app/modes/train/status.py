@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from typing import Final
 
@@ -12,6 +11,7 @@ from app.modes.train.replay import Replay
 from app.modes.train.view import LISTED, Details
 from app.scene.landing import CASE_NAMES, CASE_RGB
 from app.shared.training.run_state import RunPhase, RunState
+from app.words.file_text import html_text
 from app.words.percent import percent
 from core.physics.episode import Case
 
@@ -23,6 +23,7 @@ COLOURS: Final[dict[RunPhase, str]] = {
 }
 EVALUATIONS_SHOWN: Final = 12
 NEWEST_COLOUR: Final = "#{:02x}{:02x}{:02x}".format(*NEW_RGB)
+LONGEST_LOG_LINE: Final = 1000
 LOG_STYLE: Final = "font-size:11.5px;white-space:pre-wrap;overflow-wrap:anywhere;margin:2px 0 0"
 CELL: Final = "text-align:right;font-weight:400;padding:0 4px"
 
@@ -32,12 +33,12 @@ def status_html(run: RunState | None, details: Details | None, active: RunState 
     if run is None:
         return _box("<b>Nothing trained yet.</b><br>Press <b>Train now</b> and watch a policy learn to place balls.")
     colour = COLOURS.get(run.phase, theme.MUTED)
-    rows = [f"<b>{html.escape(run.name)}</b> &nbsp; <span style='color:{colour}'>{run.phase}</span>"]
+    rows = [f"<b>{html_text(run.name)}</b> &nbsp; <span style='color:{colour}'>{run.phase}</span>"]
     if active is not None and active.name != run.name:
-        rows.insert(0, f"<span style='color:{theme.GOOD}'>{html.escape(active.name)} is being trained</span>")
+        rows.insert(0, f"<span style='color:{theme.GOOD}'>{html_text(active.name)} is being trained</span>")
     if run.phase == "failed":
-        rows.append(f"<span style='color:{theme.BAD}'>{html.escape(run.message)}</span>")
-    rows.append(f"<span style='color:{theme.MUTED}'>{html.escape(plan_text(run))}</span>")
+        rows.append(f"<span style='color:{theme.BAD}'>{html_text(run.message)}</span>")
+    rows.append(f"<span style='color:{theme.MUTED}'>{html_text(plan_text(run))}</span>")
     if details is not None and details.episodes_done:
         rows.append(_progress_text(run, details))
         rows.append(f"last balls: {_result(details.returned, details.error_mm)}")
@@ -88,7 +89,7 @@ def ball_html(replay: Replay | None) -> str:
     if math.isfinite(replay.error_mm):
         end += f", {replay.error_mm:.0f} mm from the target"
     title = f"ball {replay.ball.episode + 1} at {replay.ball.speed_mps:g} m/s, {replay.title}"
-    return _box(f"{html.escape(title)}<br><span style='color:{colour}'>●</span> {end}")
+    return _box(f"{html_text(title)}<br><span style='color:{colour}'>●</span> {end}")
 
 
 def case_counts_html(counts: dict[Case, int]) -> str:
@@ -113,7 +114,7 @@ def log_html(log: tuple[str, ...], details: Details | None) -> str:
     titles = "".join(f"<th style='{CELL}'>{title}</th>" for title in ("after ball", "serves", "returned", "error"))
     lines = details.evaluations if details is not None else ()
     rows = "".join(_evaluation_row(line) for line in lines[-EVALUATIONS_SHOWN:])
-    text = html.escape("\n".join(log)) or "nothing yet"
+    text = "\n".join(html_text(line, LONGEST_LOG_LINE) for line in log) or "nothing yet"
     return _box(
         f"<b>The policy on the fixed balls</b><table style='width:100%'><tr>{titles}</tr>{rows}</table>"
         f"<b>Log</b><pre style='{LOG_STYLE}'>{text}</pre>"
@@ -142,7 +143,7 @@ def _run_row(run: RunState, line: dict[str, object]) -> str:
     returned = 100 * _number(line.get("returned"))
     colour = COLOURS.get(run.phase, theme.MUTED)
     cells = (
-        ("left", f"<span style='color:{colour}' title='{run.phase}'>●</span> {html.escape(run.name)}"),
+        ("left", f"<span style='color:{colour}' title='{run.phase}'>●</span> {html_text(run.name)}"),
         ("left", run.config.agent),
         ("right", f"{speed:g} m/s" if math.isfinite(speed) else "-"),
         ("right", f"{returned:.0f} %" if math.isfinite(returned) else "-"),

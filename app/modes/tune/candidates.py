@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import html
-
 import numpy as np
 import viser
 
@@ -11,6 +9,7 @@ from app import theme
 from app.modes.tune.settings import stage_anchor, stage_counts_html
 from app.pictures.palette import palette
 from app.views.stage_picture import cluster_ink
+from app.words.file_text import html_text
 from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
 from core.metrics.one_window import WindowAnswer
 
@@ -44,7 +43,7 @@ class CandidatesTable:
 
 def answer_html(title: str, answer: WindowAnswer) -> str:
     """One answer, of a method that has no clusters to show, or whose clusters are not looked at."""
-    label = f"{html.escape(title)}: " if title else ""
+    label = f"{html_text(title)}: " if title else ""
     window = answer.window
     length_ms = (window.end_us - window.start_us) / 1e3
     lines = [f"{label}{_verdict(answer.detection)} &middot; {len(window.events)} events in {length_ms:g} ms"]
@@ -86,7 +85,7 @@ def candidates_html(name: str, trace: PipelineTrace, picked: int | None = None) 
     head = "".join(f"<th style='text-align:left;font-weight:500;color:{theme.MUTED}'>{title}</th>" for title in titles)
     rows = "".join(_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
     more = f"<div>and {len(ordered) - LISTED} smaller ones</div>" if len(ordered) > LISTED else ""
-    label = f"Config {html.escape(name)}: " if name else ""
+    label = f"Config {html_text(name)}: " if name else ""
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{label}{verdict} &middot; {where} &middot; "
         f"{len(ordered)} clusters<table style='width:100%'><tr>{head}</tr>{rows}</table>{more}</div>"
@@ -99,7 +98,7 @@ def _row(candidate: Candidate, picked: bool) -> str:
     shape, circle = candidate.shape, candidate.circle
     verdict = (
         f"<a href='#{stage_anchor(candidate.rejected_by)}' title='go to its sliders' "
-        f"style='color:{theme.BAD}'>{html.escape(candidate.rejected)}</a>"
+        f"style='color:{theme.BAD}'>{html_text(candidate.rejected)}</a>"
         if candidate.rejected and candidate.rejected_by
         else f"<span style='color:{theme.GOOD}'>ball</span>"
     )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from app.words.file_text import html_text
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector
 from core.recordings import CameraStream
@@ -87,8 +87,8 @@ def label_score_html(title: str, score: LabelScore) -> str:
     said = "not known: no second looks yet" if noise is None else f"{noise:.2f} px a coordinate"
     svg = score_svg(score.curves, f"{title}, against {score.labels} labels by {score.annotator}", noise_px=noise)
     return (
-        f"<div style='font-size:12.5px;padding:4px 12px'>{html.escape(title)}, against {score.labels} labels by "
-        f"{html.escape(score.annotator)}; the annotator's own noise: {said}"
+        f"<div style='font-size:12.5px;padding:4px 12px'>{html_text(title)}, against {score.labels} labels by "
+        f"{html_text(score.annotator)}; the annotator's own noise: {said}"
         f"<table>{head}{rows}</table><div style='margin-top:6px'>{svg}</div></div>"
     )
 

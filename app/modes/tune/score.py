@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable
 
 import viser
@@ -10,6 +9,7 @@ import viser
 from app.modes.tune.label_score import LabelScore, label_score_html
 from app.modes.tune.settings import stage_counts_html
 from app.widgets import when_clicked
+from app.words.file_text import html_text
 from core.metrics import Score
 
 KEPT = 6
@@ -73,7 +73,7 @@ def score_html(rows: list[str]) -> str:
 
 def _row(title: str, score: Score) -> str:
     cells = (
-        html.escape(title),
+        html_text(title),
         f"{score.precision:.3f}",
         f"{score.recall:.3f}",
         f"{score.mean_error_px:.2f} px",

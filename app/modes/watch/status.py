@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections import Counter
 from typing import Final
@@ -11,6 +10,7 @@ import numpy as np
 
 from app import theme
 from app.scene.landing import CASE_NAMES, CASE_RGB
+from app.words.file_text import html_text
 from app.words.glossary import GLOSSARY, tooltip
 from app.words.percent import percent
 from core.physics.episode import Case
@@ -53,7 +53,7 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str) -> str:
         ("Simulation", _simulation(state, status)),
         ("Followed", f"{health.state_hz:.0f} times a second, {_usually(health.step)} each"),
         ("Seen to racket", _usually(health.window_to_sent)),
-        ("Controller", html.escape(snapshot.controller)),
+        ("Controller", html_text(snapshot.controller)),
     ]
     if state.readout_delayed or state.readout_dropped:
         rows.append(("Sensor readout", _readout(state)))
@@ -63,20 +63,20 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str) -> str:
             ("Skipped blocks", f"<span style='color:{theme.MUTED}'>{skipped}. Many? Choose a slower Pace</span>")
         )
     if snapshot.problem:
-        rows.append(("Problem", f"<span style='color:{theme.BAD}'>{html.escape(snapshot.problem)}</span>"))
+        rows.append(("Problem", f"<span style='color:{theme.BAD}'>{html_text(snapshot.problem)}</span>"))
     return _table(rows)
 
 
 def _simulation(state: WorldState, status: str) -> str:
     """Whether it is there and keeps pace, and what to do if not."""
     if status != "connected":
-        return f"<span style='color:{theme.BAD}'>{html.escape(status)}, nothing is heard: start Rallyscope again</span>"
+        return f"<span style='color:{theme.BAD}'>{html_text(status)}, nothing is heard: start Rallyscope again</span>"
     pace = f"{min(state.real_time_factor, state.speed_factor):.2f} x real time"
     if state.paused:
-        return f"{html.escape(status)}, its clock stands still: press Run"
+        return f"{html_text(status)}, its clock stands still: press Run"
     if state.real_time_factor < 0.95 * state.speed_factor:
-        return f"<span style='color:{theme.BAD}'>{html.escape(status)}, only {pace}: choose a slower Pace</span>"
-    return f"<span style='color:{theme.GOOD}'>{html.escape(status)}, {pace}</span>"
+        return f"<span style='color:{theme.BAD}'>{html_text(status)}, only {pace}: choose a slower Pace</span>"
+    return f"<span style='color:{theme.GOOD}'>{html_text(status)}, {pace}</span>"
 
 
 def _usually(step: Percentiles) -> str:
@@ -109,7 +109,7 @@ def _table(rows: list[tuple[str, str]]) -> str:
 
 
 def _title(name: str) -> str:
-    return f" title='{html.escape(tooltip(name), quote=True)}'" if name in GLOSSARY else ""
+    return f" title='{html_text(tooltip(name))}'" if name in GLOSSARY else ""
 
 
 def _contact(step: RallyStep | None, t_us: int) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 from collections import OrderedDict, deque
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from core.errors import ConfigError
 from core.learning.runs.run_files import read_lines, seed_files
+from core.text.json_text import parse_json
 
 Array = NDArray[np.float64]
 COLUMNS: Final = ("case", "reward", "error_mm", "noise", "w1", "w2", "speed_mps")
@@ -122,7 +122,7 @@ def last_line(path: Path) -> dict[str, object] | None:
         with path.open("rb") as file:
             file.seek(max(0, _size(path) - LAST_LINE_BYTES))
             complete = file.read().split(b"\n")[:-1]
-        line = json.loads(complete[-1])
+        line = parse_json(complete[-1])
     except (OSError, IndexError, ValueError):
         return None
     return line if isinstance(line, dict) else None

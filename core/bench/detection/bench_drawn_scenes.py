@@ -27,6 +27,7 @@ from core.metrics.run import run_detector
 from core.physics.config import physics_profile
 from core.recordings import open_recording
 from core.simulation import simulate_recording
+from core.text.json_text import parse_json
 
 REPORT: Final = Path("docs/measured/drawn-scenes-report.md")
 FOLDER: Final = Path("rallyscope-data/bench-drawn-scenes")
@@ -77,7 +78,7 @@ def score_flight(flight: DrawnFlight, drawn: bool, folder: Path) -> dict[str, di
             scores["fitted"] = _simulate_and_score(there)
         by_method = {method: {name: asdict(one[method]) for name, one in scores.items()} for method in scores["scored"]}
         replace_file(kept, json.dumps(by_method, default=_plain).encode(), durable=False)
-    stored = json.loads(kept.read_text(encoding="utf-8"))
+    stored = parse_json(kept.read_text(encoding="utf-8"))
     return {method: {name: _score_from(one) for name, one in names.items()} for method, names in stored.items()}
 
 

@@ -5,7 +5,6 @@ An interrupted bench goes on where it was; `write_learning_report` can be called
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ from core.bench.learning.report import write_learning_report
 from core.bench.learning.runs import Results, SeedResult, load_results, train_seed, values_at_end
 from core.bench.machine import describe_machine
 from core.learning.runs.summary import rounded_number, spread_of
+from core.text.json_text import parse_json
 
 Progress = Callable[[float], None]
 
@@ -75,7 +75,7 @@ def read_chain(folder: Path) -> list[dict[str, object]]:
     Playing before cameras takes seconds a ball and needs the chain, which is built on top of this package.
     """
     path = folder / CHAIN
-    rows = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else []
+    rows = parse_json(path.read_text(encoding="utf-8")) if path.is_file() else []
     return [dict(row) for row in rows]
 
 

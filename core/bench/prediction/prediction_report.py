@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from core.bench.charts import ChartLine, line_chart
 from core.bench.machine import machine_words
 from core.errors import RecordingError
 from core.markdown import markdown_table
+from core.text.json_text import parse_json
 
 Row = Mapping[str, object]
 
@@ -163,7 +163,7 @@ def _flights(path: Path) -> str:
         RecordingError: if the file is something else.
     """
     try:
-        report = json.loads(path.read_text(encoding="utf-8"))
+        report = parse_json(path.read_text(encoding="utf-8"))
         predictors, test = report["predictors"], report["test"]
         lines = [
             [

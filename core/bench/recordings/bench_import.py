@@ -7,7 +7,6 @@ without the start of Python. The figure of a slice is wall time too, most of its
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import tempfile
@@ -23,6 +22,7 @@ from core.bench.machine import describe_machine
 from core.bench.partial_rows import tell_rows
 from core.events import SensorSize
 from core.recordings import open_recording
+from core.text.json_text import parse_json
 
 SENSOR: Final = SensorSize(1280, 720)
 RATE_PER_US: Final = 5
@@ -105,7 +105,7 @@ def _import(tiny: Path, source: Path, recording: Path) -> dict[str, float]:
     warm_up = recording.with_suffix(".tiny.h5")
     warm_up.unlink(missing_ok=True)
     words = [sys.executable, "-c", _IMPORT, str(tiny), str(source), str(warm_up), str(recording)]
-    return json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+    return parse_json(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
 
 
 def _import_rows(measured: list[dict[str, float]], events: int) -> list[Report]:

@@ -16,6 +16,7 @@ from core.detection.yolo.config import YoloConfig
 from core.detection.yolo.network import YoloTiny
 from core.errors import ConfigError, RallyscopeError
 from core.files import replace_file
+from core.text.json_text import parse_json
 
 FORMAT: Final = "rallyscope-yolo-1"
 SHIPPED: Final = Path(__file__).with_name("weights.safetensors")
@@ -89,12 +90,12 @@ def load_weights(path: Path | None = None) -> YoloWeights:
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
         if about.get("format") != FORMAT:
             raise ConfigError("not weights of `yolo`", expected=FORMAT, got=about.get("format"))
-        config = config_from_mapping(YoloConfig, json.loads(about["config"]), where=str(path))
-        score = json.loads(about["score"])
+        config = config_from_mapping(YoloConfig, parse_json(about["config"]), where=str(path))
+        score = parse_json(about["score"])
         network = YoloTiny(config.width).to(memory_format=torch.channels_last)  # pyright: ignore[reportCallIssue]
         network.load_state_dict({name: value.float() if value.is_floating_point() else value
                                  for name, value in tensors.items()})  # fmt: skip
-        found = YoloWeights(network.eval(), config, score and SharpScore(**score), json.loads(about["training"]))
+        found = YoloWeights(network.eval(), config, score and SharpScore(**score), parse_json(about["training"]))
     except (OSError, SafetensorError, KeyError, ValueError, TypeError, RuntimeError, RallyscopeError) as error:
         got = str(error).splitlines()[0]
         raise ConfigError("these weights cannot be used", got=got, where=path, remedy=remedy) from error

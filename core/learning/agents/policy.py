@@ -18,6 +18,7 @@ from safetensors.numpy import save
 from core.errors import ConfigError
 from core.files import replace_file
 from core.learning.task.normalise import normal_observations
+from core.text.json_text import parse_json
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -98,7 +99,7 @@ def read_policy(path: Path) -> Policy:
     except (OSError, SafetensorError) as error:
         raise ConfigError("cannot read the policy", got=str(error), where=path) from error
     try:
-        about = json.loads(text)
+        about = parse_json(text)
         if about.get("format") != FORMAT:
             raise ConfigError("not a policy of ours", expected=FORMAT, got=about.get("format"), where=path)
         count = sum(name.startswith("weight_") for name in tensors)

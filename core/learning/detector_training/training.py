@@ -25,6 +25,7 @@ from core.learning.detector_training.config import DetectorTrainingConfig
 from core.learning.detector_training.crops import CropBatch, draw_batch
 from core.learning.detector_training.loss import yolo_loss
 from core.learning.detector_training.pool import TrainingPictures
+from core.text.json_text import parse_json
 
 CROPS_STREAM: Final = 0x63726F70
 MOMENTS: Final = ("step", "exp_avg", "exp_avg_sq")
@@ -161,10 +162,10 @@ def load_state(path: Path, config: DetectorTrainingConfig, device: str) -> Train
         if any(name.startswith("optimizer.") for name in tensors):
             kept["state"] = {n: {name: tensors[f"optimizer.{n}.{name}"] for name in MOMENTS} for n in range(count)}
         state.optimizer.load_state_dict(kept)
-        step, plans = int(about["step"]), [(int(begun), int(steps)) for begun, steps in json.loads(about["plans"])]
+        step, plans = int(about["step"]), [(int(begun), int(steps)) for begun, steps in parse_json(about["plans"])]
         if plans[-1][1] != config.steps:
             plans.append((step, config.steps))
-        return TrainingState(state.network, state.optimizer, step, json.loads(about["losses"]), plans)
+        return TrainingState(state.network, state.optimizer, step, parse_json(about["losses"]), plans)
     except (OSError, SafetensorError, KeyError, ValueError, RuntimeError) as error:
         got = str(error).splitlines()[0]
         raise ConfigError("not a checkpoint of this training", got=got, where=path, remedy=remedy) from error

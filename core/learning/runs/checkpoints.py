@@ -12,6 +12,7 @@ from safetensors.numpy import save
 
 from core.errors import ConfigError
 from core.files import replace_file
+from core.text.json_text import parse_json
 
 
 def save_checkpoint(path: Path, arrays: dict[str, NDArray[np.generic]], about: dict[str, object]) -> None:
@@ -28,7 +29,7 @@ def load_checkpoint(path: Path) -> tuple[dict[str, NDArray[np.generic]], dict[st
     """
     try:
         with safe_open(path, "np") as file:
-            about = json.loads((file.metadata() or {})["about"])
+            about = parse_json((file.metadata() or {})["about"])
             return {name: file.get_tensor(name) for name in file.keys()}, about  # noqa: SIM118 - not a mapping
     except (OSError, SafetensorError, KeyError, ValueError) as error:
         raise ConfigError("not a checkpoint", got=str(error), where=path, remedy="delete it to start over") from error

@@ -27,6 +27,7 @@ from core.errors import ConfigError
 from core.files import write_json
 from core.learning.agents.policy import Policy, read_policy
 from core.learning.config import RunConfig
+from core.text.json_text import parse_json
 
 PACKAGES = ("rallyscope", "numpy", "numba", "torch", "mujoco", "gymnasium", "stable-baselines3", "sb3-contrib")
 
@@ -134,8 +135,8 @@ def read_lines(path: Path, start_byte: int = 0) -> tuple[list[dict[str, object]]
 
 def _parse_line(line: bytes, path: Path) -> dict[str, object]:
     try:
-        values = json.loads(line)
-    except (ValueError, RecursionError) as error:
+        values = parse_json(line)
+    except ValueError as error:
         raise ConfigError("a broken line", got=error, where=path) from error
     if not isinstance(values, dict):
         raise ConfigError("a broken line", expected="named values", got=type(values).__name__, where=path)

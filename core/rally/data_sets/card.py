@@ -15,6 +15,7 @@ from core.markdown import markdown_table
 from core.rally.data_sets.checked_manifest import check_manifest
 from core.rally.data_sets.facts import RecordingFacts
 from core.rally.data_sets.plan import DataSetPlan, PlannedRecording
+from core.text.json_text import parse_json
 
 MANIFEST: Final = "manifest.json"
 CARD: Final = "CARD.md"
@@ -39,8 +40,8 @@ def read_manifest(folder: Path) -> Json:
     """
     path = folder / MANIFEST
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        manifest = parse_json(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
         raise RecordingError("not a data set", expected=f"a folder with {MANIFEST}", where=path) from error
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
         raise RecordingError("not a manifest of a data set", where=path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from core.rally.history.recorded_rally import EPISODES, RACKET
 from core.recordings import open_recording
 from core.recordings.reader import FileRecording
 from core.simulation.recording import READOUT
+from core.text.json_text import parse_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def _check_settings(path: Path, planned: PlannedRecording) -> None:
     remedy = "choose another folder, the same settings, or --force"
     try:
         with h5py.File(path, "r") as file:
-            made = json.loads(str(file.attrs.get("config", "{}"))).get(REMARK)
+            made = parse_json(str(file.attrs.get("config", "{}"))).get(REMARK)
     except (OSError, ValueError) as error:
         raise RecordingError("not a whole recording", where=path, remedy="remove it, or --force") from error
     if not isinstance(made, dict):

@@ -12,9 +12,12 @@ from typing import Final, Literal, Protocol
 
 import zmq
 
-from core.errors import LinkError, NoAnswerError, NotReadyError
+from core.errors import LinkError, NoAnswerError, NotReadyError, RefusedError
 from core.physics.config import PhysicsConfig
 from core.rally.link import messages as m
+from core.rally.link.address import split_address
+from core.rally.link.guard import HandshakeWatch, check_reach, secure
+from core.rally.link.keys import ClientKeys
 
 logger = logging.getLogger(__name__)
 
@@ -43,25 +46,31 @@ class SimulationClient:
     """A connection to a simulation server. It survives the server's end and finds its successor by itself."""
 
     def __init__(
-        self, address: str, *, timeout_s: float = 3.0, preparing: Callable[[float], None] = lambda share: None
+        self,
+        address: str,
+        *,
+        timeout_s: float = 3.0,
+        preparing: Callable[[float], None] = lambda share: None,
+        keys: ClientKeys | None = None,
     ) -> None:
         """Connect and shake hands; with a server that is being prepared as soon as it is ready.
 
-        `preparing` hears again and again how far such a server is, 0 to 1.
+        `preparing` hears again and again how far such a server is, 0 to 1. With `keys` it is the server that they name,
+        and nobody on the way can listen; beyond this machine there must be some.
 
         Raises:
-            LinkError: if there is no server, or one of another version.
+            LinkError: if there is no server, or one of another version, or keys do not fit or are missing.
         """
-        host, _, port = address.removeprefix("tcp://").rpartition(":")
-        if not address.startswith("tcp://") or not host or not port.isdigit() or not 0 < int(port) < 65535:
-            raise LinkError("not an address", expected="tcp://HOST:PORT", got=repr(address[:100]))
-        self.address = address
-        self._commands_address = f"tcp://{host}:{int(port) + 1}"
+        host, port = split_address(address, lowest=1)
+        check_reach(host, keys)
+        self.address, self._keys = address, keys
+        self._commands_address = f"tcp://{host}:{port + 1}"
         self._timeout_s = timeout_s
         self._context = zmq.Context()
         self._numbers = itertools.count(1)
         self._asking, self._lock = threading.Lock(), threading.Lock()
         self._socket: zmq.Socket | None = None
+        self._watch: HandshakeWatch | None = None
         self._listeners: list[LinkListener] = []
         self._stop = threading.Event()
         self._heard_s = 0.0
@@ -173,6 +182,8 @@ class SimulationClient:
                 self._socket = self._context.socket(zmq.DEALER)
                 self._socket.setsockopt(zmq.LINGER, 0)
                 self._socket.setsockopt(zmq.MAXMSGSIZE, m.COMMAND_BYTES)
+                secure(self._socket, self._keys)
+                self._watch = HandshakeWatch(self._socket, self._keys)
                 self._socket.connect(self._commands_address)
             self._socket.send(m.encode(command(number)))
             until_s = time.monotonic() + (timeout_s or self._timeout_s)
@@ -185,7 +196,11 @@ class SimulationClient:
                 if not reply.ok:
                     raise LinkError(reply.error, where=self.address)
                 return reply
+            refused = self._watch is not None and self._watch.refused()
             self._drop_socket()  # what was sent must not reach a later server
+        if refused:
+            remedy = "give --keys the folder that `rallyscope sim-server --make-keys` made for this client"
+            raise RefusedError("a server is there, but its keys and ours do not fit", where=self.address, remedy=remedy)
         remedy = "start one with `rallyscope sim-server`"
         raise NoAnswerError("no answer from a simulation server", where=self.address, remedy=remedy)
 
@@ -220,6 +235,9 @@ class SimulationClient:
             return False
 
     def _drop_socket(self) -> None:
+        if self._watch is not None:
+            self._watch.close()
+            self._watch = None
         if self._socket is not None:
             self._socket.close(0)
             self._socket = None
@@ -230,6 +248,7 @@ class SimulationClient:
         socket.setsockopt(zmq.RCVHWM, 1000)
         socket.setsockopt(zmq.MAXMSGSIZE, m.MESSAGE_BYTES)
         socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
+        secure(socket, self._keys)
         socket.connect(self.address)
         heard: bytes | None = None
         try:

@@ -15,6 +15,7 @@ from core.learning.task.environment import Deliveries, strokes_of
 from core.physics.episode import Outcomes
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
+from core.rally.link.keys import ClientKeys
 from core.rally.simulated.outcomes import outcomes_of
 from core.simulation.episodes.judge import BallOutcome
 from core.simulation.episodes.racket import RacketTarget, target_for_ball
@@ -33,7 +34,7 @@ class LinkBackend:
     The clock of the server is stepped as fast as it computes. Nobody else should command it meanwhile.
     """
 
-    def __init__(self, environment: EnvironmentConfig, address: str) -> None:
+    def __init__(self, environment: EnvironmentConfig, address: str, keys: ClientKeys | None = None) -> None:
         """Connect and stop the server's own clock.
 
         Raises:
@@ -44,7 +45,7 @@ class LinkBackend:
             raise LinkError("a server's events are not used for training", where="state_source", remedy=remedy)
         self._environment = environment
         self._notices: queue.SimpleQueue[m.OutcomeNotice] = queue.SimpleQueue()
-        self._client = SimulationClient(address)
+        self._client = SimulationClient(address, keys=keys)
         try:
             if self._client.welcome.physics not in (None, environment.task.physics):
                 remedy = "give training and `sim-server` the same --physics"

@@ -19,6 +19,9 @@ from core.config import check_settings, setting
 from core.errors import LinkError, RallyscopeError
 from core.physics.episode import Case
 from core.rally.link import messages as m
+from core.rally.link.address import split_address
+from core.rally.link.guard import LinkDoor, check_reach
+from core.rally.link.keys import ServerKeys
 from core.rally.link.prepare import prepare_simulation
 from core.rally.link.published import contact_notice, event_batch, outcome_notice, published_ball_rows, serve_notice
 from core.rally.link.responder import KernelProgress, PreparingResponder
@@ -54,18 +57,6 @@ class ServerConfig:
         check_settings(self)
 
 
-def split_address(address: str) -> tuple[str, int]:
-    """Host and port of `tcp://HOST:PORT`.
-
-    Raises:
-        LinkError: if it is no such address.
-    """
-    host, _, port = address.removeprefix("tcp://").rpartition(":")
-    if not address.startswith("tcp://") or not host or not port.isdigit() or not 0 <= int(port) <= 65534:
-        raise LinkError("not an address", expected="tcp://HOST:PORT", got=repr(address[:100]))
-    return host, int(port)
-
-
 class SimulationServer:
     """Publishes on a port and takes commands on the next one. `run` it in the thread that made it.
 
@@ -83,16 +74,19 @@ class SimulationServer:
         seed: int = 0,
         recorded: RecordedServes | None = None,
         preparing: KernelProgress = lambda ready, known: None,
+        keys: ServerKeys | None = None,
     ) -> None:
         """Port 0 takes any two free ports. With `recorded`, the balls that are drawn are of those.
 
-        `preparing` hears, from another thread, how far the compiler is.
+        `preparing` hears, from another thread, how far the compiler is. With `keys` only their clients are served.
 
         Raises:
-            LinkError: if the ports cannot be had.
+            LinkError: if the ports cannot be had, or others could reach them without keys.
         """
+        check_reach(split_address(address)[0], keys)
         self._config, self._cameras, self._recorded = config, dict(cameras), recorded
         self._context = zmq.Context()
+        self._door = LinkDoor(self._context, keys)
         self.rejected = 0
         """Messages that were no command."""
         self._topics: set[bytes] = set()
@@ -103,6 +97,7 @@ class SimulationServer:
         try:
             self.address = self._bind(address)
         except LinkError:
+            self._door.close()
             self._context.destroy(linger=0)
             raise
         self._responder = PreparingResponder(self._commands, preparing)
@@ -138,6 +133,7 @@ class SimulationServer:
 
     def _hang_up(self) -> None:
         self._responder.stop()
+        self._door.close()
         self._context.destroy(linger=0)
 
     def _bind(self, address: str) -> str:
@@ -148,8 +144,10 @@ class SimulationServer:
             self._published.setsockopt(zmq.SNDHWM, self._config.queue_messages)
             self._commands.setsockopt(zmq.MAXMSGSIZE, 16 * m.COMMAND_BYTES)  # beyond this the sender is cut off
             self._commands.setsockopt(zmq.RCVHWM, 1000)
+            self._published.setsockopt(zmq.MAXMSGSIZE, m.COMMAND_BYTES)  # all that it hears is who wants what
             for socket in (self._published, self._commands):
                 socket.setsockopt(zmq.LINGER, 0)
+                self._door.guard(socket)
             try:
                 self._published.bind(f"tcp://{host}:{port or '*'}")
                 bound = int(bytes(self._published.getsockopt_string(zmq.LAST_ENDPOINT), "ascii").rpartition(b":")[2])

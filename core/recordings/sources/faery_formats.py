@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import select
 import struct
 import subprocess
@@ -21,6 +20,7 @@ from core.recordings.sources.checking import check_stream
 from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import read_prophesee_header
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.text.json_text import parse_json
 
 _WORKER: Final = Path(__file__).with_name("faery_worker.py")
 _SILENCE_S: Final = 60
@@ -81,7 +81,7 @@ def _ask(path: Path, kind: str) -> _Info:
     message, content = next(messages, (b"X", b"nothing was found"))
     if message != b"I":
         raise RecordingError("the file cannot be decoded", got=content.decode("utf-8", "replace"), where=path)
-    told = json.loads(content)
+    told = parse_json(content)
     tracks = [_Track(n, SensorSize(w, h) if w and h else None) for n, w, h in told["tracks"]]
     return _Info(told["type"], tracks, messages)
 

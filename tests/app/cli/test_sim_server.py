@@ -21,6 +21,9 @@ from app.cli import main
         (["--cameras", "nowhere"], "no such cameras"),
         (["--ball-states", "no-such.json"], "no-such.json"),
         (["--ball-states", __file__], "not JSON"),
+        (["--bind", "tcp://0.0.0.0:0"], "needs keys; expected --keys DIR; make keys with"),
+        (["--bind", "tcp://*:5555"], "needs keys"),
+        (["--keys", "no-such-folder"], "--make-keys"),
     ],
 )
 def test_a_bad_argument_is_one_line_and_exit_code_2(arguments, words, capsys):
@@ -35,3 +38,12 @@ def test_a_busy_port_is_one_line_that_says_what_to_do(capsys):
         assert main(["sim-server", "--sensor", "64x48", "--bind", f"tcp://127.0.0.1:{port}"]) == 2
     error = capsys.readouterr().err
     assert "choose others" in error and error.count("\n") == 1
+
+
+def test_keys_are_made_with_a_word_on_what_to_do_with_them(tmp_path, capsys):
+    assert main(["sim-server", "--make-keys", str(tmp_path / "keys")]) == 0
+    said = capsys.readouterr().out
+    assert f"--keys {tmp_path / 'keys' / 'server'}" in said and "serve --source" in said
+    for name in ("server", "client"):
+        secret = (tmp_path / "keys" / name / "secret.key").read_text().strip()
+        assert len(secret) == 40 and secret not in said

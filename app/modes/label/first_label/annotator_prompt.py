@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable
 
 import viser
@@ -10,6 +9,7 @@ import viser
 from app import theme
 from app.modes.label.first_label.annotator import annotator_from
 from app.widgets import when_clicked
+from app.words.file_text import html_text
 from core.errors import CommandError
 
 
@@ -36,7 +36,7 @@ class AnnotatorPrompt:
             name = annotator_from(str(self._name.value))
         except CommandError as error:
             style = f"font-size:12.5px;padding:2px 12px;color:{theme.BAD}"
-            self._wrong.content = f"<div style='{style}'>{html.escape(str(error))}</div>"
+            self._wrong.content = f"<div style='{style}'>{html_text(str(error))}</div>"
             return
         self._end(lambda: self._named(name))
 

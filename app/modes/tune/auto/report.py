@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import html
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from app import theme
+from app.words.file_text import html_text
+from core.text.json_text import parse_json
 from core.tuning.split_score import Figures
 
 TITLES: Final = ("windows", "config", "precision", "recall", "median error", "objective")
@@ -47,7 +47,7 @@ def read_report(line: str) -> TuningReport:
     Raises:
         ValueError: if it is none.
     """
-    said = json.loads(line)
+    said = parse_json(line)
     if not isinstance(said, dict) or "importance" not in said:
         raise ValueError(f"not a report: {line[:80]}")
     return TuningReport(
@@ -72,7 +72,7 @@ def report_html(title: str, report: TuningReport) -> str:
     ]
     sides = f"<table>{_head(TITLES)}{''.join(rows)}</table>"
     thresholds = f"<table>{_head(('threshold', 'A', 'B', 'importance'))}{_thresholds(report)}</table>"
-    head = f"{html.escape(title)}, {report.trials} trials. {_verdict(report)}"
+    head = f"{html_text(title)}, {report.trials} trials. {_verdict(report)}"
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{head}"
         f"<div style='display:flex;gap:24px;align-items:flex-start'>{sides}{thresholds}</div></div>"
@@ -105,7 +105,7 @@ def _thresholds(report: TuningReport) -> str:
         before, after = report.changed.get(name, ("", "as it was"))
         share = report.importance.get(name)
         bar = "" if share is None else f"{_bar(share)} {100 * share:.0f} %"
-        rows.append(_cells(html.escape(name), html.escape(_said(before)), html.escape(_said(after)), bar))
+        rows.append(_cells(html_text(name), html_text(_said(before)), html_text(_said(after)), bar))
     return "".join(rows)
 
 

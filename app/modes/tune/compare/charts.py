@@ -12,6 +12,7 @@ from viser import uplot
 from app import theme
 from app.modes.tune.compare.report import method_css
 from app.modes.tune.compare.run import CompareAnswer
+from app.words.file_text import html_text
 from core.detection.methods import METHODS
 
 Array = NDArray[np.float64]
@@ -115,4 +116,4 @@ def _axis(size: int, *, grid: bool = True) -> uplot.Axis:
 
 
 def _title(text: str) -> str:
-    return f"<div style='font-size:12px;padding:0 12px;margin-bottom:-4px;color:{theme.MUTED}'>{text}</div>"
+    return f"<div style='font-size:12px;padding:0 12px;margin-bottom:-4px;color:{theme.MUTED}'>{html_text(text)}</div>"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import html
 import math
 from typing import Final
 
 from app import theme
 from app.modes.tune.compare.run import CompareAnswer, ComparedMethod
 from app.pictures.palette import METHOD_RGB
+from app.words.file_text import html_text
 from core.detection.methods import Method
 from core.metrics.compare import Stretch
 
@@ -20,7 +20,7 @@ CELL: Final = "padding-right:8px;white-space:nowrap"
 def comparison_html(answer: CompareAnswer) -> str:
     """A row for each method, and what is taken for right."""
     agreement = answer.kind == "method"
-    name = html.escape(answer.reference)
+    name = html_text(answer.reference)
     titles = ("", "shared" if agreement else "recall", "precision", "px p50 / p95", "ms p50 / p99")
     head = "".join(f"<th style='text-align:left;font-weight:500;{CELL}'>{title}</th>" for title in titles)
     rows = "".join(_row(one) for one in answer.methods)
@@ -34,7 +34,7 @@ def comparison_html(answer: CompareAnswer) -> str:
             said = f"this camera has neither truth nor labels. {said}"
     muted = f"color:{theme.MUTED}"
     return (
-        f"<div style='font-size:12px;padding:4px 8px'>{html.escape(answer.title)}"
+        f"<div style='font-size:12px;padding:4px 8px'>{html_text(answer.title)}"
         f"<table><tr>{head}</tr>{rows}</table>"
         f"<div style='{muted}'>{said}. ms: processor time of a window of each method's own length.</div></div>"
     )
@@ -66,7 +66,7 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
     else:
         what = f"{count} of {len(one.judged.t_us)} answers are false"
     if answer.kind == "method":
-        what += f", if {html.escape(answer.reference)} is right"
+        what += f", if {html_text(answer.reference)} is right"
     more = len(stretches) - MOST_STRETCHES
     rest = f", the {MOST_STRETCHES} longest of them" if more > 0 else ""
     where = "in one stretch" if len(stretches) == 1 else f"in {len(stretches)} stretches"

@@ -1,0 +1,204 @@
+"""Nothing that comes from a file, a link or a browser runs code, fills the memory or takes for ever."""
+
+from __future__ import annotations
+
+import ast
+import json
+import pickle
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.cameras import load_calibration
+from core.config import load_config
+from core.detection import DetectorConfig
+from core.errors import RallyscopeError
+from core.files import read_json
+from core.learning.agents.policy import read_policy
+from core.learning.config import RunConfig
+from core.physics.ball_states import read_ball_states
+from core.rally.data_sets.card import read_manifest
+from core.recordings import open_recording
+from core.text.json_text import parse_json
+from labels.formats.safe_xml import XmlError, parse_xml
+from labels.records import unpack_line
+
+ROOT = Path(__file__).parents[1]
+SOURCES = [path for part in ("app", "core", "labels") for path in sorted((ROOT / part).rglob("*.py"))]
+FORBIDDEN = {
+    "eval", "exec", "compile", "__import__", "pickle.load", "pickle.loads", "pickle.Unpickler",
+    "marshal.load", "marshal.loads", "tomllib.load", "tomllib.loads",
+    "shelve.open", "dill.load", "cloudpickle.load", "joblib.load", "torch.load", "yaml.unsafe_load", "yaml.full_load",
+    "os.system", "os.popen", "subprocess.getoutput", "json.load", "json.loads", "tarfile.open", "shutil.unpack_archive",
+    "xml.etree.ElementTree.parse", "ElementTree.parse", "ElementTree.fromstring",
+    "minidom.parse", "minidom.parseString",
+}  # fmt: skip
+ALLOWED = {
+    ("core/jit.py", "pickle.loads"),  # our own compiled kernels, in the cache of this user; see docs/how/security.md
+    ("core/text/json_text.py", "json.loads"),
+    ("core/text/toml_text.py", "tomllib.loads"),
+    ("labels/formats/json_lines.py", "json.loads"),
+    ("app/visit/view_link.py", "compile"),
+}
+TOO_DEEP = 100_000
+ALIASES = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{chr(98 + n)}: &{chr(98 + n)} [{', '.join(['*' + chr(97 + n)] * 10)}]\n" for n in range(9)
+)
+SECONDS = 60.0
+
+
+def calls_of(path: Path) -> list[ast.Call]:
+    return [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_nothing_is_unpickled_or_run(path: Path) -> None:
+    where = str(path.relative_to(ROOT))
+    for call in calls_of(path):
+        name = ast.unparse(call.func)
+        words = {word.arg: ast.unparse(word.value) for word in call.keywords}
+        assert name not in FORBIDDEN or (where, name) in ALLOWED, f"{where}:{call.lineno} {name}"
+        assert words.get("allow_pickle", "False") == "False", f"{where}:{call.lineno}"
+        assert words.get("shell", "False") == "False", f"{where}:{call.lineno}"
+        if name == "yaml.load":
+            assert words.get("Loader") == "OpenCVLoader", f"{where}:{call.lineno}"  # a SafeLoader
+
+
+def test_the_loader_of_calibrations_makes_plain_values_only(tmp_path: Path) -> None:
+    path, mark = tmp_path / "rig.yaml", tmp_path / "ran"
+    path.write_text(
+        f"camera_matrix: !!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.Path ['{mark}']]"
+    )
+    with pytest.raises(RallyscopeError, match="neither TOML nor YAML"):
+        load_calibration(path)
+    assert not mark.exists()
+
+
+class Runs:
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self):
+        return Path.touch, (self.mark,)
+
+
+def test_pickles_in_numpy_files_are_not_read(tmp_path: Path) -> None:
+    mark, path = tmp_path / "ran", tmp_path / "events.npy"
+    np.save(path, np.array([Runs(mark)], dtype=object), allow_pickle=True)
+    bare = tmp_path / "bare.npy"
+    bare.write_bytes(pickle.dumps(Runs(mark)))
+    packed = tmp_path / "packed.npz"
+    np.savez(packed, events=np.array([Runs(mark)], dtype=object))
+    for file in (path, bare, packed):
+        with pytest.raises(RallyscopeError):
+            open_recording(file)
+    assert not mark.exists()
+
+
+@pytest.mark.parametrize("text", ["[" * TOO_DEEP, '{"a":' * TOO_DEEP, "[" * TOO_DEEP + "]" * TOO_DEEP, "9" * 10_000])
+def test_json_that_is_too_deep_or_too_long_a_number_is_no_json(text: str, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"too deeply|digits|double quotes"):
+        parse_json(text)
+    path = tmp_path / "manifest.json"
+    path.write_text(text)
+    assert read_json(path) == {}
+    for read in (
+        read_ball_states,
+        lambda path: read_manifest(path.parent),
+        lambda path: unpack_line(path.read_bytes()),
+    ):
+        with pytest.raises(RallyscopeError) as caught:
+            read(path)
+        assert "\n" not in str(caught.value) and len(str(caught.value)) < 3000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a = " + "[" * TOO_DEEP,
+        "a = " + "{a=" * TOO_DEEP,
+        ".".join("a" * 50_000) + " = 1",
+        "a = {b = 1, " + " . ".join("a" * 50_000) + " = 1}",
+        "a = " + "9" * 10_000,
+        "a = 1\n" * 300_000,
+    ],
+    ids=["lists", "tables", "dots", "inner-dots", "digits", "large"],
+)
+@pytest.mark.parametrize("kind", [DetectorConfig, RunConfig])
+def test_toml_that_is_too_deep_or_too_large_is_one_line(text: str, kind: type, tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text(text)
+    began_s = time.monotonic()
+    with pytest.raises(RallyscopeError) as caught:
+        load_config(kind, path)
+    assert "\n" not in str(caught.value) and time.monotonic() - began_s < SECONDS
+
+
+@pytest.mark.parametrize(
+    "rest",
+    [
+        "image_width: *j\nimage_height: *j\ncamera_matrix: *j\ndistortion_coefficients: *j",
+        "camera_matrix: !!opencv-matrix {rows: *j, cols: *j, dt: d, data: *j}",
+        "cam0: {camera_model: *j, intrinsics: *j, resolution: *j, distortion_model: radtan, distortion_coeffs: *j}",
+        "k: " + "[" * TOO_DEEP,
+    ],
+)
+def test_yaml_whose_anchors_name_billions_is_one_line(rest: str, tmp_path: Path) -> None:
+    path = tmp_path / "rig.yaml"
+    path.write_text(ALIASES + rest)
+    began_s = time.monotonic()
+    with pytest.raises(RallyscopeError) as caught:
+        load_calibration(path)
+    assert len(str(caught.value)) < 3000 and time.monotonic() - began_s < SECONDS
+
+
+ENTITIES = '<!DOCTYPE l [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;">]><annotation><folder>&b;</folder></annotation>'
+OUTSIDE = '<!DOCTYPE l [<!ENTITY x SYSTEM "file:///etc/hostname">]><annotation>&x;</annotation>'
+
+
+@pytest.mark.parametrize("text", [ENTITIES, OUTSIDE, "<a>" * TOO_DEEP])
+def test_xml_neither_expands_nor_fetches_nor_nests_without_end(text: str) -> None:
+    with pytest.raises(XmlError, match=r"not read|nested"):
+        parse_xml(text)
+
+
+def test_a_huge_attribute_is_only_a_long_text() -> None:
+    began_s = time.monotonic()
+    assert len(parse_xml(f"<a b='{'x' * 10_000_000}'/>").attribute("b")) == 10_000_000
+    assert time.monotonic() - began_s < SECONDS
+
+
+def test_a_policy_that_is_a_pickle_is_refused(tmp_path: Path) -> None:
+    mark, path = tmp_path / "ran", tmp_path / "policy.safetensors"
+    path.write_bytes(pickle.dumps(Runs(mark)))
+    with pytest.raises(RallyscopeError):
+        read_policy(path)
+    assert not mark.exists()
+
+
+def test_an_archive_that_unpacks_to_more_than_the_memory_is_refused_before_it_does(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.npz"
+    header = b"\x93NUMPY\x01\x00" + (118).to_bytes(2, "little")
+    said = (
+        json.dumps({"descr": "<i8", "fortran_order": False, "shape": None}).replace('"', "'").replace("false", "False")
+    )
+    text = said.replace("null", "(1099511627776,)").ljust(117) + "\n"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("t.npy", header + text.encode())
+        for name in ("x", "y", "p"):
+            archive.writestr(f"{name}.npy", header + text.encode())
+    code = (
+        "import resource, sys\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))\n"
+        "from app.cli import main\n"
+        "sys.exit(main(['info', sys.argv[1]]))"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", code, str(path)], capture_output=True, text=True, timeout=SECONDS, cwd=ROOT
+    )
+    assert ended.returncode == 2 and ended.stderr.count("\n") == 1, ended.stderr[-500:]
