@@ -12,7 +12,7 @@ from app.export.unfinished import Cancelled, Progress
 from core.errors import RecordingError
 from core.files import replacing
 from core.recordings import BallTruth, CameraStream, PixelTruth, Recording, RecordingWriter
-from core.recordings.frozen import FrozenCamera, freeze_camera
+from core.recordings.recording import FrozenCamera, freeze_camera
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,7 +31,6 @@ from core.recordings.hdf5 import (
     text_of,
     whole_number,
 )
-from core.recordings.known_groups import check_known_rows
 from core.recordings.ms_index import MAX_TIME_US
 from core.recordings.recording import CameraStream
 from core.recordings.truth import BallTruth, credible_ball
@@ -176,7 +175,7 @@ class FileRecording:
             return None
         with self._told.left_out(f"the group {name}"):
             rows = layout.read_rows(group_at(above, own))
-            check_known_rows(name, rows)
+            layout.check_known_rows(name, rows)
             return rows
         return None
 

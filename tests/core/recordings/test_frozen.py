@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from core.recordings import open_recording
-from core.recordings.frozen import freeze_camera
+from core.recordings.recording import freeze_camera
 
 
 def test_a_held_part_is_as_it_was_after_the_recording_is_closed(serve_recording: Path) -> None:

@@ -28,7 +28,7 @@ from core.metrics.one_window import LEAD_IN_US
 from core.metrics.reference import PixelReference, ReferenceKind, labels_reference, truth_reference
 from core.metrics.run import duration_of
 from core.recordings import CameraStream, PixelTruth
-from core.recordings.frozen import freeze_camera
+from core.recordings.recording import freeze_camera
 from labels.arrays import STATES
 from labels.model import LabelState
 
