@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable
 from typing import Final
 
@@ -11,6 +10,7 @@ import viser
 from app import theme
 from app.export.viewer_streamer import StreamState
 from app.widgets import when_clicked
+from app.words.file_text import html_text
 from app.words.percent import percent
 
 STYLE: Final = "padding:2px 12px;font-size:12.5px;line-height:1.45;overflow-wrap:anywhere"
@@ -24,7 +24,7 @@ class ViewerPanel:
     ) -> None:
         self._shown = address is not None
         with gui.add_folder("Rerun viewer", visible=self._shown):
-            where = html.escape(address or "")
+            where = html_text(address or "")
             gui.add_html(f"<div style='{STYLE};color:{theme.MUTED}'>{where}</div>")
             self._start = gui.add_button(
                 "Stream to Rerun",
@@ -52,6 +52,6 @@ def stream_html(state: StreamState) -> str:
     if state.running:
         share = f" {percent(state.share)}" if state.share else ""
         remark = f"; {state.message}" if state.message else ""
-        return f"<div style='{STYLE}'>{html.escape(state.name)} is being sent{share}{html.escape(remark)}</div>"
+        return f"<div style='{STYLE}'>{html_text(state.name)} is being sent{share}{html_text(remark)}</div>"
     colour = theme.BAD if state.failed else theme.MUTED
-    return f"<div style='{STYLE};color:{colour}'>{html.escape(state.message)}</div>"
+    return f"<div style='{STYLE};color:{colour}'>{html_text(state.message)}</div>"

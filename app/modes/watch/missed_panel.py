@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable
 
 import viser
@@ -10,6 +9,7 @@ import viser
 from app import theme
 from app.state.client_state import ModeName
 from app.widgets import when_clicked
+from app.words.file_text import html_text
 from core.rally.history.missed_balls import MissedBall
 
 
@@ -34,7 +34,7 @@ class MissedPanel:
 
 def missed_html(missed: MissedBall, *, copies: bool) -> str:
     """What was missed, in a line or two."""
-    camera = html.escape(missed.camera)
+    camera = html_text(missed.camera)
     unseen = f"{camera} did not see it for {missed.unseen_us / 1e3:.0f} ms"
     what = "not seen" if missed.kind == "not seen" else "did not come back"
     if missed.kind == "not returned":

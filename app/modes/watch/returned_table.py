@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import html
 from typing import Final
 
 from app import theme
+from app.words.file_text import html_text
 from core.rally.history.return_counts import ReturnRate
 
 CELL: Final = "text-align:right;white-space:nowrap;padding-left:10px"
@@ -29,7 +29,7 @@ def interval_text(rate: ReturnRate) -> str:
 
 
 def _row(rate: ReturnRate) -> str:
-    who = html.escape(rate.conditions.controller)
-    where = html.escape(rate.conditions.scene or "unknown scene")
+    who = html_text(rate.conditions.controller)
+    where = html_text(rate.conditions.scene or "unknown scene")
     counted = f"<b>{rate.returned} of {rate.balls}</b>, {interval_text(rate)}"
     return f"<tr><td>{who} · {where}</td><td style='{CELL}'>{counted}</td></tr>"

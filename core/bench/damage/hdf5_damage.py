@@ -134,7 +134,7 @@ def _one_value(values: NDArray, rng: np.random.Generator) -> NDArray:
     kind = values.dtype if values.dtype.kind in "fiu" and rng.random() < 0.7 else np.dtype(np.float64)
     changed = values.astype(kind)
     if kind.kind != "f":
-        info = np.iinfo(kind.type)
+        info = np.iinfo(kind.name)
         value = 0 if np.isnan(value) else int(min(max(value, info.min), info.max))
     where = slice(None) if rng.random() < 0.2 else rng.integers(0, changed.size, 3)
     changed.reshape(-1)[where] = value

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
@@ -23,6 +22,8 @@ from core.detection import DetectorConfig
 from core.physics.config import PhysicsConfig
 from core.rally.data_sets import MANIFEST, read_manifest
 from core.rally.data_sets.card import make_card
+from core.text.json_text import parse_json
+from core.text.toml_text import parse_toml
 
 Configs: Final = {"detector.toml": DetectorConfig, "physics.toml": PhysicsConfig}
 CAMCHAIN: Final = """\
@@ -64,7 +65,7 @@ def _parse_yaml(text: str) -> object:
 
 
 def _parse_lines(text: str) -> object:
-    return [json.loads(line) for line in text.splitlines()]
+    return [parse_json(line) for line in text.splitlines()]
 
 
 def _dump_lines(tree: object) -> str:
@@ -77,8 +78,8 @@ def _dump_toml(tree: object) -> str:
 
 
 PARSERS: Final[dict[str, tuple[Callable[[str], object], Callable[[object], str], bool]]] = {
-    ".toml": (tomllib.loads, _dump_toml, False),
-    ".json": (json.loads, json.dumps, True),
+    ".toml": (parse_toml, _dump_toml, False),
+    ".json": (parse_json, json.dumps, True),
     ".jsonl": (_parse_lines, _dump_lines, True),
     ".yaml": (_parse_yaml, yaml.safe_dump, True),
 }

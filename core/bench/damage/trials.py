@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import queue
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from core.bench.damage.kinds import Outcome
+from core.text.json_text import parse_json
 
 SLOWEST_S: Final = 20.0
 """Opening a small damaged file takes no longer, on a loaded machine too; the child is ended then."""
@@ -101,4 +101,4 @@ def _next(lines: queue.SimpleQueue[str | None], seconds: float) -> dict[str, obj
         line = lines.get(timeout=seconds)
     except queue.Empty as error:
         raise TimeoutError from error
-    return None if line is None else json.loads(line)
+    return None if line is None else parse_json(line)

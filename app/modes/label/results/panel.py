@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Callable
 from typing import Final
 
@@ -10,6 +9,7 @@ import viser
 
 from app import theme
 from app.widgets import when_clicked
+from app.words.file_text import html_text
 from labels.formats import FORMATS
 
 TITLES: Final = {
@@ -60,7 +60,7 @@ class LabelResultsPanel:
         """How the export goes, or how it ended."""
         self._export.visible, self._cancel.visible = not running, running
         colour = theme.BAD if failed else theme.MUTED
-        text = "<br>".join(html.escape(line) for line in lines)
+        text = "<br>".join(html_text(line) for line in lines)
         content = f"<div style='{STYLE};color:{colour}'>{text}</div>" if lines else ""
         if self._status.content != content:
             self._status.content = content
