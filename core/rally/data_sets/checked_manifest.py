@@ -9,7 +9,8 @@ from typing import Final
 from core.errors import RecordingError
 
 Kinds = Mapping[str, type | tuple[type, ...]]
-LARGEST: Final = 1e18
+LARGEST: Final = 1e20
+"""More than any seed, which has 64 bits."""
 NUMBER: Final = (int, float)
 TOTALS: Final = (
     "recordings", "seconds", "bytes", "events", "centres_2d", "points_3d", "points_3d_seen_by_all", "frames",
