@@ -66,7 +66,7 @@ def test_two_sources_with_names_offset_and_size_and_json(tmp_path, csv, capsys):
         (["{csv}", "{out}", "--frames", "x"], "--frames, --frame-times and --exposure-us go together"),
         (["{csv}", "{out}", "--names", "a,b"], "the names do not fit; expected 1 different ones, got a,b"),
         (["{csv}", "{csv}"], "events.csv: the recording would replace its own source"),
-        (["{csv}", "{folder}/no/such/a.h5"], "cannot create the recording; got No such file or directory"),
+        (["{csv}", "{csv}/a.h5"], "cannot make the folder"),
     ],
 )
 def test_mistakes_are_one_line_and_exit_code_2(tmp_path, csv, capsys, words, message):
