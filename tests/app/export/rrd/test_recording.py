@@ -183,7 +183,8 @@ def _recording_of_a_rally(serve: Path, path: Path) -> Path:
             })  # fmt: skip
             writer.append_rows("/racket_targets", {
                 "t_us": np.array([15_000]), "p_world_m": np.array([[-1.42, 0, 0.2]]),
-                "q_world_wxyz": np.array([[1.0, 0, 0, 0]]), "g": np.array([[0.7, 0.1]]),
+                "q_world_wxyz": np.array([[1.0, 0, 0, 0]]), "g": np.array([[0.7, 0.1]]), "stage": np.array([b"post"]),
+                "t_hit_us": np.array([400_000]), "v_world_mps": np.zeros((1, 3)), "a": np.zeros((1, 3)),
             })  # fmt: skip
             writer.append_rows("/predictions", {
                 "t_us": np.array([10_000, 20_000]), "stage": np.array([b"pre", b"post"]),
@@ -194,7 +195,7 @@ def _recording_of_a_rally(serve: Path, path: Path) -> Path:
                 "serve_us": np.array([0, 50_000]), "speed_mps": np.array([5.0, 5.0]), "s": np.zeros((2, 6)),
                 "g": np.array([[0.7, 0.1], [np.nan, np.nan]]), "a": np.zeros((2, 3)),
                 "q_wxyz": np.tile([1.0, 0, 0, 0], (2, 1)), "case": np.array([4, 5]),
-                "f": np.array([[0.8, 0.0], [np.nan, np.nan]]), "s_next": np.zeros((2, 6)),
+                "f": np.array([[0.8, 0.0, 0.02], [np.nan] * 3]), "s_next": np.zeros((2, 6)),
                 "reward": np.zeros(2), "policy": np.array([b"live"] * 2),
             })  # fmt: skip
     return path
