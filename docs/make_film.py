@@ -38,7 +38,7 @@ from core.rally.control.player import Player
 from core.rally.history.recorded_rally import RACKET, TARGETS, racket_rows, target_rows
 from core.rally.simulated.world import Block, SimulatedWorld, WorldConfig
 from core.recordings import RecordingWriter
-from tests.app.browser.conftest import FLAGS
+from tests.app.browser.conftest import FLAGS, make_known
 from tests.ensure_chromium import HELP, find_chromium
 
 OUT: Final = Path("docs/images/rally.webp")
@@ -176,6 +176,7 @@ def _watching(workspace: Workspace, name: str) -> Iterator[tuple[Page, Session]]
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
             page = browser.new_page(viewport={"width": SIZE_PX[0], "height": SIZE_PX[1]})
+            make_known(page, lab)  # nobody is shown round in a film
             page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr=1")
             page.add_style_tag(content="[class*=mantine-Notification] { display: none !important; }")
             _wait_for(lambda: lab.sessions and lab.sessions[0].recording is not None, "the recording to be open")
