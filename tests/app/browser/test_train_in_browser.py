@@ -7,12 +7,14 @@ from collections.abc import Iterator
 import pytest
 
 from app.modes.train.mode import TrainMode
+from app.scene.landing import CASE_RGB
 from app.server import App
 from app.shared.training.run_state import RunState
 from app.shared.training.trainer import Trainer
+from core.physics.episode import Case
 
 pytestmark = pytest.mark.browser
-GREEN, ORANGE, BLUE_TABLE = (40, 230, 90), (255, 140, 40), (48, 122, 202)
+GREEN, ORANGE, BLUE_TABLE = CASE_RGB[Case.RETURNED], (255, 140, 40), (48, 122, 202)
 LEFT_PX = 340
 """Width of the panel with the curves."""
 PATIENT_S = 90.0
@@ -40,19 +42,28 @@ def pick(window, label: str, option: str) -> None:
     window.page.get_by_role("option", name=option).click()
 
 
-def start(window, name: str, balls: int) -> None:
+def start(window, wait_for, name: str, balls: int) -> None:
     """A training of the landing model that can be watched, from the form."""
+    form = window.session._modes["Train"]._form_panel
     window.page.get_by_text("A new training").click()
-    window.page.wait_for_timeout(400)
     window.field("episodes").fill(str(balls))
     window.field("Name").fill(name)
-    window.page.wait_for_timeout(300)
+    # The page sends what is typed a little later.
+    wait_for(
+        lambda: (form._name.value, str(form._handles[("curriculum", "episodes")].value)) == (name, str(balls)),
+        "the form",
+    )
     pick(window, "Pace", "20 balls a second")
     window.press("Start")
 
 
 def newest(trainer: Trainer) -> RunState:
     return trainer.runs()[0]
+
+
+def phase(trainer: Trainer) -> str:
+    """That of the newest run; empty while there is none, as for a moment after Start."""
+    return newest(trainer).phase if trainer.runs() else ""
 
 
 def shows(mode: TrainMode, name: str) -> bool:
@@ -69,7 +80,7 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
     first = mode.replay
     wait_for(lambda: mode.replay is not first, "the next ball", PATIENT_S)
     pick(window, "Pace", "as fast as it goes")
-    wait_for(lambda: newest(trainer).phase == "finished", "the training to finish", PATIENT_S)
+    wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
     window.page.get_by_text("ball 100 of 100").wait_for()
     canvas = window.wait_for_pixels("train", lambda canvas: count_like(canvas[:, LEFT_PX:], GREEN) > 200)
     assert count_like(canvas[:, LEFT_PX:], BLUE_TABLE, 40) > 5000  # the table with its landing spots
@@ -84,30 +95,30 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
 
 def test_a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer, wait_for) -> None:
     enter(window)
-    start(window, "Stop me", 2000)
-    wait_for(lambda: newest(trainer).phase == "running", "the training to run", PATIENT_S)
+    start(window, wait_for, "Stop me", 2000)
+    wait_for(lambda: phase(trainer) == "running", "the training to run", PATIENT_S)
     window.page.get_by_role("button", name="Stop", exact=True).click()
     window.page.get_by_text("Stop stop-me?").wait_for()
     window.press("No, let it train")
     window.page.get_by_text("Stop stop-me?").wait_for(state="hidden")
     assert newest(trainer).phase == "running"
     window.page.get_by_role("button", name="Pause").click()
-    wait_for(lambda: newest(trainer).phase == "paused", "a pause")
+    wait_for(lambda: phase(trainer) == "paused", "a pause")
     window.page.get_by_role("button", name="Go on").click()
-    wait_for(lambda: newest(trainer).phase == "running", "it to go on")
+    wait_for(lambda: phase(trainer) == "running", "it to go on")
     window.page.get_by_role("button", name="Stop", exact=True).click()
     window.press("Yes, stop it")
-    wait_for(lambda: newest(trainer).phase == "stopped", "the stop", PATIENT_S)
+    wait_for(lambda: phase(trainer) == "stopped", "the stop", PATIENT_S)
     before = newest(trainer).status
     window.press("Resume")
-    wait_for(lambda: newest(trainer).phase == "running", "it to go on", PATIENT_S)
+    wait_for(lambda: phase(trainer) == "running", "it to go on", PATIENT_S)
     after = newest(trainer).status
     assert before is not None and after is not None and after.episode >= before.episode > 0
 
 
 def test_a_killed_training_is_reported_with_its_log_and_resumed(window, trainer: Trainer, wait_for) -> None:
     mode = enter(window)
-    start(window, "kill-me", 2000)
+    start(window, wait_for, "kill-me", 2000)
     wait_for(lambda: shows(mode, "kill-me") and mode.details.evaluations, "a checkpoint", PATIENT_S)
     status = newest(trainer).status
     assert status is not None and newest(trainer).name == "kill-me"
@@ -118,7 +129,7 @@ def test_a_killed_training_is_reported_with_its_log_and_resumed(window, trainer:
     window.page.get_by_text("ended with code -9").wait_for()
     window.screenshot("train-killed")
     window.press("Resume")
-    wait_for(lambda: newest(trainer).phase == "running", "it to go on", PATIENT_S)
+    wait_for(lambda: phase(trainer) == "running", "it to go on", PATIENT_S)
     resumed = newest(trainer).status
     assert resumed is not None and resumed.episode >= 50
 
@@ -130,8 +141,8 @@ def test_a_browser_that_closes_changes_nothing_and_another_sees_the_same(
     page = chromium.new_page(viewport={"width": 1280, "height": 720})
     other = type(window)(page, lab)
     other_mode = enter(other)
-    start(other, "shared", 2000)
-    wait_for(lambda: newest(trainer).phase == "running", "the training to run", PATIENT_S)
+    start(other, wait_for, "shared", 2000)
+    wait_for(lambda: phase(trainer) == "running", "the training to run", PATIENT_S)
     page.close()
     wait_for(lambda: other.session not in lab.sessions, "the browser to be gone")
     mode = window.session._modes["Train"]
@@ -141,13 +152,14 @@ def test_a_browser_that_closes_changes_nothing_and_another_sees_the_same(
     assert other_mode is not mode and newest(trainer).name == "shared"
 
 
-def test_a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer: Trainer) -> None:
+def test_a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer: Trainer, wait_for) -> None:
     enter(window)
     count = len(trainer.runs())
-    start(window, "../../nothing", 0)
+    start(window, wait_for, "../../nothing", 0)
     window.page.get_by_text("not a number of episodes").wait_for()
     window.field("episodes").fill("all of them")
-    window.page.wait_for_timeout(300)
+    form = window.session._modes["Train"]._form_panel
+    wait_for(lambda: form._handles[("curriculum", "episodes")].value == "all of them", "the form")
     window.press("Start")
     window.page.get_by_text("not a list of numbers").wait_for()
     assert len(trainer.runs()) == count and trainer.active() is None
