@@ -8,7 +8,7 @@ from typing import Final
 
 import msgspec.msgpack
 import zstandard
-from viser._messages import CommandTriggerMessage, Message, ViewerCameraMessage
+from viser._messages import CommandTriggerMessage, GuiUpdateMessage, Message, ViewerCameraMessage
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
@@ -66,16 +66,23 @@ class BareBrowser:
             time.sleep(0.02)
         self._send(CommandTriggerMessage(self._commands[command]))
 
+    def set_value(self, control: str, value: object) -> None:
+        """Change a control of this id, as a person does who clicks on it or types."""
+        self._send(GuiUpdateMessage(control, {"value": value}))
+
     def wait_picture(self, timeout_s: float, *, after: int = 0) -> None:
         """Until more large pictures than `after` have arrived."""
         with self._arrived:
             if not self._arrived.wait_for(lambda: self.pictures > after, timeout_s):
                 raise TimeoutError("no picture arrived")
 
-    def wait_quiet(self) -> None:
+    def wait_quiet(self, timeout_s: float = 60.0) -> None:
         """Until nothing has arrived for a while: the neighbours are ready, too."""
+        deadline = time.monotonic() + timeout_s
         time.sleep(QUIET_S)
         while time.monotonic() - self._last_s < QUIET_S:
+            if time.monotonic() > deadline:
+                raise TimeoutError("messages never ceased to arrive")
             time.sleep(0.05)
 
     def close(self) -> None:

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from app.bench.soak.bench_soak import run_soak
 from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
 from app.views.requests import TuneRequest, WatchRequest, answer_request
@@ -26,12 +27,17 @@ NOISES_HZ: Final = (0.1, 1.0)
 SEED: Final = 1
 
 
-def run(progress: Callable[[float], None]) -> dict[str, object]:
-    """Rows per view: p50, p99 and the largest number of milliseconds a picture takes, at random times of a recording.
+def run(progress: Callable[[float], None], *, soak: float | None = None) -> dict[str, object]:
+    """The app under load for `soak` minutes, or how long its pictures take.
+
+    Rows of the latter per view: p50, p99 and the largest number of milliseconds a picture takes, at random times of a
+    recording.
 
     Each picture has another threshold than the one before, as when a slider is dragged; windows are 2 ms, cameras
     1280x720. Wall time in this process, one picture at a time.
     """
+    if soak is not None:
+        return run_soak(progress, soak)
     rows: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
         for number, noise_hz in enumerate(NOISES_HZ):

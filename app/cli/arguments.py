@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import NoneType
@@ -160,6 +161,14 @@ def positive_int(text: str) -> int:
     return value
 
 
+def positive_float(text: str) -> float:
+    """A number above 0."""
+    value = float(text)
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text!r}")
+    return value
+
+
 def separated(read: Callable[[str], A], what: str) -> Callable[[str], tuple[A, ...]]:
     """Reads several of them with commas between."""
 
@@ -179,6 +188,7 @@ def _name(text: str) -> str:
 
 
 PositiveInt = Annotated[int, positive_int]
+PositiveFloat = Annotated[float, positive_float]
 Numbers = Annotated[tuple[float, ...], separated(float, "numbers")]
 Counts = Annotated[tuple[int, ...], separated(positive_int, "whole numbers above 0")]
 Names = Annotated[tuple[str, ...], separated(_name, "names")]

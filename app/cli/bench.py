@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from app.cli.arguments import Numbers, PositiveInt, flag, given, positional
+from app.cli.arguments import Numbers, PositiveFloat, PositiveInt, flag, given, positional
 from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.cli.tables import format_row, format_table
@@ -42,7 +42,7 @@ BENCHES = {
 """The module that measures each."""
 
 
-OPTIONS = ("count", "folder", "report", "chain", "balls", "speeds")
+OPTIONS = ("count", "folder", "report", "chain", "balls", "speeds", "soak")
 """That only some of them have."""
 
 
@@ -63,6 +63,7 @@ class BenchArguments:
     chain: Literal["filter", "fit", "paper"] | None = flag("which chain plays (rally)", "filter|fit|paper", "all three")
     balls: PositiveInt | None = flag("of each chain and speed (rally)", "N", 20)
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
+    soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     json: bool = flag("print the figures as JSON")
 
 

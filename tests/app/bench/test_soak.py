@@ -1,0 +1,99 @@
+"""The parts of `bench app --soak`: what it counts is there, and it finds what grows or is lost."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from app.bench.soak.annotators import Annotator, SharedRecording, count_labels, label_together
+from app.bench.soak.bench_soak import RECORDING, Samples
+from app.bench.soak.process_usage import ProcessUsage, children_of, usage_of
+from app.bench.soak.visitor import Visitor
+from app.server import App
+from app.shared.library import Library
+from app.shared.workspace import Workspace
+from core.cameras import stereo_preset
+from core.errors import CommandError
+from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
+from labels.model import Label, LabelState
+from labels.store import LabelStore, find_layers
+
+PEOPLE = 3
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Iterator[App]:
+    workspace = Workspace(tmp_path)
+    simulate_recording(
+        workspace.recording_path(RECORDING),
+        StereoConfig(sensor=SensorConfig()),
+        stereo_preset(),
+        [LaunchConfig()],
+        seed=1,
+    )
+    lab = App(workspace, Library(workspace), RECORDING, host="127.0.0.1", port=0)
+    yield lab
+    lab.stop()
+
+
+def test_people_who_label_at_once_lose_nothing_and_stay_at_their_own_times(lab: App, tmp_path: Path) -> None:
+    shared = SharedRecording.of(tmp_path / "recordings" / f"{RECORDING}.h5")
+    visitors = [Visitor(lab.port) for _ in range(PEOPLE)]
+    try:
+        annotators = [Annotator(visitor, shared, number, PEOPLE) for number, visitor in enumerate(visitors)]
+        for annotator in annotators:
+            annotator.begin()
+        label_together(annotators, 4)
+    finally:
+        for visitor in visitors:
+            visitor.close()
+    labels = tmp_path / "labels"
+    counts = count_labels(labels, shared, annotators)
+    assert (counts.wanted, counts.lost, counts.wrong) == (4 * PEOPLE, 0, 0)
+    (layer,) = (layer for layer in find_layers(labels) if layer.annotator == annotators[0].name)
+    first, second, *_ = sorted(annotators[0].times_us)
+    with LabelStore.open(labels, layer.recording_uuid, layer.camera, layer.annotator) as store:
+        store.edit(put=[Label(t_us=first + 1, state=LabelState.NO_BALL)], delete=[first, second])
+    counts = count_labels(labels, shared, annotators)
+    assert (counts.lost, counts.wrong) == (2, 1)
+
+
+def test_growth_is_seen_and_a_step_at_the_beginning_is_not_growth() -> None:
+    grows, steady = Samples(), Samples()
+    for number in range(90):
+        for samples, mb in ((grows, 100 + number / 10), (steady, 500.0 if number < 30 else 700.0)):
+            samples.at_s.append(10.0 * number)
+            samples.usages.append(ProcessUsage(mb, 20 + (number > 60), 8))
+    assert grows.growth_mb_per_h() == pytest.approx(36.0)
+    assert steady.growth_mb_per_h() == 0
+    assert grows.more(lambda usage: usage.threads) == 1 and grows.more(lambda usage: usage.handles) == 0
+
+
+def test_what_a_process_holds_is_counted() -> None:
+    before = usage_of(os.getpid())
+    stop = threading.Event()
+    thread = threading.Thread(target=stop.wait)
+    thread.start()
+    with Path(__file__).open():
+        kept = bytearray(os.urandom(30_000_000))
+        after = usage_of(os.getpid())
+    stop.set()
+    thread.join()
+    assert after.threads == before.threads + 1 and after.handles == before.handles + 1
+    assert 20 < after.resident_mb - before.resident_mb < 60 and len(kept)
+
+
+def test_a_child_is_found_and_one_that_is_gone_is_told() -> None:
+    child = subprocess.Popen(["sleep", "60"])
+    try:
+        assert child.pid in children_of(os.getpid())
+    finally:
+        child.kill()
+        child.wait()
+    with pytest.raises(CommandError, match="cannot see what a process holds"):
+        usage_of(child.pid)
