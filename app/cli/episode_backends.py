@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
+from core.errors import CommandError
 from core.learning.config import RunConfig
 from core.learning.task.episode_backend import EpisodeBackend
 
@@ -15,8 +16,11 @@ def open_backend(config: RunConfig, source: str | None, keys: Path | None = None
     """The court that a run needs, until the block ends; None for the closed-form simulator.
 
     Raises:
+        CommandError: if there are keys and no source that could ask for them.
         LinkError: if there is no server at `source`, it does not take `keys`, or it cannot give what the run asks for.
     """
+    if source is None and keys is not None:
+        raise CommandError("keys without a source", expected="--source tcp://HOST:PORT", where="--keys")
     if source is not None:
         # late: the chain and its compiled loops are for those who ask
         from core.rally.link.episode_backend import LinkBackend

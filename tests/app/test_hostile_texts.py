@@ -9,7 +9,6 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
@@ -34,16 +33,11 @@ from core.cameras import load_calibration
 from core.config import load_config
 from core.detection import DetectorConfig
 from core.errors import RallyscopeError, RecordingError
-from core.events import Events, SensorSize
 from core.learning.config import RunConfig
-from core.recordings import RecordingWriter
 from core.text.plain_text import LONGEST, plain
 from core.tuning.split_score import Figures
+from tests.app.hostile_recording import HOSTILE, write_hostile_recording
 
-HOSTILE = (
-    "<script>window.__pwned=1</script><img src=x onerror=window.__pwned=1>'\" onload='x"
-    "\x1b[2J\x1b]0;title\x07\r\n\u202egpj.exe\u2066\x9b31m\\..\\"
-)
 HUGE = HOSTILE + "A" * 10_000_000
 UNFIT = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ufeff]")
 APP = Path(__file__).parents[2] / "app"
@@ -85,17 +79,7 @@ def test_text_from_a_file_is_text(text: str) -> None:
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("hostile") / "rec.h5"
-    sensor = SensorSize(64, 48)
-    with RecordingWriter(path, {"left": sensor, "right": sensor}) as writer:
-        rows = np.arange(500)
-        for name in ("left", "right"):
-            writer.append(name, Events.from_columns(rows * 10, rows % 64, rows % 48, rows % 2, sensor))
-        writer.note("plain")
-    with h5py.File(path, "a") as file:
-        name = HOSTILE.replace("/", "|").replace("\x00", "")
-        file.move("cameras/left", f"cameras/{name}")
-        file["cameras"].attrs["order"] = [name, "right"]
-        file.attrs["notes"] = [HOSTILE, "B" * 20_000]
+    write_hostile_recording(path)
     return path
 
 

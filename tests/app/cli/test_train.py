@@ -4,6 +4,7 @@ import json
 import queue
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from app.cli import main
 from core.cameras import stereo_preset
 from core.events import SensorSize
 from core.learning.runs.run_files import read_lines, seed_files
+from core.rally.link.keys import ServerKeys, make_keys, read_server_keys
 from core.rally.link.server import ServerConfig, SimulationServer
 
 SHORT = ["--agent", "landing-model", "--state-source", "truth"]
@@ -49,6 +51,9 @@ def test_a_run_is_trained_refused_twice_and_evaluated(tmp_path: Path, capsys: py
         (["--agent", "dqn"], "invalid choice"),
         (["--source", "http://x"], "tcp://HOST:PORT"),
         (["--source", "tcp://127.0.0.1:9", "--state-source", "events"], "without --source"),
+        (["--source", "tcp://192.0.2.1:5555"], "needs keys"),
+        (["--source", "tcp://127.0.0.1:9", "--keys", "no-such-folder"], "no-such-folder"),
+        (["--keys", "no-such-folder"], "keys without a source"),
         (["--resume", "--seeds", "3"], "keeps its settings"),
         (["--resume"], "not a training run"),
         (["--config", "nowhere.toml"], "cannot read the config"),
@@ -68,23 +73,31 @@ def test_evaluate_needs_a_trained_run(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "not a training run" in capsys.readouterr().err
 
 
-@pytest.fixture
-def server() -> Iterator[str]:
+@contextmanager
+def serving(keys: ServerKeys | None = None) -> Iterator[str]:
     """A simulation server with small cameras; its address."""
     cameras = stereo_preset("side", SensorSize(320, 240))
     addresses: queue.SimpleQueue[str] = queue.SimpleQueue()
     ended = threading.Event()
 
     def serve() -> None:
-        server = SimulationServer(ServerConfig(), cameras, "tcp://127.0.0.1:0")
+        server = SimulationServer(ServerConfig(), cameras, "tcp://127.0.0.1:0", keys=keys)
         addresses.put(server.address)
         server.run(ended.is_set)
 
     thread = threading.Thread(target=serve)
     thread.start()
-    yield addresses.get(timeout=30)
-    ended.set()
-    thread.join()
+    try:
+        yield addresses.get(timeout=30)
+    finally:
+        ended.set()
+        thread.join()
+
+
+@pytest.fixture
+def server() -> Iterator[str]:
+    with serving() as address:
+        yield address
 
 
 @pytest.mark.parametrize("state_source", ["truth", "predicted"])
@@ -98,3 +111,18 @@ def test_a_simulation_server_gives_the_same_training(state_source: str, server: 
         assert ours["case"] == theirs["case"] and ours["serve"] == theirs["serve"]
         assert theirs["landing_m"] == pytest.approx(ours["landing_m"], abs=1e-3)
         assert theirs["action"] == pytest.approx(ours["action"], abs=1e-3)
+
+
+def test_a_server_with_keys_trains_only_who_has_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for maker in ("lab", "stranger"):
+        make_keys(tmp_path / maker)
+    options = ["--agent", "landing-model", "--episodes", "2", "--state-source", "truth"]
+    with serving(read_server_keys(tmp_path / "lab" / "server")) as address:
+        ours = ["--source", address, "--keys", str(tmp_path / "lab" / "client")]
+        assert main(["train", *ours, *options, "--out", str(tmp_path / "run")]) == 0
+        capsys.readouterr()
+        for keys in ([], ["--keys", str(tmp_path / "stranger" / "client")]):
+            assert main(["train", "--source", address, *keys, *options, "--out", str(tmp_path / "no")]) == 2
+            assert "its keys and ours do not fit" in capsys.readouterr().err
+    assert len(read_lines(seed_files(tmp_path / "run", 0).metrics)[0]) == 2
+    assert not (tmp_path / "no" / "config.toml").exists()
