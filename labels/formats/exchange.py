@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -224,6 +226,18 @@ def read_text(file: Path, collector: Collector) -> str | None:
     except UnicodeDecodeError as error:
         collector.reject(file, 1 + content.count(b"\n", 0, error.start), f"not UTF-8 text: {error.reason}")
         return None
+
+
+def table_rows(text: str, file: Path, collector: Collector) -> Iterator[tuple[int, list[str]]]:
+    """Rows of a CSV text that are not empty, with their line numbers; what follows one that is none is rejected."""
+    # Every kind of line end becomes one that the reader knows.
+    reader = csv.reader(io.StringIO(text.replace("\0", "\ufffd"), newline=None))
+    try:
+        for fields in reader:
+            if fields:
+                yield reader.line_num, fields
+    except csv.Error as error:
+        collector.reject(file, reader.line_num + 1, f"not CSV from here on: {error}")
 
 
 def files_at(path: Path, suffix: str, collector: Collector) -> list[Path]:

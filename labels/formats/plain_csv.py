@@ -18,6 +18,7 @@ from labels.formats.exchange import (
     files_at,
     picture_name,
     read_text,
+    table_rows,
     write_text,
 )
 from labels.formats.flat import COLUMNS, REQUIRED, flat_row, label_of_row
@@ -45,21 +46,20 @@ def read_csv(path: Path, context: ImportContext) -> Imported:
 
 
 def _read_file(text: str, file: Path, context: ImportContext, collector: Collector) -> None:
-    reader = csv.reader(io.StringIO(text.replace("\0", "\ufffd")))
-    header = [name.strip() for name in next(reader, [])]
+    rows = table_rows(text, file, collector)
+    _, names = next(rows, (1, []))
+    header = [name.strip() for name in names]
     unknown, missing = [name for name in header if name not in COLUMNS], set(REQUIRED) - set(header)
     if unknown or missing or len(set(header)) != len(header):
         found = ", ".join(header)[:200]
         collector.reject(file, 1, f"not a label table; expected columns {', '.join(REQUIRED)}, ..., got {found}")
         return
-    for fields in reader:
-        with collector.entry(file, reader.line_num):
-            if not fields:
-                continue
+    for line, fields in rows:
+        with collector.entry(file, line):
             if len(fields) != len(header):
                 raise LabelError("wrong number of fields", expected=len(header), got=len(fields))
             row = dict(zip(header, (field.strip() for field in fields), strict=True))
-            collector.add(label_of_row(row, context.origin), file, reader.line_num)
+            collector.add(label_of_row(row, context.origin), file, line)
 
 
 PLAIN_CSV = LabelFormat("csv", "plain CSV with every field", write_csv, read_csv)

@@ -8,8 +8,6 @@ these pictures. `frames.csv` beside it holds the time of each number.
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +26,7 @@ from labels.formats.exchange import (
     finite,
     picture_name,
     read_text,
+    table_rows,
     write_text,
 )
 from labels.model import Label, LabelState
@@ -87,7 +86,7 @@ def read_tracknet(path: Path, context: ImportContext) -> Imported:
 def _read_file(
     text: str, file: Path, times: dict[int, int] | None, context: ImportContext, collector: Collector
 ) -> None:
-    rows = _rows(text)
+    rows = list(table_rows(text, file, collector))
     header = [name.strip() for name in rows[0][1]] if rows else []
     if header != HEADER and header != IMGLABEL_HEADER and header[:4] != TENNIS_START:
         expected = f"{','.join(HEADER)} or {','.join(IMGLABEL_HEADER)} or {','.join(TENNIS_START)},..."
@@ -128,7 +127,7 @@ def _label_of(fields: list[str], header: list[str], t_us: int, context: ImportCo
 
 def _read_times(file: Path, collector: Collector) -> dict[int, int]:
     text = read_text(file, collector)
-    rows = _rows(text or "")
+    rows = list(table_rows(text or "", file, collector))
     if not rows or rows[0][1] != FRAMES_HEADER:
         collector.reject(file, 1, f"expected {','.join(FRAMES_HEADER)}")
         return {}
@@ -140,12 +139,6 @@ def _read_times(file: Path, collector: Collector) -> dict[int, int]:
                 raise LabelError(f"frame {number} twice")
             times[number] = t_us
     return times
-
-
-def _rows(text: str) -> list[tuple[int, list[str]]]:
-    """Rows that are not empty, with their line numbers."""
-    reader = csv.reader(io.StringIO(text.replace("\0", "\ufffd")), strict=False)
-    return [(reader.line_num, fields) for fields in reader if fields]
 
 
 TRACKNET = LabelFormat("tracknet", "TrackNetV2/V3 CSV", write_tracknet, read_tracknet, pictures=True)

@@ -63,18 +63,14 @@ class Annotator:
         """That have to be labelled."""
         return {step * DEFAULT_STEP_US for step in self._steps}
 
-    def open(self) -> None:
-        """Open the recording in Label; the app keeps the time of one that was left."""
+    def begin(self) -> None:
+        """Open the recording in Label, at this one's first time."""
         self._visitor.change("Recording", self._recording.name)
         self._visitor.wait_text(self._recording.words)
         seen = self._visitor.pictures
         self._visitor.trigger("Mode: Label")
         self._visitor.wait_picture(PATIENCE_S, after=seen)
         self._visitor.wait_quiet()
-
-    def begin(self) -> None:
-        """Go to this one's first time."""
-        self.open()
         self._visitor.change("Annotator", self.name)
         self._visitor.wait_quiet()
         self._visitor.trigger("Label: First time")

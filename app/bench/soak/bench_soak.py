@@ -25,7 +25,8 @@ from core.cameras import stereo_preset
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
 
 VISITORS: Final = 8
-STAY: Final = 3
+WATCHING, LABELLING, TRAINING = 3, 3, 1
+"""The first so many watch; the numbers of those that label and train afterwards."""
 RECORDING: Final = "soak"
 SERVES: Final = 6
 LABELS_EACH: Final = 20
@@ -56,10 +57,13 @@ class Samples:
         return float(np.median((mb[j] - mb[i]) / (at_h[j] - at_h[i]))) if len(i) else float("nan")
 
     def more(self, what: Callable[[ProcessUsage], int]) -> float:
-        """How many more there are at the end than after a third, medians of ten samples each."""
-        first = len(self.usages) // 3
-        counts = [what(usage) for usage in self.usages[first:]]
-        return float(np.median(counts[-10:]) - np.median(counts[:10]))
+        """How many more there are in the last third than in the one before, where each has fewest.
+
+        A training that runs has threads and pipes of its own for a while: they are no growth.
+        """
+        third = len(self.usages) // 3
+        counts = [what(usage) for usage in self.usages]
+        return float(min(counts[2 * third :]) - min(counts[third : 2 * third]))
 
 
 def run_soak(progress: Callable[[float], None], minutes: float) -> dict[str, object]:
@@ -98,9 +102,9 @@ def _soak(
     for annotator in annotators:
         annotator.begin()
     label_together(annotators, LABELS_EACH)
-    for visitor in visitors[STAY:]:
+    for visitor in visitors[LABELLING + 1 :]:
         visitor.close()
-    stay, labelling = visitors[:STAY], annotators[0]
+    stay = visitors[:WATCHING]
     for visitor in stay:
         visitor.trigger("Mode: Watch")
         visitor.change("Recording", "live")
@@ -116,22 +120,22 @@ def _soak(
             turn_s = spent() + TURN_S
             training = not training
             if training:
-                stay[1].press("Train now")
+                stay[TRAINING].press("Train now")
         if not (recording or training):
-            labelling.label(LABELS_EACH // 4)
+            annotators[LABELLING].label(LABELS_EACH // 4)
         if recording and spent() >= seconds / 3:
             recording = False
-            rows.append(_rate_row(f"{STAY} browsers, recording", stay, 0.9 * spent()))
+            rows.append(_rate_row(f"{WATCHING} browsers, recording", stay, 0.9 * spent()))
             stay[0].press("Record")
-            labelling.open()
-            stay[1].trigger("Mode: Train")
+            stay[TRAINING].trigger("Mode: Train")
+            stay[2].close()
         server.take(app.process.pid)
         pid = app.simulation()
         if pid is not None:
             simulation.take(pid)
         progress(min(1.0, spent() / seconds))
         time.sleep(SAMPLE_S if seconds > 30 * SAMPLE_S else seconds / 30)
-    rows.append(_rate_row("one watches, one labels, one trains", stay[2:], 0.6 * seconds))
+    rows.append(_rate_row("one watches, one labels, one trains", stay[:1], 0.6 * seconds))
     for name, samples in (("app", server), ("simulation", simulation)):
         rows += growth_rows(name, samples)
     return rows, annotators

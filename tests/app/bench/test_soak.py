@@ -68,7 +68,7 @@ def test_growth_is_seen_and_a_step_at_the_beginning_is_not_growth() -> None:
     for number in range(90):
         for samples, mb in ((grows, 100 + number / 10), (steady, 500.0 if number < 30 else 700.0)):
             samples.at_s.append(10.0 * number)
-            samples.usages.append(ProcessUsage(mb, 20 + (number > 60), 8))
+            samples.usages.append(ProcessUsage(mb, 20 + (number > 58), 8 + number % 2))
     assert grows.growth_mb_per_h() == pytest.approx(36.0)
     assert steady.growth_mb_per_h() == 0
     assert grows.more(lambda usage: usage.threads) == 1 and grows.more(lambda usage: usage.handles) == 0
