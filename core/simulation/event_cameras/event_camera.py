@@ -115,7 +115,9 @@ class EventCamera:
             self._events = self._events.doubled()
         law = noise_law(self.camera.sensor, self._config, self._hot)
         refractory_us, width = self._config.refractory_us, self.camera.sensor.width_px
-        merged = merge_noise(self._events, self._pixels.rows, law, start_us, end_us, refractory_us, width, self._rng)
+        merged = merge_noise(
+            self._events, self._pixels.last_event_us, law, start_us, end_us, refractory_us, width, self._rng
+        )
         self._now_us = end_us
         return self._readout.pass_on(merged, end_us, self._config)
 

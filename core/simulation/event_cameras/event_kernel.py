@@ -12,7 +12,7 @@ from core.simulation.bodies.tile_updates import REST_PX, UPDATE_PX, mark_moved, 
 from core.simulation.scenes.background import LOG_LIGHT, RAY_X, RAY_Y
 from core.simulation.scenes.flicker import flicker_all_pixels
 from core.simulation.scenes.racket_outline import outline_spans, rows_for_spans, unchanged_columns
-from core.simulation.scenes.shading import INNER_STRIDE, UNTOUCHED, deep_inside, pixel_light, pixel_seen
+from core.simulation.scenes.shading import INNER_STRIDE, UNTOUCHED, pixel_light, pixel_seen
 from core.simulation.scenes.steps import BALL, RACKET, SHADOW, boxes_meet, is_looked_at, moving_at, union_box
 from core.simulation.sensor.pixels import EVENTS_PER_PIXEL, follow_pixel, receptor_decay, rest_pixel, wake_pixel
 from core.simulation.sensor.sensor import RECEPTOR, REFERENCE, TARGET, TIME_US

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.events import SensorSize
 from core.jit import njit
 from core.simulation.sensor.pixels import EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, EventBuffer
-from core.simulation.sensor.sensor import LAST_EVENT_US, SensorConfig
+from core.simulation.sensor.sensor import SensorConfig
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +61,7 @@ def noise_law(sensor: SensorSize, config: SensorConfig, hot: HotPixels) -> Noise
 
 def merge_noise(
     signal: EventBuffer,
-    pixels: NDArray[np.float64],
+    last_event_us: NDArray[np.int64],
     law: NoiseLaw,
     start_us: int,
     end_us: int,
@@ -72,15 +72,15 @@ def merge_noise(
     """The signal and freshly drawn noise of [start, end) in order of time and in whole microseconds, without events of
     a pixel that is still refractory. Of equal times signal comes before noise, and what was found first before the rest.
 
-    `pixels` are the rows of `PixelState`, whose last event is brought up to date. Signal events keep clear of each
+    `last_event_us` is that of `PixelState` and is brought up to date. Signal events keep clear of each
     other already; here noise is kept clear of signal and the other way round.
     """
-    t, x, y, on = _merge(signal.rows, signal.filled[0], pixels, law, start_us, end_us, refractory_us, width, rng)
+    t, x, y, on = _merge(signal.rows, signal.filled[0], last_event_us, law, start_us, end_us, refractory_us, width, rng)
     return MergedEvents(t, x, y, on)
 
 
 @njit
-def _merge(rows, filled, pixels, law, start_us, end_us, refractory_us, width, rng):
+def _merge(rows, filled, last_event_us, law, start_us, end_us, refractory_us, width, rng):
     times, order = _in_order(rows, filled, start_us, end_us)
     noise_us = _noise_times(law, start_us, end_us, rng)
     room = filled + len(noise_us)
@@ -93,12 +93,12 @@ def _merge(rows, filled, pixels, law, start_us, end_us, refractory_us, width, rn
             now_us, pixel, rose = times[found], np.uint32(rows[found, EVENT_PIXEL]), rows[found, EVENT_ON] > 0.0
             i += 1
         else:
-            pixel, rose = _noisy_pixel(law, len(pixels), rng)
+            pixel, rose = _noisy_pixel(law, len(last_event_us), rng)
             now_us = noise_us[j]
             j += 1
-        if now_us - pixels[pixel, LAST_EVENT_US] < refractory_us:
+        if now_us - last_event_us[pixel] < refractory_us:
             continue
-        pixels[pixel, LAST_EVENT_US] = now_us
+        last_event_us[pixel] = now_us
         row = pixel // np.uint32(width)
         t[kept], x[kept], y[kept], on[kept] = now_us, pixel - row * np.uint32(width), row, rose
         kept += 1
@@ -107,7 +107,7 @@ def _merge(rows, filled, pixels, law, start_us, end_us, refractory_us, width, rn
 
 @njit
 def _in_order(rows, filled, start_us, end_us):
-    """(whole microseconds of the events, their places in order of time): sorted by counting those of each microsecond."""
+    """(whole microseconds of the events, their places in order of time), by counting those of each microsecond."""
     times, order = np.empty(filled, np.int64), np.empty(filled, np.int64)
     place = np.zeros(end_us - start_us + 1, np.int64)
     for index in range(filled):
