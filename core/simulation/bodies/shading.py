@@ -100,8 +100,8 @@ def posed_parts(scene, posed):
 def draw_layers(scene, box, posed, count, ball_m):
     """Write the layers of the pixels in a box where the parts `posed.here[:count]` may be seen.
 
-    The box is (first column, first row, end column, end row), of `SHEET` pixels at most; bodies beyond camera z `ball_m`
-    are far.
+    The box is (first column, first row, end column, end row), of `SHEET` pixels at most; bodies beyond camera z
+    `ball_m` are far.
     """
     # Out of the tuples once: numba counts references to an array each time that it is taken from one.
     maps, layers, view, edge, ambient = scene.maps, scene.layers, scene.numbers, scene.edge_per_m, scene.ambient

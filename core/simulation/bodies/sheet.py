@@ -1,8 +1,8 @@
 """One part of a body in many pixels at once: the same arithmetic for all of them, so that the processor does several in
 one instruction.
 
-The numbers lie in one array at fixed distances from one another: the compiler sees that what is written is never what is
-read. So the loop has no branch that depends on a pixel.
+The numbers lie in one array at fixed distances from one another, so the compiler sees that what is written is never
+what is read. No branch depends on a pixel.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from core.simulation.scenes.racket_shape import racket_gap
 from core.simulation.scenes.shading import smooth_step
 
 SHEET = 64
-"""Pixels at once. A sheet is an array of 6 SHEET numbers, of each pixel x / z and y / z of its ray and the squared length
-x^2 + y^2 + 1; then the share of it that a part covers, the part's light there, and its camera z."""
+"""Pixels at once. A sheet is an array of 6 SHEET numbers, of each pixel x / z and y / z of its ray and the squared
+length x^2 + y^2 + 1; then the share of it that a part covers, the part's light there, and its camera z."""
 
 
 @njit(error_model="numpy")

@@ -18,7 +18,7 @@ BOX_MARGIN_PX = 1.5
 """Beyond half an edge, for the curvature of the outline between its points and for rounding."""
 
 
-class Lens(NamedTuple):
+class LensNumbers(NamedTuple):
     """What a projection needs to know of a camera."""
 
     R: NDArray[np.float64]
@@ -37,11 +37,11 @@ class Lens(NamedTuple):
 
 
 @functools.lru_cache(maxsize=64)
-def lens_of(camera: Camera) -> Lens:
+def lens_of(camera: Camera) -> LensNumbers:
     """The numbers of a camera."""
     T, K = invert_transform(camera.T_world_camera), camera.K
     k1, k2, p1, p2, k3 = camera.distortion.tolist()
-    return Lens(
+    return LensNumbers(
         np.ascontiguousarray(T[:3, :3]),
         np.ascontiguousarray(T[:3, 3]),
         np.ascontiguousarray(camera.position_world_m),
@@ -80,7 +80,7 @@ def project_from_camera(lens, x, y, z):
 
 @njit(error_model="numpy")
 def box_round(points, margin_px, size_px, out):
-    """Write the box round an outline (K, 2), a little wider: first column and row, one past the last; 0 off the sensor."""
+    """Write the box round an outline (K, 2), a little wider: first column, first row, one past the last; 0 off it."""
     low_u = low_v = math.inf
     high_u = high_v = -math.inf
     out[:] = 0

@@ -69,8 +69,10 @@ def merge_noise(
     width: int,
     rng: np.random.Generator,
 ) -> MergedEvents:
-    """The signal and freshly drawn noise of [start, end) in order of time and in whole microseconds, without events of
-    a pixel that is still refractory. Of equal times signal comes before noise, and what was found first before the rest.
+    """The signal and freshly drawn noise of [start, end) in order of time, in whole microseconds.
+
+    Events of a pixel that is still refractory are left out. Of equal times signal comes before noise, and what was
+    found first before the rest.
 
     `last_event_us` is that of `PixelState` and is brought up to date. Signal events keep clear of each
     other already; here noise is kept clear of signal and the other way round.
