@@ -56,7 +56,8 @@ class NoiseLaw(NamedTuple):
 def noise_law(sensor: SensorSize, config: SensorConfig, hot: HotPixels) -> NoiseLaw:
     """The noise of a sensor. Leakage makes ON events only, shot noise both."""
     on_share = config.leak_share + 0.5 * (1.0 - config.leak_share)
-    return NoiseLaw(config.noise_hz * sensor.width_px * sensor.height_px, on_share, hot.pixels, np.cumsum(hot.rates_hz))
+    background_hz = float(config.noise_hz) * sensor.width_px * sensor.height_px
+    return NoiseLaw(background_hz, on_share, hot.pixels, np.cumsum(hot.rates_hz))
 
 
 def merge_noise(
