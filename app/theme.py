@@ -10,6 +10,7 @@ BRAND_RGB: Final = (255, 140, 40)
 PANEL_WIDTH_PX: Final = 400
 GOOD: Final = "#6eeb82"
 BAD: Final = "#ff8a7a"
+WARN: Final = "#ffd166"
 MUTED: Final = "#8b8f98"
 
 

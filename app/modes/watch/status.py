@@ -17,6 +17,7 @@ from core.physics.episode import Case
 from core.rally.control.decision import RacketDecision
 from core.rally.history.rally_history import Outcome, RallyMoment, RallyStep
 from core.rally.link.messages import WorldState
+from core.rally.link.pace import pace_words
 from core.rally.live.live_snapshot import Percentiles, RallySnapshot
 from core.trajectory.prediction import HitPlane
 
@@ -71,10 +72,15 @@ def _simulation(state: WorldState, status: str) -> str:
     """Whether it is there and keeps pace, and what to do if not."""
     if status != "connected":
         return f"<span style='color:{theme.BAD}'>{html_text(status)}, nothing is heard: start Rallyscope again</span>"
-    pace = f"{min(state.real_time_factor, state.speed_factor):.2f} x real time"
     if state.paused:
         return f"{html_text(status)}, its clock stands still: press Run"
-    if state.real_time_factor < 0.95 * state.speed_factor:
+    speed = state.speed_factor * state.kept_share
+    if state.kept_share < 1.0:
+        asked = "" if state.speed_factor == 1.0 else f" instead of {pace_words(state.speed_factor)}"
+        kept = f"{pace_words(speed)}{asked}: this machine is busy. Nothing is lost"
+        return f"<span style='color:{theme.WARN}'>{html_text(status)}, {kept}</span>"
+    pace = f"{min(state.real_time_factor, speed):.2f} x real time"
+    if state.real_time_factor < 0.95 * speed:
         return f"<span style='color:{theme.BAD}'>{html_text(status)}, only {pace}: choose a slower Pace</span>"
     return f"<span style='color:{theme.GOOD}'>{html_text(status)}, {pace}</span>"
 

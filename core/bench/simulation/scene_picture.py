@@ -17,7 +17,7 @@ from core.simulation.bodies.rally_flight import draw_flights
 from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
 from core.simulation.flights.serve import LaunchConfig
 from core.simulation.scenes.background import make_background
-from core.simulation.scenes.block_view import ball_shading_rows
+from core.simulation.scenes.ball_view import ball_shading_rows
 from core.simulation.scenes.scene import scene_named
 from core.simulation.sensor.sensor import SensorConfig
 

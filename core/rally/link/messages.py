@@ -113,7 +113,7 @@ class WorldState:
     auto_serve_mps: float = bounded_number(0.0, 9.0)
     """Speed of automatic serves, 0 when off."""
     real_time_factor: float = bounded_number(0.0, 1e6)
-    """Simulated per computing time of late: below the speed factor, the machine is too slow."""
+    """Simulated per computing time of late: below speed factor times kept share, the machine is too slow."""
     served: int = whole(0, WALL_NS)
     returned: int = whole(0, WALL_NS)
     scene: str = text(64, default="ball")
@@ -123,6 +123,8 @@ class WorldState:
     """Those that it lost."""
     readout_longest_us: int = whole(0, WALL_NS, default=0)
     """The longest that an event waited for it."""
+    kept_share: float = bounded_number(0.0, 1.0, default=1.0)
+    """Share of the speed factor that the simulation has settled on, because the machine is too busy for all of it."""
     ball_t_us: NDArray[np.int64] = column("<i8", most=MOST_ROWS)
     ball: Array = column("<f8", 9, most=MOST_ROWS)
     """(N, 9) position, velocity and spin in the world; NaN where there is none."""

@@ -22,6 +22,7 @@ from core.rally.link import messages as m
 from core.rally.link.address import split_address
 from core.rally.link.guard import LinkDoor, check_reach
 from core.rally.link.keys import ServerKeys
+from core.rally.link.pace import HonestPace
 from core.rally.link.prepare import prepare_simulation
 from core.rally.link.published import contact_notice, event_batch, outcome_notice, published_ball_rows, serve_notice
 from core.rally.link.responder import KernelProgress, PreparingResponder
@@ -35,8 +36,8 @@ from core.simulation.sensor.readout import ReadoutCounts
 logger = logging.getLogger(__name__)
 
 HEARTBEAT_S: Final = 0.1
-LATE_S: Final = 0.05
-"""A simulation that is later than this gives up what it missed instead of hurrying after it."""
+LATE_S: Final = 0.1
+"""A simulation that is later than this gives up what it missed; it hurries after less."""
 AUTO_SERVE_PAUSE_US: Final = 300_000
 TRIES: Final = 50
 COMMANDED_S: Final = 10.0
@@ -171,13 +172,14 @@ class SimulationServer:
         self._quiet_since_us = -AUTO_SERVE_PAUSE_US
         self._beat_s = self._alive_s = 0.0
         self._factor = 0.0
+        self._pace = HonestPace()
 
     def _anchor(self) -> None:
         """Let the simulated time be now."""
         self._anchor_s, self._anchor_us = time.monotonic(), self._world.now_us
 
     def _due_s(self, t_us: int) -> float:
-        return self._anchor_s + (t_us - self._anchor_us) * 1e-6 / self._speed
+        return self._anchor_s + (t_us - self._anchor_us) * 1e-6 / (self._speed * self._pace.share)
 
     def _turn(self) -> None:
         """One block, or a short wait for commands while paused. A block is computed while it lasts."""
@@ -208,6 +210,15 @@ class SimulationServer:
             if time.monotonic() - due_s > LATE_S:
                 self._anchor()
         self._publish(block)
+        if not self._paused:
+            self._keep_pace(spent_s, time.monotonic() - began_s)
+
+    def _keep_pace(self, spent_s: float, passed_s: float) -> None:
+        """Settle on what this machine can do; who asks for more than real time gets as much as there is."""
+        if self._speed <= 1.0 and self._pace.note(
+            BLOCK_US * 1e-6 / (self._speed * self._pace.share), spent_s, passed_s
+        ):
+            self._anchor()
 
     def _hear_of_subscribers(self) -> None:
         while self._published.poll(0):
@@ -261,6 +272,7 @@ class SimulationServer:
             readout_delayed=readout.delayed,
             readout_dropped=readout.dropped,
             readout_longest_us=readout.longest_us,
+            kept_share=self._pace.share,
             ball_t_us=no_times if block is None else block.ball.t_us,
             ball=ball,
             ball_visible=np.empty(0, np.uint8) if block is None else block.ball.visible.view(np.uint8),
@@ -332,6 +344,7 @@ class SimulationServer:
                 self._paused, self._steps = True, command.blocks
             case m.SetSpeed():
                 self._speed = command.factor
+                self._pace.ask_anew()
                 self._anchor()
             case m.SetNoise():
                 self._world.set_noise(command.noise_hz)
@@ -339,6 +352,7 @@ class SimulationServer:
             case m.SetScene():
                 self._scene = scene_named(command.scene)
                 self._world.set_scene(self._scene)
+                self._pace.ask_anew()
                 self._anchor()
             case m.AutoServe():
                 self._auto_mps = command.speed_mps

@@ -299,7 +299,8 @@ class LivePlayer:
 
     def _order(self, decision: RacketDecision, heard: _ReceivedBlock) -> QueuedCommand:
         state = heard.state
-        rest_s = (state.t_us - decision.t_us) * 1e-6 / state.speed_factor if state.speed_factor else 0.0
+        speed = state.speed_factor * state.kept_share
+        rest_s = (state.t_us - decision.t_us) * 1e-6 / speed if speed else 0.0
         window_s = float("nan") if state.paused else heard.arrived_s - heard.late_s - rest_s
         return QueuedCommand(self._session, decision, window_s, heard.arrived_s)
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from core.jit import njit
 from core.simulation.bodies.parts import BANDS, BLADE, KIND, RADIUS_A, RADIUS_B, REFLECTANCE, STRIPES_PER_M, TEXTURE
+from core.simulation.bodies.sheet import SHEET, draw_sheet
 from core.simulation.scenes.background import DEPTH_M, LIGHT, LOG_LIGHT, NET_COVER, NET_LIGHT, RAY_X, RAY_Y
-from core.simulation.scenes.racket_shape import racket_gap
 from core.simulation.scenes.shading import UNTOUCHED, Moving, ball_cover, pixel_light, racket_cover, smooth_step
 
 NEAR_COVER, NEAR_LIGHT, NEAR_M, FAR_COVER, FAR_LIGHT, FAR_M, BEFORE_NET, LOG_TOTAL = range(8)
@@ -59,13 +59,18 @@ class PosedBodies(NamedTuple):
     """(P,) the parts that may be seen in a tile."""
     found: NDArray[np.float64]
     """(PARTS_IN_PIXEL, 3) cover, light and camera z of the parts in a pixel, from near to far."""
+    sheet: NDArray[np.float64]
+    """(6 SHEET,) see `core.simulation.bodies.sheet`."""
+    sheets: NDArray[np.float64]
+    """(P, 3 SHEET) the second half of it, for every part that is seen."""
 
 
 @njit(error_model="numpy")
 def posed_bodies(ends, circles):
     """Bodies with ends and circles (P, 2, 3) and room for the rest."""
     rows, here = np.empty((len(ends), POSED_COLUMNS)), np.empty(len(ends), np.int64)
-    return PosedBodies(ends, circles, rows, here, np.empty((PARTS_IN_PIXEL, 3)))
+    found, sheet, sheets = np.empty((PARTS_IN_PIXEL, 3)), np.empty(6 * SHEET), np.empty((len(ends), 3 * SHEET))
+    return PosedBodies(ends, circles, rows, here, found, sheet, sheets)
 
 
 @njit(error_model="numpy")
@@ -92,61 +97,32 @@ def posed_parts(scene, posed):
 
 
 @njit(error_model="numpy")
-def part_light(rows, index, x, y, length2, edge, ambient, view):
-    """(share of the pixel that a part covers, light there, camera z); `length2` is x^2 + y^2 + 1."""
-    row = rows[index]
-    ax, ay, az, dx, dy, dz = row[0], row[1], row[2], row[3], row[4], row[5]
-    if row[11] == BLADE:
-        racket = (ax, ay, az, dx, dy, dz, 0.0, row[6], row[7], row[8], row[12], row[13], row[14], row[15])
-        gap, z = racket_gap(racket, x, y)
-        return smooth_step(0.5 - gap / row[6]), row[10], z
-    inverse = 1.0 / length2
-    ar, dr, dd = ax * x + ay * y + az, dx * x + dy * y + dz, row[6]
-    across = dd - dr * dr * inverse
-    share = min(max((ar * dr * inverse - row[7]) / across, 0.0), 1.0) if across > 1e-12 else 0.0
-    cx, cy, cz = ax + share * dx, ay + share * dy, az + share * dz
-    along = (ar + share * dr) * inverse
-    gap2 = cx * cx + cy * cy + cz * cz - along * along * length2
-    radius, width = row[8] + share * row[9], edge * cz
-    reach = radius + 0.5 * width
-    if gap2 >= reach * reach:
-        return 0.0, 0.0, 0.0
-    inner = radius - 0.5 * width
-    cover = 1.0 if inner > 0.0 and gap2 <= inner * inner else smooth_step((radius - math.sqrt(gap2)) / width + 0.5)
-    z = along - math.sqrt(max(radius * radius - gap2, 0.0) * inverse)
-    nx, ny, nz = z * x - cx, z * y - cy, z - cz
-    scale = 1.0 / radius
-    facing = (nx * view[12] + ny * view[13] + nz * view[14]) * scale
-    light = row[10] * (ambient + (1.0 - ambient) * 0.5 * (1.0 + facing))
-    if row[12] > 0.0:
-        wy = (view[3] * nx + view[4] * ny + view[5] * nz) * scale
-        light *= 1.0 + 0.5 * row[12] * (_wave(share * row[13] + 0.13) + _wave(wy * row[14] + 0.37))
-    return cover, light, z
-
-
-@njit(error_model="numpy")
-def _wave(phase):
-    """Between -1 and 1, once up and down per unit; close to a sine and much quicker."""
-    u = 2.0 * (phase - math.floor(phase))
-    return 4.0 * u * (1.0 - u) if u < 1.0 else 4.0 * (u - 1.0) * (u - 2.0)
-
-
-@njit(error_model="numpy")
 def draw_layers(scene, box, posed, count, ball_m):
     """Write the layers of the pixels in a box where the parts `posed.here[:count]` may be seen.
 
-    The box is (first column, first row, end column, end row); bodies beyond camera z `ball_m` are far.
+    The box is (first column, first row, end column, end row), of `SHEET` pixels at most; bodies beyond camera z
+    `ball_m` are far.
     """
     # Out of the tuples once: numba counts references to an array each time that it is taken from one.
     maps, layers, view, edge, ambient = scene.maps, scene.layers, scene.numbers, scene.edge_per_m, scene.ambient
-    rows, here, found = posed.rows, posed.here, posed.found
-    wide = box[2] - box[0]
-    for index in range(wide * (box[3] - box[1])):
+    rows, here, found, sheet, sheets = posed.rows, posed.here, posed.found, posed.sheet, posed.sheets
+    wide, size = box[2] - box[0], (box[2] - box[0]) * (box[3] - box[1])
+    for index in range(SHEET):
+        at = min(index, size - 1)
+        pixel = (box[1] + at // wide) * scene.width_px + box[0] + at % wide
+        x, y = maps[pixel, RAY_X], maps[pixel, RAY_Y]
+        sheet[index], sheet[SHEET + index], sheet[2 * SHEET + index] = x, y, x * x + y * y + 1.0
+    there = 0
+    for place in range(count):
+        if draw_sheet(rows[here[place]], sheet, edge, ambient, view):
+            sheets[there] = sheet[3 * SHEET :]
+            there += 1
+    for index in range(size):
         pixel = (box[1] + index // wide) * scene.width_px + box[0] + index % wide
         x, y, depth_m = maps[pixel, RAY_X], maps[pixel, RAY_Y], maps[pixel, DEPTH_M]
-        seen, length2 = 0, x * x + y * y + 1.0
-        for place in range(count):
-            cover, light, z = part_light(rows, here[place], x, y, length2, edge, ambient, view)
+        seen = 0
+        for place in range(there):
+            cover, z = sheets[place, index], sheets[place, 2 * SHEET + index]
             if cover <= 0.0 or z >= depth_m:
                 continue
             at = seen  # near to far
@@ -158,7 +134,7 @@ def draw_layers(scene, box, posed, count, ball_m):
             for later in range(seen - 1, at, -1):
                 for column in range(3):
                     found[later, column] = found[later - 1, column]
-            found[at, 0], found[at, 1], found[at, 2] = cover, light, z
+            found[at, 0], found[at, 1], found[at, 2] = cover, sheets[place, SHEET + index], z
         near_cover = near_light = far_cover = far_light = 0.0
         near_m = far_m = before_net = 0.0
         net, net_light = maps[pixel, NET_COVER], maps[pixel, NET_LIGHT]

@@ -19,15 +19,8 @@ from core.simulation.scenes.block_view import RacketView, moving_steps
 from core.simulation.scenes.racket_shape import RacketPath
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.scenes.steps import RACKET, Steps
-from core.simulation.sensor.noise import MergedEvents, RawEvents, draw_hot_pixels, draw_noise, merge_events
-from core.simulation.sensor.pixels import (
-    EVENT_ON,
-    EVENT_PIXEL,
-    EVENT_TIME_US,
-    EventBuffer,
-    PixelTiming,
-    settle_active,
-)
+from core.simulation.sensor.noise import MergedEvents, draw_hot_pixels, merge_noise, noise_law
+from core.simulation.sensor.pixels import EventBuffer, PixelTiming, settle_active
 from core.simulation.sensor.readout import Readout, ReadoutCounts
 from core.simulation.sensor.sensor import SensorConfig, make_pixels
 
@@ -120,11 +113,12 @@ class EventCamera:
         self._fresh = False
         while not settle_active(self._pixels, float(end_us), self._timing, self._events):
             self._events = self._events.doubled()
-        signal = self._sorted(start_us, end_us)
-        noise = draw_noise(self.camera.sensor, self._config, self._hot, start_us, end_us, self._rng)
+        law = noise_law(self.camera.sensor, self._config, self._hot)
+        refractory_us, width = self._config.refractory_us, self.camera.sensor.width_px
+        merged = merge_noise(
+            self._events, self._pixels.last_event_us, law, start_us, end_us, refractory_us, width, self._rng
+        )
         self._now_us = end_us
-        width = self.camera.sensor.width_px
-        merged = merge_events(signal, noise, self._pixels.rows, self._config.refractory_us, width)
         return self._readout.pass_on(merged, end_us, self._config)
 
     def _sweep(self, steps: Steps, bodies: BodyProbes) -> None:
@@ -135,11 +129,3 @@ class EventCamera:
             )
             if done < len(steps.t_us) - 1:
                 self._events = self._events.doubled()
-
-    def _sorted(self, start_us: int, end_us: int) -> RawEvents:
-        """The buffer in order of time, whole microseconds; of equal times, the pixel that was swept first is first."""
-        rows = self._events.rows[: self._events.filled[0]]
-        t_us = np.clip(np.floor(rows[:, EVENT_TIME_US]).astype(np.int64), start_us, end_us - 1)
-        order = np.argsort(t_us, kind="stable")
-        found = rows[order]
-        return RawEvents(t_us[order], found[:, EVENT_PIXEL].astype(np.int64), found[:, EVENT_ON] > 0)

@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from core.jit import njit
-from core.simulation.bodies.shading import light_and_rest, posed_bodies
+from core.simulation.bodies.shading import FAR_COVER, NEAR_COVER, light_and_rest, posed_bodies
 from core.simulation.bodies.tile_updates import REST_PX, UPDATE_PX, mark_moved, pose_at, update_tiles
-from core.simulation.scenes.background import LOG_LIGHT
+from core.simulation.scenes.background import LOG_LIGHT, RAY_X, RAY_Y
 from core.simulation.scenes.flicker import flicker_all_pixels
 from core.simulation.scenes.racket_outline import outline_spans, rows_for_spans, unchanged_columns
-from core.simulation.scenes.shading import INNER_STRIDE, UNTOUCHED, deep_inside, pixel_light, pixel_seen
+from core.simulation.scenes.shading import INNER_STRIDE, UNTOUCHED, pixel_light, pixel_seen
 from core.simulation.scenes.steps import BALL, RACKET, SHADOW, boxes_meet, is_looked_at, moving_at, union_box
 from core.simulation.sensor.pixels import EVENTS_PER_PIXEL, follow_pixel, receptor_decay, rest_pixel, wake_pixel
 from core.simulation.sensor.sensor import RECEPTOR, REFERENCE, TARGET, TIME_US
@@ -85,6 +85,9 @@ def event_kernel_step(pixels, scene, steps, step, spans_before, spans_now, timin
             see_ball, see_shadow = part == BALL or overlap, part == SHADOW or overlap
             see_racket = boxes_meet(swept[part], swept[RACKET])
         moving = moving_at(steps, step, see_ball, see_shadow, see_racket)
+        ball_x, ball_y, ball_z = moving.ball[0], moving.ball[1], moving.ball[2]
+        reach2, inner2 = moving.ball[15], moving.ball[16]
+        only_ball = part == BALL and not see_shadow and not see_racket
         decay = receptor_decay(before_us, now_us, timing)
         for y in range(y0, y1):
             left, right, first, end = x1, x1, x0, x1
@@ -97,12 +100,19 @@ def event_kernel_step(pixels, scene, steps, step, spans_before, spans_now, timin
                 start_us = rows[pixel, TIME_US]
                 if start_us >= now_us:
                     continue  # parts overlap here
-                seen = pixel_seen(maps, pixel)
-                deep = part == BALL and not see_racket and deep_inside(seen, moving.ball)
+                x_ray, y_ray = maps[pixel, RAY_X], maps[pixel, RAY_Y]
+                length2 = x_ray * x_ray + y_ray * y_ray + 1.0
+                along = x_ray * ball_x + y_ray * ball_y + ball_z
+                met2 = along * along if along > 0.0 else 0.0
+                deep = part == BALL and not see_racket and met2 > inner2 * length2
                 if deep and step % INNER_STRIDE != 0 and step != last:
                     continue
-                light, rest = light_and_rest(seen, layers, pixel, scene.numbers, moving)
-                goal = swing + (rest if light == UNTOUCHED else math.log(light))
+                if only_ball and met2 <= reach2 * length2 and not _has_body(layers, pixel):
+                    goal = swing + maps[pixel, LOG_LIGHT]
+                else:
+                    seen = pixel_seen(maps, pixel)
+                    light, rest = light_and_rest(seen, layers, pixel, scene.numbers, moving)
+                    goal = swing + (rest if light == UNTOUCHED else math.log(light))
                 if goal == rows[pixel, TARGET]:
                     continue  # at rest, which is caught up with in closed form when it ends
                 if not active[pixel]:
@@ -113,6 +123,11 @@ def event_kernel_step(pixels, scene, steps, step, spans_before, spans_now, timin
                 fall = decay if start_us == before_us else receptor_decay(start_us, now_us, timing)
                 count = follow_pixel(rows, pixel, goal, now_us, fall, timing, event_rows, count)
     events.filled[0] = count
+
+
+@njit(inline="always", error_model="numpy")
+def _has_body(layers, pixel):
+    return len(layers) > 0 and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0)
 
 
 @njit(error_model="numpy")

@@ -25,7 +25,8 @@ from core.simulation.flights.ball_path import BallPath
 from core.simulation.frames.colours import BallColour, coloured_scenes
 from core.simulation.frames.frame_bodies import FrameBodies, tinted_parts
 from core.simulation.scenes.background import LOG_LIGHT, make_background
-from core.simulation.scenes.block_view import STEP_PX, RacketView, Steps, moving_steps
+from core.simulation.scenes.ball_view import STEP_PX
+from core.simulation.scenes.block_view import RacketView, Steps, moving_steps
 from core.simulation.scenes.flicker import flicker_log_light
 from core.simulation.scenes.racket_shape import RacketPath
 from core.simulation.scenes.scene import SceneConfig

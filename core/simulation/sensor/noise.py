@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.events import SensorSize
 from core.jit import njit
-from core.simulation.sensor.sensor import LAST_EVENT_US, SensorConfig
+from core.simulation.sensor.pixels import EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, EventBuffer
+from core.simulation.sensor.sensor import SensorConfig
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,16 +21,6 @@ class HotPixels:
 
     pixels: NDArray[np.int64]
     rates_hz: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class RawEvents:
-    """Unchecked columns, ascending in time."""
-
-    t_us: NDArray[np.int64]
-    pixel: NDArray[np.int64]
-    """Row-major index."""
-    on: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,73 +41,111 @@ def draw_hot_pixels(sensor: SensorSize, config: SensorConfig, rng: np.random.Gen
     return HotPixels(pixels, config.hot_pixel_hz * np.exp(rng.standard_normal(hot)))
 
 
-def draw_noise(
-    sensor: SensorSize, config: SensorConfig, hot: HotPixels, start_us: int, end_us: int, rng: np.random.Generator
-) -> RawEvents:
-    """Noise in [start, end). The superposition of all pixels' processes is one process, drawn as such."""
-    pixels = sensor.width_px * sensor.height_px
-    seconds = (end_us - start_us) * 1e-6
-    background = int(rng.poisson(config.noise_hz * pixels * seconds))
-    t = _sorted_times(background, start_us, end_us, rng)
-    pixel = rng.integers(0, pixels, background)
-    # Leakage makes ON events only, shot noise both: one number decides.
-    on = rng.random(background) < config.leak_share + 0.5 * (1.0 - config.leak_share)
-    own = rng.poisson(hot.rates_hz * seconds)
-    if not own.any():
-        return RawEvents(t, pixel, on)
-    total = int(own.sum())
-    hot_t = rng.integers(start_us, end_us, total)
-    t, pixel = np.concatenate([t, hot_t]), np.concatenate([pixel, np.repeat(hot.pixels, own)])
-    on = np.concatenate([on, rng.random(total) < 0.5])
-    order = np.argsort(t, kind="stable")
-    return RawEvents(t[order], pixel[order], on[order])
+class NoiseLaw(NamedTuple):
+    """Background and hot pixels of a sensor as one Poisson process, which is drawn as such."""
+
+    background_hz: float
+    """Of all pixels together."""
+    background_on: float
+    """Share of ON events in the background."""
+    hot: NDArray[np.int64]
+    hot_hz: NDArray[np.float64]
+    """Running sum of the rates of the hot pixels."""
 
 
-def merge_events(
-    signal: RawEvents, noise: RawEvents, pixels: NDArray[np.float64], refractory_us: int, width: int
+def noise_law(sensor: SensorSize, config: SensorConfig, hot: HotPixels) -> NoiseLaw:
+    """The noise of a sensor. Leakage makes ON events only, shot noise both."""
+    on_share = config.leak_share + 0.5 * (1.0 - config.leak_share)
+    background_hz = float(config.noise_hz) * sensor.width_px * sensor.height_px
+    return NoiseLaw(background_hz, on_share, hot.pixels, np.cumsum(hot.rates_hz))
+
+
+def merge_noise(
+    signal: EventBuffer,
+    last_event_us: NDArray[np.int64],
+    law: NoiseLaw,
+    start_us: int,
+    end_us: int,
+    refractory_us: int,
+    width: int,
+    rng: np.random.Generator,
 ) -> MergedEvents:
-    """Both in order of time, without events of a pixel that is still refractory.
+    """The signal and freshly drawn noise of [start, end) in order of time, in whole microseconds.
 
-    `pixels` are the rows of `PixelState`, whose last event is brought up to date. Signal events keep clear of each
+    Events of a pixel that is still refractory are left out. Of equal times signal comes before noise, and what was
+    found first before the rest.
+
+    `last_event_us` is that of `PixelState` and is brought up to date. Signal events keep clear of each
     other already; here noise is kept clear of signal and the other way round.
     """
-    room = len(signal.t_us) + len(noise.t_us)
-    t, on = np.empty(room, np.int64), np.empty(room, np.bool_)
-    x, y = np.empty(room, np.uint16), np.empty(room, np.uint16)
-    kept = _merge(
-        (signal.t_us, signal.pixel, signal.on),
-        (noise.t_us, noise.pixel, noise.on),
-        pixels,
-        refractory_us,
-        width,
-        (t, x, y, on),
-    )
-    return MergedEvents(t[:kept], x[:kept], y[:kept], on[:kept])
-
-
-def _sorted_times(count: int, start_us: int, end_us: int, rng: np.random.Generator) -> NDArray[np.int64]:
-    """`count` uniform times in ascending order, without sorting: spacings of a Poisson process."""
-    arrivals = np.cumsum(rng.standard_exponential(count + 1))
-    times = start_us + np.floor(arrivals[:-1] * ((end_us - start_us) / arrivals[-1])).astype(np.int64)
-    return np.minimum(times, end_us - 1)
+    t, x, y, on = _merge(signal.rows, signal.filled[0], last_event_us, law, start_us, end_us, refractory_us, width, rng)
+    return MergedEvents(t, x, y, on)
 
 
 @njit
-def _merge(a, b, pixels, refractory_us, width, out):
+def _merge(rows, filled, last_event_us, law, start_us, end_us, refractory_us, width, rng):
+    times, order = _in_order(rows, filled, start_us, end_us)
+    noise_us = _noise_times(law, start_us, end_us, rng)
+    room = filled + len(noise_us)
+    t, x, y = np.empty(room, np.int64), np.empty(room, np.uint16), np.empty(room, np.uint16)
+    on = np.empty(room, np.bool_)
     i = j = kept = 0
-    while i < len(a[0]) or j < len(b[0]):
-        if j >= len(b[0]) or (i < len(a[0]) and a[0][i] <= b[0][j]):
-            t, pixel, on = a[0][i], a[1][i], a[2][i]
+    while i < filled or j < len(noise_us):
+        if j >= len(noise_us) or (i < filled and times[order[i]] <= noise_us[j]):
+            found = order[i]
+            now_us, pixel, rose = times[found], np.uint32(rows[found, EVENT_PIXEL]), rows[found, EVENT_ON] > 0.0
             i += 1
         else:
-            t, pixel, on = b[0][j], b[1][j], b[2][j]
+            pixel, rose = _noisy_pixel(law, len(last_event_us), rng)
+            now_us = noise_us[j]
             j += 1
-        if t - pixels[pixel, LAST_EVENT_US] < refractory_us:
+        if now_us - last_event_us[pixel] < refractory_us:
             continue
-        pixels[pixel, LAST_EVENT_US] = t
-        out[0][kept] = t
-        out[1][kept] = pixel % width
-        out[2][kept] = pixel // width
-        out[3][kept] = on
+        last_event_us[pixel] = now_us
+        row = pixel // np.uint32(width)
+        t[kept], x[kept], y[kept], on[kept] = now_us, pixel - row * np.uint32(width), row, rose
         kept += 1
-    return kept
+    return t[:kept], x[:kept], y[:kept], on[:kept]
+
+
+@njit
+def _in_order(rows, filled, start_us, end_us):
+    """(whole microseconds of the events, their places in order of time), by counting those of each microsecond."""
+    times, order = np.empty(filled, np.int64), np.empty(filled, np.int64)
+    place = np.zeros(end_us - start_us + 1, np.int64)
+    for index in range(filled):
+        times[index] = min(max(np.int64(math.floor(rows[index, EVENT_TIME_US])), start_us), end_us - 1)
+        place[times[index] - start_us + 1] += 1
+    for micro in range(1, len(place)):
+        place[micro] += place[micro - 1]
+    for index in range(filled):
+        order[place[times[index] - start_us]] = index
+        place[times[index] - start_us] += 1
+    return times, order
+
+
+@njit
+def _noise_times(law, start_us, end_us, rng):
+    """Ascending times, without sorting: spacings of a Poisson process."""
+    total_hz = law.background_hz + (law.hot_hz[-1] if len(law.hot_hz) else 0.0)
+    count = rng.poisson(total_hz * (end_us - start_us) * 1e-6)
+    times = np.empty(count, np.int64)
+    arrivals, arrived = np.empty(count), 0.0
+    for index in range(count):
+        arrived += rng.standard_exponential()
+        arrivals[index] = arrived
+    scale = (end_us - start_us) / (arrived + rng.standard_exponential())
+    for index in range(count):
+        times[index] = min(start_us + np.int64(arrivals[index] * scale), end_us - 1)
+    return times
+
+
+@njit
+def _noisy_pixel(law, count, rng):
+    """(pixel, whether it is an ON event) of a noise event."""
+    total_hz = law.background_hz + (law.hot_hz[-1] if len(law.hot_hz) else 0.0)
+    drawn_hz, rose = rng.random() * total_hz, rng.random()
+    if drawn_hz < law.background_hz:
+        return np.uint32(min(drawn_hz / law.background_hz * count, count - 1.0)), rose < law.background_on
+    which = min(np.searchsorted(law.hot_hz, drawn_hz - law.background_hz, side="right"), len(law.hot) - 1)
+    return np.uint32(law.hot[which]), rose < 0.5

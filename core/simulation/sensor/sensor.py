@@ -45,11 +45,11 @@ class SensorConfig:
         check_settings(self)
 
 
-TARGET, RECEPTOR, REFERENCE, TIME_US, RELEASE_US, ON_THRESHOLD, OFF_THRESHOLD, LAST_EVENT_US = range(8)
+TARGET, RECEPTOR, REFERENCE, TIME_US, RELEASE_US, ON_THRESHOLD, OFF_THRESHOLD = range(7)
 """Columns of a pixel's state. One row is one cache line, since a kernel that touches a pixel needs all of it:
 logarithm of the intensity it last saw; output of the photoreceptor, which follows that; output that the comparators
 measure contrast from; the instant that this row describes (pixels at rest lag behind); end of the refractory period;
-the two thresholds; whole microsecond of its last event, noise included."""
+the two thresholds."""
 LONG_AGO_US = -1e12
 
 
@@ -58,6 +58,8 @@ class PixelState(NamedTuple):
 
     rows: NDArray[np.float64]
     """(pixels, 8), row-major over the sensor."""
+    last_event_us: NDArray[np.int64]
+    """(pixels,) whole microsecond of the last event, noise included; apart, for noise reads it all over the sensor."""
     active: NDArray[np.bool_]
     """Listed in `active_list`: touched in this block, or still following."""
     active_list: NDArray[np.int64]
@@ -71,8 +73,9 @@ def make_pixels(log_intensity: NDArray[np.floating], config: SensorConfig, rng: 
     count = len(log_intensity)
     rows = np.zeros((count, 8))
     rows[:, (TARGET, RECEPTOR, REFERENCE)] = log_intensity[:, None]
-    rows[:, (RELEASE_US, LAST_EVENT_US)] = LONG_AGO_US
+    rows[:, RELEASE_US] = LONG_AGO_US
     for column, mean in ((ON_THRESHOLD, config.on_threshold), (OFF_THRESHOLD, config.off_threshold)):
         drawn = mean * (1.0 + config.threshold_mismatch * rng.standard_normal(count))
         rows[:, column] = np.maximum(drawn, LOWEST_THRESHOLD)
-    return PixelState(rows, np.zeros(count, np.bool_), np.zeros(count, np.int64), np.zeros(1, np.int64))
+    last_event_us = np.full(count, int(LONG_AGO_US))
+    return PixelState(rows, last_event_us, np.zeros(count, np.bool_), np.zeros(count, np.int64), np.zeros(1, np.int64))

@@ -53,6 +53,14 @@ def test_what_is_wrong_is_red_and_says_what_to_do(snapshot) -> None:
     assert theme.BAD not in paused and "press Run" in paused
 
 
+def test_a_pace_that_was_settled_on_is_said_in_words_and_is_not_red(snapshot) -> None:
+    said = live_html(snapshot, state(kept_share=0.5), "connected")
+    assert "connected, 1/2 speed: this machine is busy" in said
+    assert theme.BAD not in said and "x real time" not in said
+    slower = live_html(snapshot, replace(state(kept_share=0.25), speed_factor=0.5, real_time_factor=0.05), "connected")
+    assert "1/8 speed instead of 1/2 speed: this machine is busy" in slower
+
+
 def test_figures_have_plain_names_with_their_meaning_as_a_tooltip() -> None:
     nothing = RallyMoment(0, RallyHistory().at(0, {}).picture, None, None, None, ())
     said = moment_html(nothing, 15.0, 1.0)

@@ -17,7 +17,8 @@ from core.simulation.frames.colours import coloured_scenes
 from core.simulation.frames.frame_bodies import tinted_parts
 from core.simulation.frames.frames import LEAST_INSTANTS, FrameCamera, FrameConfig, FrameTrack, chosen_instants
 from core.simulation.scenes.background import make_background
-from core.simulation.scenes.block_view import ball_shading_rows, view_numbers
+from core.simulation.scenes.ball_view import ball_shading_rows
+from core.simulation.scenes.block_view import view_numbers
 from core.simulation.scenes.racket_shape import RACKET_COLUMNS, RacketPath, RacketPoses, racket_shading_rows
 from core.simulation.scenes.shading import Moving, render_light
 

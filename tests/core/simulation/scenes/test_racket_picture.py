@@ -13,7 +13,8 @@ from core.simulation import SceneConfig, SensorConfig, pixel_truth
 from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
 from core.simulation.flights.ball_path import BallPath, ParabolicPath
 from core.simulation.scenes.background import DEPTH_M, LIGHT, LOG_LIGHT, make_background
-from core.simulation.scenes.block_view import ball_shading_rows, view_numbers
+from core.simulation.scenes.ball_view import ball_shading_rows
+from core.simulation.scenes.block_view import view_numbers
 from core.simulation.scenes.racket_outline import racket_outline
 from core.simulation.scenes.racket_shape import RacketPath, RacketPoses, racket_gap, racket_shading_rows
 from core.simulation.scenes.shading import UNTOUCHED, Moving, pixel_light, pixel_seen, render_light

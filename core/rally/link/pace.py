@@ -1,0 +1,96 @@
+"""An honest pace: a simulation that is too slow for what is asked settles on a half, a quarter ... of it, and says so.
+
+Without that it would run as fast as it can, now a little faster and now a little slower, and the ball would stutter. It
+slows down when it lost time in two looks one after the other, or very much in one, and tries again when its work would
+fit into the time at twice the pace. A try that fails makes it wait for twice as long before the next one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+LOOK_S: Final = 1.0
+"""So long it looks before it judges; a ball flies for about as long."""
+SLOW: Final = 0.9
+"""A look in which it reached less than this share of its pace was slow."""
+VERY_SLOW: Final = 0.6
+"""One such look is enough."""
+EASY: Final = 0.4
+"""Share of the time that the work may take at the present pace so that twice the pace looks possible."""
+FIRST_PATIENCE: Final = 5
+"""Easy looks one after the other before it tries a faster pace."""
+MOST_PATIENCE: Final = 60
+SETTLED_LOOKS: Final = 30
+"""A try that lasted for so many looks did not fail."""
+LEAST_SHARE: Final = 1 / 64
+
+
+@dataclass(slots=True)
+class HonestPace:
+    """What share of the speed that is asked for the simulation runs at. Times are seconds on the wall."""
+
+    share: float = 1.0
+    """1, 1/2, 1/4 ... down to `LEAST_SHARE`; at 3 m/s and 1/64 a flight takes a minute."""
+    _patience: int = FIRST_PATIENCE
+    _simulated_s: float = 0.0
+    _worked_s: float = 0.0
+    _waited_s: float = 0.0
+    _slow: int = 0
+    _easy: int = 0
+    _looks: int = 0
+    """At this pace."""
+    _trying: bool = False
+    """It has come to this pace from a slower one."""
+
+    def ask_anew(self) -> None:
+        """Another speed is asked for, or another scene: forget what was learnt."""
+        self._patience = FIRST_PATIENCE
+        self._change(1.0, trying=False)
+
+    def note(self, block_s: float, worked_s: float, passed_s: float) -> bool:
+        """A block of `block_s` at the present pace took `worked_s` of work, and `passed_s` until the next one began.
+
+        Returns whether the pace has changed.
+        """
+        self._simulated_s += block_s
+        self._worked_s += worked_s
+        self._waited_s += passed_s
+        if self._waited_s < LOOK_S:
+            return False
+        reached, load = self._simulated_s / self._waited_s, self._worked_s / max(self._simulated_s, 1e-9)
+        self._simulated_s = self._worked_s = self._waited_s = 0.0
+        return self._judge(reached, load)
+
+    def _judge(self, reached: float, load: float) -> bool:
+        """`reached` is a share of the pace, `load` work per time that it has for it."""
+        self._looks += 1
+        self._slow = self._slow + 1 if reached < SLOW else 0
+        self._easy = self._easy + 1 if load < EASY else 0
+        if (self._slow >= 2 or reached < VERY_SLOW) and self.share > LEAST_SHARE:
+            in_vain = self._trying and self._looks <= SETTLED_LOOKS
+            self._patience = min(2 * self._patience, MOST_PATIENCE) if in_vain else FIRST_PATIENCE
+            self._change(0.5 * self.share, trying=False)
+            return True
+        if self._easy >= self._patience and self.share < 1.0:
+            self._change(2.0 * self.share, trying=True)
+            return True
+        return False
+
+    def _change(self, share: float, *, trying: bool) -> None:
+        self.share, self._trying = share, trying
+        self._begin()
+
+    def _begin(self) -> None:
+        self._simulated_s = self._worked_s = self._waited_s = 0.0
+        self._slow = self._easy = self._looks = 0
+
+
+def pace_words(factor: float) -> str:
+    """A pace as people say it: "real time", "1/2 speed", "3 x real time"."""
+    if abs(factor - 1.0) < 1e-9:
+        return "real time"
+    if factor < 1.0:
+        parts = 1.0 / factor
+        return f"1/{parts:.0f} speed" if abs(parts - round(parts)) < 0.02 * parts else f"{factor:.2g} x real time"
+    return f"{factor:g} x real time"

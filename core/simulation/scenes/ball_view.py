@@ -1,0 +1,142 @@
+"""The ball of a block to one camera: the rows that shade it, and the boxes that ball and shadow can be in."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera
+from core.jit import njit
+from core.simulation.flights.ball_path import BallStates, VisibleRange
+from core.simulation.scenes.lens import box_round, lens_of, project_from_camera, to_camera
+from core.simulation.scenes.scene import LIGHT_SIZE, TO_LIGHT_WORLD, SceneConfig
+from core.simulation.scenes.shading import BALL_COLUMNS, INNER_STRIDE
+from core.table import BALL_RADIUS_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
+
+Array = NDArray[np.float64]
+
+STEP_PX = 0.35
+"""Most motion in the picture per substep: a fifth of an edge."""
+LONGEST_SHADOW_STRIDE = 8
+OUTLINE_POINTS = 8
+TO_LIGHT_X, TO_LIGHT_Y, TO_LIGHT_Z = TO_LIGHT_WORLD.tolist()
+HALF_LENGTH_M, HALF_WIDTH_M = TABLE_LENGTH_M / 2, TABLE_WIDTH_M / 2
+
+
+def ball_shading_rows(camera: Camera, scene: SceneConfig, states: BallStates, portals: VisibleRange) -> Array:
+    """One row of BALL_COLUMNS per state; rows of an absent ball are far behind the camera."""
+    rows = np.empty((len(states.present), BALL_COLUMNS))
+    look = np.array([scene.ball, scene.ambient, scene.shadow, scene.edge_px])
+    normal, offset = portals.normal_world, portals.offset_m
+    _shading_rows(lens_of(camera), look, states.p_world_m, states.present, normal, offset, rows)
+    return rows
+
+
+def ball_and_shadow_boxes(camera: Camera, scene: SceneConfig, states: BallStates, boxes: NDArray[np.int64]) -> None:
+    """Write where ball and shadow can be: `boxes` (N, 2 or more, 4), see `core.simulation.scenes.steps`."""
+    _boxes(lens_of(camera), 0.5 * scene.edge_px, states.p_world_m, boxes)
+
+
+def shadow_stride(states: BallStates, rows: Array) -> int:
+    """Substeps in which the shadow moves by as large a part of its own soft edge as the ball does of its sharp one."""
+    with np.errstate(invalid="ignore"):
+        softness = LIGHT_SIZE * states.p_world_m[:, 2] / rows[:, 4]
+    return int(min(max(softness[states.present].min(), 1), LONGEST_SHADOW_STRIDE))
+
+
+def picture_speed(camera: Camera, states: BallStates) -> float:
+    """Fastest motion of the ball between neighbouring times, pixels per microsecond; 0 out of the picture."""
+    return _speed(lens_of(camera), states.p_world_m, states.t_s)
+
+
+@njit(error_model="numpy")
+def _shading_rows(lens, look, ps, present, normals, offsets, rows):
+    eye, R = lens.eye_m, lens.R
+    focal = math.sqrt(lens.focal_px[0] * lens.focal_px[1])
+    for index in range(len(ps)):
+        row = rows[index]
+        nx, ny, nz = normals[index]
+        wx, wy, wz = eye
+        x, y, z, shadow = 0.0, 0.0, -1e3, 0.0
+        if present[index]:
+            wx, wy, wz = ps[index]
+            x, y, z = to_camera(lens, wx, wy, wz)
+            shadow = look[2]
+        distance2 = x * x + y * y + z * z
+        obliquity = distance2 / max(z, 1e-3) ** 2
+        edge = look[3] / (focal * obliquity**0.75 / math.sqrt(distance2))
+        row[0], row[1], row[2], row[3], row[4] = x, y, z, distance2 - BALL_RADIUS_M**2, edge
+        for axis in range(3):
+            row[5 + axis] = R[axis, 0] * nx + R[axis, 1] * ny + R[axis, 2] * nz
+        row[8] = offsets[index] - (nx * eye[0] + ny * eye[1] + nz * eye[2])
+        row[9], row[10], row[11], row[12], row[13], row[14] = wx, wy, wz, shadow, look[0], look[1]
+        row[15] = distance2 - (BALL_RADIUS_M + 0.5 * edge) ** 2
+        # At the launcher's mouth the inner part changes fast too.
+        whole = nx * wx + ny * wy + nz * wz - offsets[index] > 2 * BALL_RADIUS_M
+        inner = BALL_RADIUS_M - (0.5 + INNER_STRIDE * STEP_PX / look[3]) * edge
+        row[16] = distance2 - inner**2 if whole and inner > 0 else math.inf
+
+
+@njit(error_model="numpy")
+def _boxes(lens, margin_px, ps, boxes):
+    points = np.empty((OUTLINE_POINTS, 2))
+    for index in range(len(ps)):
+        x, y, z = ps[index]
+        ball_rim(lens, x, y, z, points)
+        box_round(points, margin_px, lens.size_px, boxes[index, 0])
+        _shadow_rim(lens, x, y, z, points)
+        box_round(points, margin_px, lens.size_px, boxes[index, 1])
+
+
+@njit(error_model="numpy")
+def ball_rim(lens, x_world, y_world, z_world, points):
+    """Write points of the ball's outline (K, 2), like `core.cameras.ball_outline`."""
+    x, y, z = to_camera(lens, x_world, y_world, z_world)
+    distance2 = x * x + y * y + z * z
+    if not (distance2 > BALL_RADIUS_M**2 and z > BALL_RADIUS_M):
+        points[:] = math.nan
+        return
+    shrink = 1.0 - BALL_RADIUS_M**2 / distance2
+    rim, distance = BALL_RADIUS_M * math.sqrt(shrink), math.sqrt(distance2)
+    ux, uy, uz = x / distance, y / distance, z / distance
+    ax, ay, az = (0.0, uz, -uy) if abs(ux) < 0.9 else (-uz, 0.0, ux)  # across the line of sight
+    length = math.sqrt(ax * ax + ay * ay + az * az)
+    ax, ay, az = ax / length, ay / length, az / length
+    bx, by, bz = uy * az - uz * ay, uz * ax - ux * az, ux * ay - uy * ax
+    for k in range(len(points)):
+        angle = k * (2 * math.pi / len(points))
+        c, s = rim * math.cos(angle), rim * math.sin(angle)
+        px, py, pz = x * shrink + c * ax + s * bx, y * shrink + c * ay + s * by, z * shrink + c * az + s * bz
+        points[k, 0], points[k, 1] = project_from_camera(lens, px, py, pz)
+
+
+@njit(error_model="numpy")
+def _shadow_rim(lens, x, y, z, points):
+    """Points round the shadow on the plane where its middle falls: the table's, or else the floor's."""
+    slope_x, slope_y = TO_LIGHT_X / TO_LIGHT_Z, TO_LIGHT_Y / TO_LIGHT_Z
+    on_table = abs(x - slope_x * z) < HALF_LENGTH_M and abs(y - slope_y * z) < HALF_WIDTH_M and z > 0
+    height = z + (0.0 if on_table else TABLE_HEIGHT_M)
+    reach = (BALL_RADIUS_M + 0.5 * LIGHT_SIZE * height) / TO_LIGHT_Z
+    for k in range(len(points)):
+        angle = k * (2 * math.pi / len(points))
+        px = x - slope_x * height + reach * math.cos(angle)
+        py = y - slope_y * height + reach * math.sin(angle)
+        cx, cy, cz = to_camera(lens, px, py, z - height)
+        points[k, 0], points[k, 1] = project_from_camera(lens, cx, cy, cz)
+
+
+@njit(error_model="numpy")
+def _speed(lens, ps, t_s):
+    width, height = lens.size_px
+    fastest, before_u, before_v, was_near = 0.0, 0.0, 0.0, False
+    for index in range(len(ps)):
+        x, y, z = to_camera(lens, ps[index, 0], ps[index, 1], ps[index, 2])
+        u, v = project_from_camera(lens, x, y, z)
+        near = abs(u - width / 2) < width and abs(v - height / 2) < height
+        if near and was_near:
+            moved = math.sqrt((u - before_u) ** 2 + (v - before_v) ** 2)
+            fastest = max(fastest, moved / ((t_s[index] - t_s[index - 1]) * 1e6))
+        before_u, before_v, was_near = u, v, near
+    return fastest

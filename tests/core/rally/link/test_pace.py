@@ -1,0 +1,78 @@
+"""A machine that is too slow settles on a pace that it can keep, and finds back when it can."""
+
+import itertools
+
+import pytest
+
+from core.rally.link.pace import EASY, FIRST_PATIENCE, LEAST_SHARE, LOOK_S, MOST_PATIENCE, HonestPace, pace_words
+
+BLOCK_S = 0.01
+
+
+def run(pace: HonestPace, seconds: float, cost: float) -> list[float]:
+    """Simulate for so long on the wall, a block costing `cost` times its length; the shares at every change."""
+    shares, passed_s = [], 0.0
+    while passed_s < seconds:
+        length_s = BLOCK_S / pace.share
+        worked_s = cost * BLOCK_S
+        took_s = max(length_s, worked_s)
+        passed_s += took_s
+        if pace.note(length_s, worked_s, took_s):
+            shares.append(pace.share)
+    return shares
+
+
+@pytest.mark.parametrize(("cost", "settled"), [(0.5, 1.0), (1.05, 1.0), (1.3, 0.5), (3.0, 0.25), (20.0, 1 / 32)])
+def test_it_settles_on_the_largest_share_that_can_be_kept(cost: float, settled: float) -> None:
+    pace = HonestPace()
+    changes = run(pace, 30.0, cost)
+    assert pace.share == settled and changes == sorted(changes, reverse=True), "straight down, no to and fro"
+
+
+def test_it_never_stands_still() -> None:
+    pace = HonestPace()
+    run(pace, 60.0, 1000.0)
+    assert pace.share == LEAST_SHARE
+
+
+def test_one_slow_second_is_no_reason_to_slow_down_but_two_are() -> None:
+    pace = HonestPace()
+    assert not run(pace, 0.99 * LOOK_S, 1.3)
+    assert not run(pace, 3 * LOOK_S, 0.5), "a hiccup"
+    assert run(pace, 3 * LOOK_S, 1.3) == [0.5]
+
+
+def test_it_finds_back_to_the_whole_speed_when_the_machine_is_free_again() -> None:
+    pace = HonestPace()
+    run(pace, 10.0, 3.0)
+    assert run(pace, 4 * FIRST_PATIENCE * LOOK_S, 0.5 * EASY) == [0.5, 1.0]
+
+
+def test_tries_that_fail_become_rare() -> None:
+    """Easy enough to tempt it, and yet too much at the next pace: that happens when the load comes and goes."""
+    pace, tries_at_s, now_s = HonestPace(), [], 0.0
+    run(pace, 5.0, 1.5)
+    while now_s < 400.0:
+        before = pace.share
+        run(pace, LOOK_S, 0.3 if before < 1.0 else 1.5)
+        now_s += LOOK_S
+        if pace.share > before:
+            tries_at_s.append(now_s)
+    gaps = [later - earlier for earlier, later in itertools.pairwise(tries_at_s)]
+    assert len(gaps) >= 3 and gaps == sorted(gaps) and gaps[-1] >= 0.8 * MOST_PATIENCE
+
+
+def test_another_wish_is_tried_at_once() -> None:
+    pace = HonestPace()
+    run(pace, 10.0, 3.0)
+    pace.ask_anew()
+    assert pace.share == 1.0
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(1.0, "real time"), (0.5, "1/2 speed"), (1 / 64, "1/64 speed"), (0.1, "1/10 speed"), (0.3, "0.3 x real time"),
+     (4.0, "4 x real time")],
+)  # fmt: skip
+def test_a_pace_in_words(factor: float, words: str) -> None:
+    assert pace_words(factor) == words
