@@ -198,7 +198,7 @@ def save_config(config: object, path: Path) -> None:
         ConfigError: if the folder cannot be written.
     """
     try:
-        replace_file(path, tomli_w.dumps(config_to_mapping(config)).encode(), durable=False)
+        replace_file(path, tomli_w.dumps(config_to_mapping(config)).encode(), durable=True)
     except OSError as error:
         raise ConfigError("cannot write the config", got=error.strerror, where=path) from error
 

@@ -6,6 +6,7 @@ After a kill there is the old file or the new one, never half of one. A lock goe
 from __future__ import annotations
 
 import _thread
+import errno
 import fcntl
 import itertools
 import json
@@ -60,6 +61,9 @@ def sync(path: Path) -> None:
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP) or not path.is_dir():  # some file systems sync no folders
+            raise
     finally:
         os.close(descriptor)
 
