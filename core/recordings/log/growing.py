@@ -1,8 +1,8 @@
 """The file a recording lives in while it is written: frames appended to a log, each with its own checksum.
 
 An HDF5 file whose writer is killed is lost whole. So a recording grows as a log under its final name, and becomes HDF5
-when it is closed (`assemble`). A kill can only cut the last frame short; a failing disk may damage any. All others are found
-again by `scanning`, which knows a frame by its marker and its checksum.
+when it is closed (`assemble`). A kill can only cut the last frame short; a failing disk may damage any. All others are
+found again by `scanning`, which knows a frame by its marker and its checksum.
 
     file   = MAGIC, frame, frame, ...
     frame  = marker, length of meta, length of payload, CRC-32 of both, meta (JSON with a "kind"), payload
