@@ -1,8 +1,9 @@
-"""Faults while a job writes: what was acknowledged is there afterwards, the ending is one clear line, the next start works.
+"""Faults while a job writes: what was acknowledged is there, the ending is one clear line, the next start works.
 
-Jobs are recording, import, labelling, training, export, data set and tune; faults a kill (SIGKILL), a disk that is full,
-a device that fails, a folder that cannot be written, a process that stops for a while (SIGSTOP), and a power cut. A kill,
-a stop and a failure come at random moments. A power cut is not made: it is counted what was not synced when it was done.
+Jobs are recording, import, labelling, training, export, data set and tune; faults a kill (SIGKILL), a disk that is
+full, a device that fails, a folder that cannot be written, a process that stops for a while (SIGSTOP), and a power cut.
+A kill, a stop and a failure come at random moments. A power cut is not made: it is counted what was not synced at the
+end.
 """
 
 from __future__ import annotations

@@ -92,7 +92,6 @@ def run(arguments: TuneArguments) -> None:
         )
     if result is None:
         raise KeyboardInterrupt  # before anything was found, and nothing is written
-    save_config(result.best, arguments.out)
     about = {
         "recording": str(arguments.recording),
         "cameras": list(cameras),
@@ -102,7 +101,10 @@ def run(arguments: TuneArguments) -> None:
         "asked": arguments.trials,
         "out": str(arguments.out),
     }
-    say(json.dumps(json_ready(about | report_of(result))) if arguments.json else _describe(arguments, result))
+    try:
+        save_config(result.best, arguments.out)
+    finally:  # what was found is said even if it cannot be written
+        say(json.dumps(json_ready(about | report_of(result))) if arguments.json else _describe(arguments, result))
 
 
 def _objective(

@@ -43,7 +43,9 @@ class WatchedDisk:
         self._folder, self._fails_from = str(folder.resolve()), fails_from
         self.steps = 0
         self.synced: set[int] = set()
-        """Inodes of files and folders that were synced after their last write or rename."""
+        """Inodes of files that were synced after their last write."""
+        self.named: set[str] = set()
+        """Files whose name was on the disk when their folder was synced."""
 
     def install(self) -> None:
         """From now on, for this process."""
@@ -68,6 +70,9 @@ class WatchedDisk:
             self._step()
             done = act(descriptor, *rest)
             (self.synced.add if syncs else self.synced.discard)(os.fstat(descriptor).st_ino)
+            folder = os.readlink(f"/proc/self/fd/{descriptor}")
+            if syncs and os.path.isdir(folder):
+                self.named.update(os.path.join(folder, name) for name in os.listdir(folder))
             return done
 
         return wrapped
@@ -76,7 +81,7 @@ class WatchedDisk:
         def wrapped(source: str, target: str, **more: object) -> object:
             if self._is_ours(target):
                 self._step()
-                self.synced.discard(os.stat(os.path.dirname(target) or ".").st_ino)
+                self.named.discard(os.path.realpath(target))
             return act(source, target, **more)
 
         return wrapped

@@ -26,9 +26,9 @@ BATCH: Final = 7001
 BATCHES: Final = 60
 IMPORTED: Final = 120_000
 LABELS: Final = 150
-EPISODES: Final = 40
-CHECKPOINT_EVERY: Final = 10
-TRUNK: Final = ("--sensor", "96x72", "--serves", "1")
+EPISODES: Final = 20
+CHECKPOINT_EVERY: Final = 5
+SMALL: Final = ("--sensor", "320x240", "--serves", "1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,7 +151,7 @@ def _train_again(inputs: Path, out: Path) -> int:
 
 
 def _train_lost(inputs: Path, out: Path, said: str) -> int:
-    """Every checkpoint and policy that has its name is whole, and a checkpoint lies behind every kept policy but one."""
+    """What has its name is whole, and a checkpoint lies behind every kept policy but one."""
     files = seed_files(out / "run", 0)
     policies = len(list(files.folder.glob("policies/*.safetensors")))
     if not policies:
@@ -164,11 +164,11 @@ def _train_lost(inputs: Path, out: Path, said: str) -> int:
 
 def _trained_whole(inputs: Path, out: Path) -> bool:
     lines, _ = read_lines(seed_files(out / "run", 0).metrics)
-    return [line["episode"] for line in lines] == list(range(1, EPISODES + 1)) and load_policy(out / "run") is not None
+    return [line["episode"] for line in lines] == list(range(EPISODES)) and load_policy(out / "run") is not None
 
 
 def _prepare_recording(inputs: Path) -> None:
-    if _verb("simulate", "--out", inputs / "rec.h5", *TRUNK):
+    if _verb("simulate", "--out", inputs / "rec.h5", *SMALL):
         raise RuntimeError("the recording for the trials cannot be made")
     if _export(inputs, inputs / "clean"):
         raise RuntimeError("the export for the trials cannot be made")
@@ -192,8 +192,8 @@ def _export_lost(inputs: Path, out: Path, said: str) -> int:
 
 
 def _exported_whole(inputs: Path, out: Path) -> bool:
-    folders = {path for path in (out / "tables").iterdir() if path.name.startswith(".")}
-    return _contents(inputs / "clean" / "tables") == _contents(out / "tables") and not folders
+    left = [path for path in (out / "tables").iterdir() if path.name.startswith(".")]
+    return _contents(inputs / "clean" / "tables") == _contents(out / "tables") and not left
 
 
 def _data_set(inputs: Path, out: Path) -> int:
@@ -216,7 +216,7 @@ def _data_set_lost(inputs: Path, out: Path, said: str) -> int:
 
 
 def _data_set_whole(inputs: Path, out: Path) -> bool:
-    left = [path for path in (out / "set").glob(".*.h5")]
+    left = list((out / "set").glob(".*.h5"))
     return _contents(inputs / "clean" / "set") == _contents(out / "set") and not left
 
 

@@ -20,7 +20,7 @@ from typing import Final, Literal
 
 import numpy as np
 
-from app.bench.faults.injections import Injection, inject
+from app.bench.faults.injections import Injection, WatchedDisk, inject
 from app.bench.faults.jobs import JOBS, FaultJob, run_job
 from core.errors import RallyscopeError
 
@@ -29,6 +29,11 @@ Phase = Literal["prepare", "work", "again"]
 PRELOADED: Final = ["app.bench.faults.trials", "app.cli.main", "app.cli.train", "app.cli.export", "app.cli.tune"]
 LONGEST_S: Final = 120.0
 """A job that takes longer has hung."""
+
+WARM_S: Final = 15.0
+"""A first time that takes longer has compiled something, and is no measure of the others."""
+PROGRESS: Final = "so far"
+"""The end of a line that only says that it goes on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +74,8 @@ class FaultTrials:
         self.clean = self._run("work", self._fresh())
         if self.clean.code or not job.whole(self._inputs, self._out):
             raise RuntimeError(f"{job.name} does not work without a fault: {self.clean.errors[-2000:]}")
+        if self.clean.seconds > WARM_S:  # something was compiled
+            self.clean = self._run("work", self._fresh())
         sizes = [path.stat().st_size for path in self._out.rglob("*") if path.is_file()]
         self._largest_bytes = max(sizes, default=1)
 
@@ -172,7 +179,7 @@ class FaultTrials:
 
 def unclear_ending(ended: Ended) -> str:
     """What is wrong with an ending that has to be good, or one clear line and exit code 2; empty if nothing is."""
-    lines = [line for line in ended.errors.splitlines() if line.strip()]
+    lines = [line for line in ended.errors.splitlines() if line.strip() and not line.endswith(PROGRESS)]
     if ended.code == 0:
         return ""
     ours = [line for line in lines if line.startswith("rallyscope: ")]
@@ -201,18 +208,19 @@ def _work(
     sys.stderr.write(line)
     sys.stdout.flush()
     sys.stderr.flush()
-    tell.send((disk.steps, _unsynced(out, disk.synced)))
+    tell.send((disk.steps, _unsynced(out, disk)))
     os._exit(code)
 
 
-def _unsynced(out: Path, synced: set[int]) -> tuple[str, ...]:
+def _unsynced(out: Path, disk: WatchedDisk) -> tuple[str, ...]:
     """What a person would miss: files with a final name, except for those that tell of a process or hold a lock."""
     missing = []
     for path in sorted(out.rglob("*")):
         if path.is_file() and not path.name.startswith(".") and path.name not in PASSING:
-            for part, at in (("content", path), ("name", path.parent)):
-                if at.stat().st_ino not in synced:
-                    missing.append(f"{part} of {path.relative_to(out)}")
+            if path.stat().st_ino not in disk.synced:
+                missing.append(f"content of {path.relative_to(out)}")
+            if os.path.realpath(path) not in disk.named:
+                missing.append(f"name of {path.relative_to(out)}")
     return tuple(missing)
 
 

@@ -125,7 +125,7 @@ def _make_in_parallel(
             progress(sum(shares) / len(missing))
     except BaseException as error:  # Ctrl-C too: do not wait for recordings that take minutes
         for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
+            process.kill()  # one that hangs, or was stopped, would not hear anything politer
         if not isinstance(error, BrokenProcessPool):
             raise
         remedy = "run it again with fewer --jobs; what is done stays"
