@@ -14,6 +14,7 @@ from core.config import load_config, save_config
 from core.detection import DetectorConfig
 from core.errors import RallyscopeError
 from core.events import Events, SensorSize
+from core.learning.agents.policy import read_policy
 from core.learning.config import CurriculumConfig, RunConfig
 from core.learning.runs.checkpoints import load_checkpoint
 from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
@@ -153,13 +154,13 @@ def _train_again(inputs: Path, out: Path) -> int:
 def _train_lost(inputs: Path, out: Path, said: str) -> int:
     """What has its name is whole, and a checkpoint lies behind every kept policy but one."""
     files = seed_files(out / "run", 0)
-    policies = len(list(files.folder.glob("policies/*.safetensors")))
-    if not policies:
-        return 0
-    read_run(out / "run")
-    load_policy(out / "run")
+    kept = list(files.folder.glob("policies/*.safetensors"))
+    if kept:
+        read_run(out / "run")
+    for path in (*kept, *(path for path in (files.policy, files.best) if path.exists())):
+        read_policy(path)
     episode = int(str(load_checkpoint(files.checkpoint)[1]["episode"])) if files.checkpoint.exists() else 0
-    return max(0, policies - 1 - episode // CHECKPOINT_EVERY)
+    return max(0, len(kept) - 1 - episode // CHECKPOINT_EVERY)
 
 
 def _trained_whole(inputs: Path, out: Path) -> bool:
@@ -229,7 +230,7 @@ def _tune(inputs: Path, out: Path) -> int:
 def _tune_lost(inputs: Path, out: Path, said: str) -> int:
     if (out / "found.toml").exists():
         load_config(DetectorConfig, out / "found.toml")
-    return int(bool(said.strip()) and not (out / "found.toml").exists())
+    return int("the config:" in said and not (out / "found.toml").exists())
 
 
 JOBS: Final = {
@@ -290,7 +291,7 @@ JOBS: Final = {
             work=_tune,
             again=_tune,
             lost=_tune_lost,
-            whole=lambda inputs, out: _tune_lost(inputs, out, "done") == 0,
+            whole=lambda inputs, out: _tune_lost(inputs, out, "the config:") == 0,
         ),
     )
 }

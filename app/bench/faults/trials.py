@@ -32,8 +32,8 @@ LONGEST_S: Final = 120.0
 
 WARM_S: Final = 15.0
 """A first time that takes longer has compiled something, and is no measure of the others."""
-PROGRESS: Final = "so far"
-"""The end of a line that only says that it goes on."""
+PROGRESS: Final = ("so far", " left")
+"""The ends of a line that only says that it goes on."""
 
 
 @dataclass(frozen=True, slots=True)
