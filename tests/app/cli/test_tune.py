@@ -173,5 +173,5 @@ def test_what_was_found_is_said_even_if_it_cannot_be_written(
     more = ("--config", strict, "--camera", "left", "--trials", "1")
     assert tune(serve_recording, tmp_path / "taken.toml", *more) == 2
     said = capsys.readouterr()
-    assert "Nothing better was found" in said.out and "the config" not in said.out
+    assert "Nothing better was found" in said.out and "the config:" not in said.out
     assert "cannot write the config; got Is a directory; free some space" in said.err
