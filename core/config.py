@@ -198,9 +198,10 @@ def save_config(config: object, path: Path) -> None:
         ConfigError: if the folder cannot be written.
     """
     try:
-        replace_file(path, tomli_w.dumps(config_to_mapping(config)).encode(), durable=False)
+        replace_file(path, tomli_w.dumps(config_to_mapping(config)).encode(), durable=True)
     except OSError as error:
-        raise ConfigError("cannot write the config", got=error.strerror, where=path) from error
+        remedy = "free some space, or choose a folder that can be written"
+        raise ConfigError("cannot write the config", got=error.strerror, where=path, remedy=remedy) from error
 
 
 def _is_finite(value: float) -> bool:

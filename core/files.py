@@ -6,11 +6,13 @@ After a kill there is the old file or the new one, never half of one. A lock goe
 from __future__ import annotations
 
 import _thread
+import errno
 import fcntl
 import itertools
 import json
 import multiprocessing
 import os
+import re
 import sys
 import threading
 import time
@@ -25,6 +27,10 @@ PROBE_S: Final = 0.2
 """Who wants a lock waits as long: `is_held` has it for a moment, and that is no reason to give up."""
 GIVES_UP_AFTER_S: Final = 10.0
 """A child that was told of its parent's end has as long to tidy up."""
+ABANDONED_S: Final = 3600.0
+"""A partial file that is as old and whose writer is gone is taken away."""
+_PARTIAL: Final = re.compile(r"\.(\d{1,9})-\d+\.part$")
+_cleared: set[Path] = set()
 _numbers = itertools.count()
 
 
@@ -38,12 +44,35 @@ def replacing(path: Path, *, durable: bool, partial: Path | None = None) -> Iter
     partial = partial or path.with_name(f".{path.name}.{os.getpid()}-{next(_numbers)}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        _clear_abandoned(path.parent)
         yield partial
         put_in_place(partial, path, durable=durable)
     except BaseException:
         with suppress(OSError):  # the folder itself may be a file
             partial.unlink(missing_ok=True)
         raise
+
+
+def _clear_abandoned(folder: Path) -> None:
+    """Take away, once for each folder, what writers that were killed have left there long ago."""
+    if folder in _cleared:
+        return
+    _cleared.add(folder)
+    for path in folder.glob(".*.part"):
+        process = _PARTIAL.search(path.name)
+        with suppress(OSError):
+            if process and not _is_running(int(process[1])) and time.time() - path.stat().st_mtime > ABANDONED_S:
+                path.unlink()
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
 def put_in_place(partial: Path, path: Path, *, durable: bool) -> None:
@@ -60,6 +89,9 @@ def sync(path: Path) -> None:
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP) or not path.is_dir():  # some file systems sync no folders
+            raise
     finally:
         os.close(descriptor)
 

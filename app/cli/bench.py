@@ -38,11 +38,12 @@ BENCHES = {
     "export": "app.bench.bench_export",
     "app": "app.bench.bench_app",
     "damage": "app.bench.bench_damage",
+    "faults": "app.bench.bench_faults",
 }
 """The module that measures each."""
 
 
-OPTIONS = ("count", "folder", "report", "chain", "balls", "speeds", "soak")
+OPTIONS = ("count", "folder", "report", "chain", "balls", "speeds", "only", "soak")
 """That only some of them have."""
 
 
@@ -53,7 +54,7 @@ class BenchArguments:
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
         "balls of each speed (perceived-prediction), flights (drawn-scenes, rivals), seeds (paper-perception), "
-        "damages of each kind of file (damage)",
+        "damages of each kind of file (damage), trials of each fault and job (faults)",
         "N",
     )
     folder: Path | None = flag(
@@ -64,6 +65,7 @@ class BenchArguments:
     balls: PositiveInt | None = flag("of each chain and speed (rally)", "N", 20)
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
+    only: str | None = flag("a fault, or a job (faults)", "NAME", "all")
     json: bool = flag("print the figures as JSON")
 
 

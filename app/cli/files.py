@@ -6,8 +6,12 @@ import csv
 import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Final
 
 from core.errors import CommandError
+from core.files import replace_file
+
+WRITE_REMEDY: Final = "free some space, or choose a folder that can be written"
 
 
 def check_folder(path: Path | None, where: str = "--out") -> None:
@@ -17,11 +21,15 @@ def check_folder(path: Path | None, where: str = "--out") -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Raises CommandError if it cannot be written."""
+    """Write a file in one step: never half of it.
+
+    Raises:
+        CommandError: if it cannot be written.
+    """
     try:
-        path.write_text(text, encoding="utf-8")
+        replace_file(path, text.encode(), durable=True)
     except OSError as error:
-        raise CommandError(f"cannot write: {error.strerror}", where=path) from error
+        raise CommandError(f"cannot write: {error.strerror}", where=path, remedy=WRITE_REMEDY) from error
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

@@ -20,7 +20,7 @@ from app.cli.progress import progress_bar
 from app.cli.tables import format_table, json_ready
 from app.cli.terminal import say
 from core.config import save_config
-from core.errors import CommandError
+from core.errors import CommandError, ConfigError
 from core.files import end_with_parent, usable_cores
 from core.recordings import Recording, open_recording
 from core.tuning import (
@@ -92,7 +92,6 @@ def run(arguments: TuneArguments) -> None:
         )
     if result is None:
         raise KeyboardInterrupt  # before anything was found, and nothing is written
-    save_config(result.best, arguments.out)
     about = {
         "recording": str(arguments.recording),
         "cameras": list(cameras),
@@ -102,7 +101,14 @@ def run(arguments: TuneArguments) -> None:
         "asked": arguments.trials,
         "out": str(arguments.out),
     }
-    say(json.dumps(json_ready(about | report_of(result))) if arguments.json else _describe(arguments, result))
+    try:
+        save_config(result.best, arguments.out)
+    except ConfigError:  # what was found is said all the same: it may have taken hours
+        found = json_ready({**about, "out": None} | report_of(result))
+        say(json.dumps(found) if arguments.json else _describe(arguments, result))
+        raise
+    found = json_ready(about | report_of(result))
+    say(json.dumps(found) if arguments.json else f"{_describe(arguments, result)}\nthe config: {arguments.out}")
 
 
 def _objective(
@@ -150,7 +156,6 @@ def _describe(arguments: TuneArguments, result: TuningResult) -> str:
         format_table(_parameter_rows(result)),
         "",
         _verdict(result),
-        f"the config: {arguments.out}",
     ]
     return "\n".join(lines)
 

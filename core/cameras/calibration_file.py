@@ -66,7 +66,7 @@ def save_calibration(path: Path, cameras: Mapping[str, Camera]) -> None:
     }
     text = tomli_w.dumps({"format": FORMAT, "version": VERSION, "cameras": tables})
     try:
-        replace_file(path, text.encode(), durable=False)
+        replace_file(path, text.encode(), durable=True)
     except OSError as error:
         raise CalibrationError("cannot write the calibration", got=error.strerror, where=path) from error
 

@@ -12,10 +12,10 @@ import h5py
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings import layout
-from core.recordings.assemble import assemble
-from core.recordings.growing import is_growing
 from core.recordings.hdf5 import HDF5_ERRORS
 from core.recordings.importing import import_recording
+from core.recordings.log.assemble import assemble
+from core.recordings.log.growing import is_growing
 from core.recordings.reader import FileRecording
 
 

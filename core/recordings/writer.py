@@ -18,14 +18,16 @@ from core.cameras import Camera
 from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.recordings import layout
-from core.recordings.assemble import assemble
 from core.recordings.blocks import CHUNK_EVENTS, pack_column
 from core.recordings.camera_buffer import CameraBuffer, pack_block
-from core.recordings.growing import GrowingFile, Json
+from core.recordings.log.assemble import assemble
+from core.recordings.log.growing import GrowingFile, Json
 from core.recordings.recording import Triggers
 from core.recordings.truth import BallTruth, PixelTruth
 
 _PACKERS = 2
+_FLUSHES_PER_START = 100
+"""The first frame of the log, without which the others mean nothing, is repeated so often, against a damaged one."""
 _PENDING_BLOCKS = 12
 """Blocks on their way to the file at a time; with their packed bytes under 1 MB each."""
 
@@ -64,13 +66,14 @@ class RecordingWriter:
         _check_names(cameras, calibration or {})
         self._cameras = {name: CameraBuffer(sensor) for name, sensor in cameras.items()}
         self._last_row_us: dict[str, int] = {}
+        self._row_counts: dict[str, int] = {}
         self._duration_us = 0
         self._file = GrowingFile(self.path, overwrite=overwrite)
         self._packers = ThreadPoolExecutor(_PACKERS, thread_name_prefix="pack")
         self._pending: deque[tuple[dict[str, Json], Future[list[bytes]]]] = deque()
         self.failed = False
         """Whether the disk refused something; nothing more can be written then."""
-        start: dict[str, Json] = {
+        self._start: dict[str, Json] = {
             "kind": "start",
             "uuid": self.uuid,
             "seed": seed,
@@ -79,7 +82,12 @@ class RecordingWriter:
             "calibration": {name: _camera_values(camera) for name, camera in (calibration or {}).items()},
             "time_offsets_us": {name: int(offset) for name, offset in (time_offsets_us or {}).items()},
         }
-        self._append_frame(start)
+        self._flushes = 0
+        try:
+            self._append_frame(self._start)
+        except RecordingError:
+            self.discard()
+            raise
 
     def append(self, camera: str, events: Events) -> None:
         """Add events of one camera; their times continue those appended before.
@@ -126,7 +134,10 @@ class RecordingWriter:
         columns: list[Json] = [[name, column.dtype.str, list(column.shape[1:])] for name, column in rows.items()]
         packed = [pack_column(column, count) for column in rows.values()]
         sizes: list[Json] = [len(part) for part in packed]
-        self._append_frame({"kind": "rows", "group": group, "columns": columns, "count": count, "sizes": sizes}, packed)
+        start = self._row_counts.get(group, 0)
+        meta: dict[str, Json] = {"kind": "rows", "group": group, "columns": columns, "start": start, "count": count}
+        self._append_frame({**meta, "sizes": sizes}, packed)
+        self._row_counts[group] = start + count
 
     def write_triggers(self, camera: str, triggers: Triggers) -> None:
         """Add external trigger edges of one camera."""
@@ -173,6 +184,9 @@ class RecordingWriter:
             if buffer.filled > buffer.flushed:
                 self._submit(camera, buffer)
         self._drain(0)
+        if self._flushes % _FLUSHES_PER_START == 0:
+            self._append_frame(self._start)
+        self._flushes += 1
         if sync:
             self._file.sync()
 

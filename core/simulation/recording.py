@@ -164,5 +164,5 @@ def ensure_demo(path: Path, progress: Callable[[float], None] = lambda share: No
         return
     serves = [LaunchConfig(speed_mps=speed, yaw_spread_deg=2.0) for speed in DEMO_SERVES_MPS]
     config = StereoConfig(scene=SceneConfig())
-    with replacing(path, durable=False) as partial:
+    with replacing(path, durable=True) as partial:
         simulate_recording(partial, config, stereo_preset(), serves, seed=DEMO_SEED, overwrite=True, progress=progress)

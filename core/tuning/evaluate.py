@@ -67,7 +67,7 @@ def _in_processes(objective: Objective, jobs: int, cancelled: Cancelled) -> Iter
         yield evaluate
     except BaseException as error:  # Ctrl-C too: do not wait for trials that take minutes
         for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
+            process.kill()  # one that hangs, or was stopped, would not hear anything politer
         if not isinstance(error, BrokenProcessPool):
             raise
         raise CommandError("a process that scored configs died", remedy="run it again with fewer --jobs") from error

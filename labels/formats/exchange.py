@@ -266,7 +266,7 @@ def write_bytes(file: Path, content: bytes) -> Path:
         LabelError: if that fails.
     """
     try:
-        replace_file(file, content, durable=False)
+        replace_file(file, content, durable=True)
     except OSError as error:
         raise LabelError("cannot write the export", got=error.strerror, where=file) from error
     return file

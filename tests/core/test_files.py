@@ -79,6 +79,19 @@ def test_of_two_writers_at_a_time_the_last_one_wins_whole(tmp_path: Path) -> Non
     assert path.read_bytes() == b"first" and os.listdir(tmp_path) == ["a"]
 
 
+def test_what_a_killed_writer_left_long_ago_is_taken_away_and_nothing_else(tmp_path: Path) -> None:
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    names = {f".a.{gone.pid}-0.part": False, f".b.{os.getpid()}-3.part": True, ".c.part": True, f"a.{gone.pid}-0": True}
+    for name in names:
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (1e9, 1e9))
+    (tmp_path / f".new.{gone.pid}-7.part").touch()
+    files.replace_file(tmp_path / "a", b"new", durable=False)
+    assert {name: (tmp_path / name).exists() for name in names} == names
+    assert (tmp_path / f".new.{gone.pid}-7.part").exists()
+
+
 def test_a_name_of_the_callers_own_is_written_over(tmp_path: Path) -> None:
     left = tmp_path / ".left"
     left.write_bytes(b"by a kill")

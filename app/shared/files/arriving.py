@@ -15,8 +15,8 @@ from app.shared.library import Library
 from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RecordingError
 from core.recordings import import_recording, open_recording
-from core.recordings.growing import is_growing
 from core.recordings.identity import source_uuid
+from core.recordings.log.growing import is_growing
 from core.recordings.opening import is_recording
 from core.recordings.sources import open_sources
 

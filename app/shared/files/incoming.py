@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from app.shared.workspace import Workspace
+from core.files import put_in_place, sync
 
 PREFIX: Final = ".incoming-"
 ABANDONED_S: Final = 3600.0
@@ -32,17 +33,19 @@ def clear_abandoned(workspace: Workspace, *, older_than_s: float = ABANDONED_S) 
 
 
 def put_beside(source: Path, target: Path) -> None:
-    """Give a file its final name on the same disk.
+    """Give a file its final name on the same disk, so that a power cut cannot undo it.
 
     Raises:
         FileExistsError: if there is a file of that name; it stays as it is.
     """
+    sync(source)
     try:
         os.link(source, target)
     except FileExistsError:
         raise
     except OSError:  # a file system without hard links
         target.open("xb").close()
-        os.replace(source, target)
+        put_in_place(source, target, durable=True)
         return
+    sync(target.parent)
     source.unlink()

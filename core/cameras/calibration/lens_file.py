@@ -32,6 +32,6 @@ def save_lens(path: Path, name: str, camera: Camera, *, notes: Mapping[str, floa
     for key, value in (notes or {}).items():
         storage.write(key, value)
     try:
-        replace_file(path, storage.releaseAndGetString().encode(), durable=False)
+        replace_file(path, storage.releaseAndGetString().encode(), durable=True)
     except OSError as error:
         raise CalibrationError("cannot write the calibration", got=error.strerror, where=path) from error

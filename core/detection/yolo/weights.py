@@ -72,7 +72,11 @@ def save_weights(path: Path, weights: YoloWeights) -> None:
         name: (value.half() if value.ndim == KERNEL else value).contiguous().cpu()
         for name, value in weights.network.state_dict().items()
     }
-    replace_file(path, save(tensors, about), durable=True)
+    try:
+        replace_file(path, save(tensors, about), durable=True)
+    except OSError as error:
+        remedy = "free some space, or choose a folder that can be written"
+        raise ConfigError("cannot write the weights", got=error.strerror, where=path, remedy=remedy) from error
 
 
 def load_weights(path: Path | None = None) -> YoloWeights:

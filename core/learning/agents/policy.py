@@ -83,7 +83,7 @@ def save_policy(policy: Policy, path: Path) -> None:
     data = save(
         {name: np.ascontiguousarray(t, np.float32) for name, t in tensors.items()}, {"about": json.dumps(about)}
     )
-    replace_file(path, data, durable=False)
+    replace_file(path, data, durable=True)
 
 
 def read_policy(path: Path) -> Policy:

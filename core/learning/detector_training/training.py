@@ -136,7 +136,12 @@ def save_state(path: Path, state: TrainingState, config: DetectorTrainingConfig)
         "config": _described(config),
         "plans": json.dumps(state.plans),
     }
-    replace_file(path, save({name: value.contiguous().cpu() for name, value in tensors.items()}, about), durable=True)
+    data = save({name: value.contiguous().cpu() for name, value in tensors.items()}, about)
+    try:
+        replace_file(path, data, durable=True)
+    except OSError as error:
+        remedy = "free some space and train on: the state before this one is kept"
+        raise ConfigError("the training cannot be written", got=error.strerror, where=path, remedy=remedy) from error
 
 
 def load_state(path: Path, config: DetectorTrainingConfig, device: str) -> TrainingState:

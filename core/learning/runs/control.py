@@ -55,6 +55,9 @@ def hold_run(run: Path) -> AbstractContextManager[object]:
         return files.hold(run / ".lock")
     except TimeoutError as error:
         raise ConfigError("another process is training this run", where=run) from error
+    except OSError as error:
+        remedy = "make its folder writable, or train a copy of it"
+        raise ConfigError("the run cannot be written", got=error.strerror, where=run, remedy=remedy) from error
 
 
 def is_held(run: Path) -> bool:

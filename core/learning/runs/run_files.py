@@ -29,6 +29,7 @@ from core.learning.agents.policy import Policy, read_policy
 from core.learning.config import RunConfig
 from core.text.json_text import parse_json
 
+WRITE_REMEDY = "free some space, or choose a folder that can be written"
 PACKAGES = ("rallyscope", "numpy", "numba", "torch", "mujoco", "gymnasium", "stable-baselines3", "sb3-contrib")
 
 
@@ -87,8 +88,11 @@ def create_run(run: Path, config: RunConfig) -> None:
     """
     if (run / "config.toml").exists():
         raise ConfigError("there is a run already", where=run, remedy="resume it, or take another name")
-    save_config(config, run / "config.toml")
-    write_json(run / "versions.json", _versions())
+    try:
+        write_json(run / "versions.json", _versions())
+    except OSError as error:
+        raise ConfigError("the run cannot be written", got=error.strerror, where=run, remedy=WRITE_REMEDY) from error
+    save_config(config, run / "config.toml")  # last: with it there is a run
 
 
 def read_run(run: Path) -> RunConfig:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from core.errors import ConfigError
 from core.learning.agents.networks import one_thread
 from core.learning.agents.policy import Policy, save_policy
 from core.learning.config import RunConfig
@@ -46,18 +48,31 @@ def run_training(
     balls elsewhere than in the closed-form simulator; what its cameras see after a kill is seen with other noise.
 
     Raises:
-        ConfigError: if there is no such run, or another process trains it.
+        ConfigError: if there is no such run, another process trains it, or it cannot be written.
     """
     config = read_run(run)
     with hold_run(run), one_thread():
         if read_control(run).command != "run":
-            write_control(run, replace(read_control(run), command="run"))
+            try:
+                write_control(run, replace(read_control(run), command="run"))
+            except OSError as error:
+                raise _not_written(run, error) from error
         process = RunProcess(run, config, progress, stopped, backend)
         try:
             return process.train()
+        except OSError as error:
+            with suppress(OSError):
+                process.tell("failed", message=f"the run cannot be written: {error.strerror or error}")
+            raise _not_written(run, error) from error
         except BaseException as error:
-            process.tell("failed", message=f"{type(error).__name__}: {error}")
+            with suppress(OSError):
+                process.tell("failed", message=f"{type(error).__name__}: {error}")
             raise
+
+
+def _not_written(run: Path, error: OSError) -> ConfigError:
+    remedy = "free some space and resume the run: it goes on from its last checkpoint"
+    return ConfigError("the run cannot be written", got=error.strerror or error, where=run, remedy=remedy)
 
 
 class RunProcess:

@@ -28,7 +28,7 @@ def write_card(folder: Path, plan: DataSetPlan, facts: Mapping[str, RecordingFac
     """Write manifest and card of the recordings that are there; returns the manifest."""
     manifest = make_manifest(plan, facts)
     for name, text in ((MANIFEST, json.dumps(manifest, indent=2) + "\n"), (CARD, make_card(manifest))):
-        replace_file(folder / name, text.encode(), durable=False)
+        replace_file(folder / name, text.encode(), durable=True)
     return manifest
 
 

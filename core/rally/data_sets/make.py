@@ -44,7 +44,7 @@ def make_recording(
         ConfigError: if there is no such serve.
     """
     partial = partial_path(folder, planned)
-    with replacing(recording_path(folder, planned), durable=False, partial=partial):
+    with replacing(recording_path(folder, planned), durable=True, partial=partial):
         _simulate(planned, partial, progress)
 
 

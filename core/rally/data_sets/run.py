@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -57,7 +57,7 @@ def run_data_set(
         RecordingError: if a recording there has other settings, another run works in the folder, or writing fails.
         ConfigError: if a serve is impossible.
     """
-    with _locked(folder):
+    with _locked(folder), _told_in_one_line(folder):
         remove_partials(folder)
         facts: dict[str, RecordingFacts] = {}
         for planned in plan.recordings:
@@ -79,6 +79,17 @@ def run_data_set(
         else:
             _make_here(missing, folder, progress, done)
         return DataSetRun(folder, tuple(planned.name for planned in missing), kept, manifest)
+
+
+@contextmanager
+def _told_in_one_line(folder: Path) -> Iterator[None]:
+    """A disk that refuses something, here or in a worker, is no bug."""
+    try:
+        yield
+    except OSError as error:
+        remedy = "free some space and run it again; what is done stays"
+        got = error.strerror or error
+        raise RecordingError("the data set cannot be written", got=got, where=folder, remedy=remedy) from error
 
 
 def _locked(folder: Path) -> AbstractContextManager[object]:
@@ -125,7 +136,7 @@ def _make_in_parallel(
             progress(sum(shares) / len(missing))
     except BaseException as error:  # Ctrl-C too: do not wait for recordings that take minutes
         for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
+            process.kill()  # one that hangs, or was stopped, would not hear anything politer
         if not isinstance(error, BrokenProcessPool):
             raise
         remedy = "run it again with fewer --jobs; what is done stays"

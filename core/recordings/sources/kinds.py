@@ -8,7 +8,7 @@ from typing import Final
 import h5py
 
 from core.recordings import layout
-from core.recordings.growing import MAGIC
+from core.recordings.log.growing import MAGIC
 from core.recordings.sources.prophesee_header import read_prophesee_header
 
 RECORDING: Final = "Rallyscope recording"

@@ -164,3 +164,14 @@ def test_it_ends_with_its_parent(serve_recording: Path, tmp_path: Path) -> None:
     assert child.wait(timeout=30) == 0
     with pytest.raises(ProcessLookupError):
         os.kill(child.pid, 0)
+
+
+def test_what_was_found_is_said_even_if_it_cannot_be_written(
+    serve_recording: Path, strict: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "taken.toml").mkdir()
+    more = ("--config", strict, "--camera", "left", "--trials", "1")
+    assert tune(serve_recording, tmp_path / "taken.toml", *more) == 2
+    said = capsys.readouterr()
+    assert "Nothing better was found" in said.out and "the config:" not in said.out
+    assert "cannot write the config; got Is a directory; free some space" in said.err

@@ -18,7 +18,8 @@ from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter, open_recording
 from core.recordings.blocks import CHUNK_EVENTS
-from core.recordings.growing import scan
+from core.recordings.log.growing import HEAD, MARKER
+from core.recordings.log.scanning import Frame, scan_damaged
 
 SENSOR = SensorSize(640, 480)
 
@@ -104,35 +105,104 @@ def log(tmp_path, make_events):
     return data
 
 
-def test_a_log_cut_or_damaged_anywhere_gives_its_good_prefix_or_one_clear_error(tmp_path, log, make_events):
+def frames_of(path) -> list[Frame]:
+    with path.open("rb") as file:
+        return [part for part in scan_damaged(file) if isinstance(part, Frame)]
+
+
+def test_a_log_cut_or_damaged_anywhere_gives_all_its_good_blocks(tmp_path, log, make_events):
     events = make_events(2 * CHUNK_EVENTS + 1000, seed=1, duration_us=10**6, sensor=SENSOR)
+    blocks = [slice(k * CHUNK_EVENTS, (k + 1) * CHUNK_EVENTS) for k in range(3)]
     rng = np.random.default_rng(3)
-    counts = set()
     (tmp_path / "whole.h5").write_bytes(log)
-    with (tmp_path / "whole.h5").open("rb") as file:
-        start_frame_end = next(scan(file, check=True)).offset
+    ends = [frame.offset + frame.size for frame in frames_of(tmp_path / "whole.h5")]
+    assert len(ends) == 5, "the start, three blocks, and the start again"
+    lost = set()
     for number in range(60):
         path = tmp_path / f"{number}.h5"
         position = int(rng.integers(16, len(log)))
-        if number % 2:
-            data = log[:position]
-        else:
-            data = bytearray(log)
-            data[position : position + 40] = rng.bytes(40)
-            data = bytes(data[: len(log)])
+        cut = number % 2 == 1
+        data = bytearray(log[:position] if cut else log)
+        data[position : position + 40] = rng.bytes(0 if cut else min(40, len(log) - position))
         path.write_bytes(data)
-        if position < start_frame_end:  # only a damaged beginning is a loss
+        begins = [16, *ends]
+        hurt = {k for k in range(5) if begins[k] < position + 40 and position < ends[k]}
+        gone = {k for k in range(5) if ends[k] > position} if cut else hurt
+        if {0, 4} <= gone:
             with pytest.raises(RecordingError, match="stopped before it began"):
                 open_recording(path)
+            assert path.read_bytes() == bytes(data)
             continue
-        recording = open_recording(path)
-        camera = recording.cameras["left"]
-        counts.add(camera.event_count)
-        found = camera.slice(0, 10**6)
-        np.testing.assert_array_equal(found.t_us, events.t_us[: len(found)])
-        assert camera.event_count in (0, CHUNK_EVENTS, 2 * CHUNK_EVENTS, 2 * CHUNK_EVENTS + 1000)
-        recording.close()
-    assert len(counts) >= 3
+        kept = [blocks[k - 1] for k in (1, 2, 3) if k not in gone]
+        with open_recording(path) as recording:
+            camera = recording.cameras["left"]
+            for column in ("t_us", "x_px", "y_px", "on"):
+                expected = np.concatenate(
+                    [getattr(events, column)[:0], *(getattr(events, column)[one] for one in kept)]
+                )
+                np.testing.assert_array_equal(getattr(camera.slice(0, 10**6), column), expected)
+            assert camera.event_count == len(expected) == camera.counts_per_ms().sum()
+            kept_log = tmp_path / f"{number}.h5.damaged-log"
+            if cut:
+                assert not kept_log.exists() and len(recording.notes) == 1
+            else:
+                assert kept_log.read_bytes() == bytes(data)
+                assert f"The damaged log is {kept_log.name}." in recording.notes[-1]
+                followed = max((k for k in (1, 2, 3) if k not in gone), default=0)
+                known = CHUNK_EVENTS * len([k for k in gone if 0 < k < followed])
+                lost.add(known)
+                assert (f"Lost: {known:,} events of left" in recording.notes[-1]) == (known > 0)
+    assert CHUNK_EVENTS in lost
+
+
+def test_what_follows_damage_is_kept_though_a_block_in_the_middle_lost_its_end(tmp_path, make_events):
+    path = tmp_path / "a.h5"
+    events = make_events(3 * CHUNK_EVENTS, seed=2, duration_us=10**6, sensor=SENSOR)
+    writer = RecordingWriter(path, {"left": SENSOR})
+    for part in range(0, len(events), 12_000):
+        rows = slice(part, part + 12_000)
+        writer.append("left", Events(events.t_us[rows], events.x_px[rows], events.y_px[rows], events.on[rows], SENSOR))
+        writer.append_rows("/made_up", {"t_us": np.array([part])})
+        writer.flush()
+    whole = [frame for frame in frames_of(path) if frame.meta.get("count") == CHUNK_EVENTS]
+    data = bytearray(path.read_bytes())
+    rows = [frame for frame in frames_of(path) if frame.meta["kind"] == "rows"]
+    for frame in (whole[0], rows[4]):
+        data[frame.offset + frame.size // 2] ^= 8
+    writer.discard()
+    path.write_bytes(data)
+    with open_recording(path) as recording:
+        assert recording.cameras["left"].event_count == 3 * CHUNK_EVENTS - (CHUNK_EVENTS - 24_000)
+        expected = np.concatenate([events.t_us[:24_000], events.t_us[CHUNK_EVENTS:]])
+        np.testing.assert_array_equal(recording.cameras["left"].slice(0, 10**6).t_us, expected)
+        np.testing.assert_array_equal(recording.read_rows("/made_up")["t_us"] // 12_000, [0, 1, 2, 3, 5, 6, 7, 8])
+        assert "Its log was damaged in 2 places" in recording.notes[-1]
+        assert f"Lost: {CHUNK_EVENTS - 24_000:,} events of left and 1 rows of /made_up" in recording.notes[-1]
+
+
+def test_each_damaged_log_is_kept_under_a_name_of_its_own(tmp_path, log):
+    path = tmp_path / "a.h5"
+    (tmp_path / "a.h5.damaged-log").write_bytes(b"of another time")
+    data = bytearray(log)
+    data[len(log) // 2] ^= 1
+    path.write_bytes(data)
+    os.link(path, tmp_path / "a.h5.damaged-log-2")  # by an opening that was killed before it had finished
+    open_recording(path).close()
+    open_recording(path).close()
+    assert (tmp_path / "a.h5.damaged-log").read_bytes() == b"of another time"
+    assert (tmp_path / "a.h5.damaged-log-2").read_bytes() == bytes(data)
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+def test_a_search_in_a_log_full_of_false_beginnings_ends_soon(tmp_path, log):
+    path = tmp_path / "a.h5"
+    false = HEAD.pack(MARKER, 14, 4_000_000, 1) + b'{"kind":"end"}'
+    path.write_bytes(log + false * 150_000)
+    begun_s = time.monotonic()
+    with open_recording(path) as recording:
+        assert recording.cameras["left"].event_count == 2 * CHUNK_EVENTS + 1000
+        assert "what the last of them held, if anything" in recording.notes[-1]
+    assert time.monotonic() - begun_s < 20
 
 
 def test_a_full_disk_is_one_clear_error_and_keeps_what_was_written(tmp_path):

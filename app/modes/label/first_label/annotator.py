@@ -40,4 +40,4 @@ def last_annotator(labels: Path) -> str:
 def remember_annotator(labels: Path, name: str) -> None:
     """Offer this name to the next browser. What cannot be written is not remembered: labels will say why."""
     with suppress(OSError):
-        replace_file(labels / FILE, name.encode(), durable=False)
+        replace_file(labels / FILE, name.encode(), durable=True)

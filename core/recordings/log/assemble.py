@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -17,24 +17,14 @@ from core.errors import RecordingError
 from core.files import replacing
 from core.recordings import layout
 from core.recordings.blocks import CHUNK_EVENTS, GZIP_LEVEL, pack_column, unpack_column
-from core.recordings.growing import Frame, Json, open_abandoned, scan
+from core.recordings.hdf5 import HDF5_ERRORS
+from core.recordings.log.contents import EventBlock, LogContents, read_contents, recovery_notes
+from core.recordings.log.growing import Json, open_abandoned
+from core.recordings.log.scanning import Frame
 from core.recordings.ms_index import MsIndex
 
 _COLUMNS = (("t", np.int64), ("x", np.uint16), ("y", np.uint16), ("p", np.uint8))
 _TARGET_CHUNK_BYTES = 1 << 20
-
-
-@dataclass(slots=True)
-class _Contents:
-    """What the log holds, by where it lies."""
-
-    start: dict[str, Json]
-    blocks: dict[str, list[tuple[int, int, tuple[int, ...]]]]
-    """Per camera and block: events, offset in the log, packed size of each column."""
-    rows: dict[str, list[Frame]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    duration_us: int = 0
-    end: int = 0
 
 
 def assemble(
@@ -43,24 +33,28 @@ def assemble(
     """Replace the log at `path` by the HDF5 file it describes, in one step: a kill in between leaves the log.
 
     `indices` are the millisecond indices when the writer itself is closing; without them the log is taken for one
-    whose writer was killed: every frame is checked, and a note says what was recovered. The log stays if there is a
-    `destination`.
+    whose writer was killed: every frame is checked, and notes say what was recovered and what was lost. A damaged log
+    is kept beside the file, under a name of its own. The log stays as it is if there is a `destination`.
 
     Raises:
         RecordingError: if the log has no beginning, its writer still works, or the disk is full.
     """
     target = destination or path
     with path.open("rb") if indices is not None else open_abandoned(path) as log:
-        contents = _read_contents(log, path, check=indices is None)
-        if indices is None:
-            indices = {name: _index(log, blocks) for name, blocks in contents.blocks.items()}
-            contents.notes.append(_recovery_note(contents, os.fstat(log.fileno()).st_size))
+        contents = read_contents(log, path, check=indices is None)
+        if contents.gaps and indices is not None:  # damaged while it was written
+            contents, indices = read_contents(log, path, check=True), None
         _check_space(target.parent, contents)
         partial = target.with_name(f".{target.name}.assembling")
         try:
-            with replacing(target, durable=False, partial=partial), h5py.File(partial, "w") as file:
+            if indices is None:
+                indices = {name: _index(log, blocks) for name, blocks in contents.blocks.items()}
+                contents.notes += recovery_notes(contents, os.fstat(log.fileno()).st_size)
+            if contents.damaged and destination is None:
+                contents.notes[-1] += f" The damaged log is {_keep_log(path).name}."
+            with replacing(target, durable=True, partial=partial), h5py.File(partial, "w") as file:
                 _write(file, log, contents, indices)
-        except OSError as error:
+        except HDF5_ERRORS as error:
             raise RecordingError(
                 "the recording could not be finished",
                 got=error,
@@ -69,55 +63,38 @@ def assemble(
             ) from error
 
 
-def _read_contents(log: BinaryIO, path: Path, *, check: bool) -> _Contents:
-    frames = scan(log, check=check)
-    first = next(frames, None)
-    if first is None or first.meta.get("kind") != "start":
-        raise RecordingError(
-            "the recording was stopped before it began", where=path, remedy="delete it and record again"
-        )
-    cameras = cast("dict[str, Json]", first.meta["cameras"])
-    contents = _Contents(first.meta, {name: [] for name in cameras}, end=first.offset)
-    for frame in frames:
-        contents.end = frame.offset + frame.size
-        match frame.meta["kind"]:
-            case "events":
-                _place_block(contents.blocks[cast(str, frame.meta["camera"])], frame)
-            case "rows":
-                contents.rows.setdefault(cast(str, frame.meta["group"]), []).append(frame)
-            case "note":
-                contents.notes.append(cast(str, frame.meta["text"]))
-            case "duration":
-                contents.duration_us = cast(int, frame.meta["duration_us"])
-    return contents
-
-
-def _place_block(blocks: list[tuple[int, int, tuple[int, ...]]], frame: Frame) -> None:
-    sizes = tuple(cast("list[int]", frame.meta["sizes"]))
-    block = (cast(int, frame.meta["count"]), frame.offset, sizes)
-    number = cast(int, frame.meta["start"]) // CHUNK_EVENTS
-    if number < len(blocks):  # the same block, longer now
-        blocks[number] = block
-    else:
-        blocks.append(block)
-
-
-def _index(log: BinaryIO, blocks: list[tuple[int, int, tuple[int, ...]]]) -> NDArray[np.uint64]:
+def _index(log: BinaryIO, blocks: list[EventBlock]) -> NDArray[np.uint64]:
     index = MsIndex()
-    for count, offset, sizes in blocks:
-        log.seek(offset)
-        index.extend(unpack_column(log.read(sizes[0]), np.int64, (CHUNK_EVENTS,))[:count])
+    for block in blocks:
+        index.extend(_unpack(log, block, 0))
     return index.marks()
 
 
-def _recovery_note(contents: _Contents, size: int) -> str:
-    events = sum(count for blocks in contents.blocks.values() for count, _, _ in blocks)
-    cut = size - contents.end
-    tail = f"; {cut} bytes of an unfinished block at the end were dropped" if cut > 0 else ""
-    return f"Its writer was stopped before it closed the recording: {events:,} events were recovered{tail}."
+def _unpack(log: BinaryIO, block: EventBlock, column: int) -> NDArray:
+    log.seek(block.offset + sum(block.sizes[:column]))
+    return unpack_column(log.read(block.sizes[column]), _COLUMNS[column][1], (CHUNK_EVENTS,))[: block.count]
 
 
-def _check_space(folder: Path, contents: _Contents) -> None:
+def _keep_log(path: Path) -> Path:
+    """Give a damaged log a second name beside its own, which is taken over by what was recovered."""
+    for number in itertools.count(1):
+        kept = path.with_name(f"{path.name}.damaged-log{'' if number == 1 else f'-{number}'}")
+        if kept.exists():
+            if kept.samefile(path):  # by an opening that was killed, or failed
+                return kept
+            continue
+        try:
+            os.link(path, kept)
+        except FileExistsError:
+            continue
+        except OSError:  # a file system without hard links
+            with replacing(kept, durable=True) as partial:
+                shutil.copyfile(path, partial)
+        return kept
+    raise AssertionError
+
+
+def _check_space(folder: Path, contents: LogContents) -> None:
     """A full disk makes HDF5 fail in ways that cannot be cleaned up, so look first."""
     free = shutil.disk_usage(folder).free
     needed = contents.end + (16 << 20)
@@ -131,7 +108,7 @@ def _check_space(folder: Path, contents: _Contents) -> None:
         )
 
 
-def _write(file: h5py.File, log: BinaryIO, contents: _Contents, indices: Mapping[str, NDArray[np.uint64]]) -> None:
+def _write(file: h5py.File, log: BinaryIO, contents: LogContents, indices: Mapping[str, NDArray[np.uint64]]) -> None:
     start = contents.start
     offsets = cast("dict[str, int]", start["time_offsets_us"])
     calibration = cast("dict[str, dict[str, Json]]", start["calibration"])
@@ -163,22 +140,34 @@ def _write(file: h5py.File, log: BinaryIO, contents: _Contents, indices: Mapping
         file.attrs["notes"] = contents.notes
 
 
-def _write_events(file: h5py.File, log: BinaryIO, camera: str, blocks: list[tuple[int, int, tuple[int, ...]]]) -> int:
+def _write_events(file: h5py.File, log: BinaryIO, camera: str, blocks: list[EventBlock]) -> int:
     """Copy the packed blocks into the datasets; returns the time just after the last event."""
-    total = sum(count for count, _, _ in blocks)
+    total = sum(block.count for block in blocks)
     datasets = [
         _create_column(file, f"{layout.events_group(camera)}/{name}", (total,), np.dtype(dtype), (CHUNK_EVENTS,))
         for name, dtype in _COLUMNS
     ]
-    for number, (_, offset, sizes) in enumerate(blocks):
-        log.seek(offset)
-        for dataset, size in zip(datasets, sizes, strict=True):
-            dataset.id.write_direct_chunk((number * CHUNK_EVENTS,), log.read(size))
-    if not blocks:
-        return 0
-    count, offset, sizes = blocks[-1]
-    log.seek(offset)
-    return int(unpack_column(log.read(sizes[0]), np.int64, (CHUNK_EVENTS,))[count - 1]) + 1
+    for number, columns in enumerate(_packed_chunks(log, blocks)):
+        for dataset, packed in zip(datasets, columns, strict=True):
+            dataset.id.write_direct_chunk((number * CHUNK_EVENTS,), packed)
+    return int(_unpack(log, blocks[-1], 0)[-1]) + 1 if blocks else 0
+
+
+def _packed_chunks(log: BinaryIO, blocks: list[EventBlock]) -> Iterator[list[bytes]]:
+    """The four columns of each chunk: as they are, unless the end of a block in the middle is lost."""
+    if all(block.count == CHUNK_EVENTS for block in blocks[:-1]):
+        for block in blocks:
+            log.seek(block.offset)
+            yield [log.read(size) for size in block.sizes]
+        return
+    pending: list[NDArray] = [np.empty(0, dtype) for _, dtype in _COLUMNS]
+    for block in blocks:
+        pending = [np.concatenate([column, _unpack(log, block, k)]) for k, column in enumerate(pending)]
+        while len(pending[0]) >= CHUNK_EVENTS:
+            yield [pack_column(column[:CHUNK_EVENTS], CHUNK_EVENTS) for column in pending]
+            pending = [column[CHUNK_EVENTS:] for column in pending]
+    if len(pending[0]):
+        yield [pack_column(column, CHUNK_EVENTS) for column in pending]
 
 
 def _write_rows(file: h5py.File, log: BinaryIO, group: str, frames: list[Frame]) -> None:

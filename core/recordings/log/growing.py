@@ -1,7 +1,8 @@
 """The file a recording lives in while it is written: frames appended to a log, each with its own checksum.
 
 An HDF5 file whose writer is killed is lost whole. So a recording grows as a log under its final name, and becomes HDF5
-when it is closed (`assemble`). A kill can only cut the last frame short; everything before it is found again by `scan`.
+when it is closed (`assemble`). A kill can only cut the last frame short; a failing disk may damage any. All others are
+found again by `scanning`, which knows a frame by its marker and its checksum.
 
     file   = MAGIC, frame, frame, ...
     frame  = marker, length of meta, length of payload, CRC-32 of both, meta (JSON with a "kind"), payload
@@ -12,31 +13,21 @@ from __future__ import annotations
 import json
 import os
 import struct
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
 from isal import isal_zlib
 
 from core.errors import RecordingError
-from core.files import lock_descriptor
-from core.text.json_text import parse_json
+from core.files import lock_descriptor, sync
 
 MAGIC: Final = b"RALLYSCOPE-GROW1"
-_HEAD: Final = struct.Struct("<4sIQI")
-_MARKER: Final = b"FRM1"
+HEAD: Final = struct.Struct("<4sIQI")
+MARKER: Final = b"FRM1"
 
 Json = None | bool | int | float | str | list["Json"] | dict[str, "Json"]
-
-
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """One entry of the log; its payload lies at `offset` in the file."""
-
-    meta: dict[str, Json]
-    offset: int
-    size: int
 
 
 class GrowingFile:
@@ -52,12 +43,15 @@ class GrowingFile:
         except OSError as error:
             raise RecordingError("cannot create the recording", got=error.strerror, where=path) from error
         self.path = path
+        self._named = False
         try:
             _lock(self._descriptor, path)
             self._end = 0
             self._write([MAGIC])
         except BaseException:
             os.close(self._descriptor)
+            with suppress(OSError):
+                path.unlink()
             raise
 
     def append(self, meta: Mapping[str, Json], payload: list[bytes] | None = None) -> None:
@@ -72,15 +66,25 @@ class GrowingFile:
         for part in parts:
             checksum = isal_zlib.crc32(part, checksum)
         size = sum(len(part) for part in parts)
-        self._write([_HEAD.pack(_MARKER, len(text), size, checksum), text, *parts])
+        self._write([HEAD.pack(MARKER, len(text), size, checksum), text, *parts])
 
     @property
     def closed(self) -> bool:
         return self._descriptor < 0
 
     def sync(self) -> None:
-        """Return when everything is on the disk itself and outlives a power cut too."""
-        os.fsync(self._descriptor)
+        """Return when everything, and the file's name, is on the disk itself and outlives a power cut too.
+
+        Raises:
+            RecordingError: if the disk fails.
+        """
+        try:
+            os.fsync(self._descriptor)
+            if not self._named:
+                sync(self.path.parent)
+                self._named = True
+        except OSError as error:
+            raise _disk_refuses(self.path, error) from error
 
     def close(self) -> None:
         """Let go of the file as it is."""
@@ -95,12 +99,7 @@ class GrowingFile:
             while done < len(data):
                 done += os.pwrite(self._descriptor, data[done:], self._end + done)
         except OSError as error:
-            raise RecordingError(
-                "the recording could not be written to disk",
-                got=error.strerror,
-                where=self.path,
-                remedy="free some space; what was written before is kept and opens",
-            ) from error
+            raise _disk_refuses(self.path, error) from error
         self._end += len(data)
 
 
@@ -125,33 +124,13 @@ def open_abandoned(path: Path) -> BinaryIO:
     return file
 
 
-def scan(file: BinaryIO, *, check: bool) -> Iterator[Frame]:
-    """The frames of the log in order, ending silently at the first one that is not whole.
-
-    With `check` each payload is read and its checksum compared; without, only the headers are read.
-    """
-    end = os.fstat(file.fileno()).st_size
-    position = len(MAGIC)
-    while position + _HEAD.size <= end:
-        file.seek(position)
-        marker, meta_size, size, checksum = _HEAD.unpack(file.read(_HEAD.size))
-        payload_at = position + _HEAD.size + meta_size
-        if marker != _MARKER or payload_at + size > end:
-            return
-        text = file.read(meta_size)
-        if check and not _is_intact(file, text, size, checksum):
-            return
-        yield Frame(parse_json(text), payload_at, size)
-        position = payload_at + size
-
-
-def _is_intact(file: BinaryIO, text: bytes, size: int, checksum: int) -> bool:
-    found = isal_zlib.crc32(text)
-    while size > 0:
-        part = file.read(min(size, 1 << 20))
-        found = isal_zlib.crc32(part, found)
-        size -= len(part)
-    return found == checksum
+def _disk_refuses(path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        "the recording could not be written to disk",
+        got=error.strerror,
+        where=path,
+        remedy="free some space; what was written before is kept and opens",
+    )
 
 
 def _make_way(path: Path) -> None:
