@@ -37,7 +37,7 @@ PROGRESS: Final = ("so far", " left")
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class EndedTrial:
     """How a process ended, and what it said."""
 
     code: int
@@ -113,7 +113,7 @@ class FaultTrials:
                 out.chmod(stat.S_IRWXU)
         return self._judge(fault, ended)
 
-    def _judge(self, fault: FaultName, ended: Ended) -> FaultResult:
+    def _judge(self, fault: FaultName, ended: EndedTrial) -> FaultResult:
         out, job = self._out, self._job
         struck = ended.code != 0 or fault == "stopped"
         unclear = "" if fault == "killed" else unclear_ending(ended)
@@ -138,7 +138,7 @@ class FaultTrials:
         *,
         at_s: float | None = None,
         pause_s: float | None = None,
-    ) -> Ended:
+    ) -> EndedTrial:
         """The job to its end; `at_s` after its beginning it is killed, or stopped for `pause_s`."""
         said, say = self._context.Pipe(duplex=False)
         errors, err = self._context.Pipe(duplex=False)
@@ -174,10 +174,10 @@ class FaultTrials:
             reader.join(5)
         told = _told(facts)
         code = process.exitcode if process.exitcode is not None else -1
-        return Ended(code, texts.get("said", ""), texts.get("errors", ""), seconds, told[0], told[1])
+        return EndedTrial(code, texts.get("said", ""), texts.get("errors", ""), seconds, told[0], told[1])
 
 
-def unclear_ending(ended: Ended) -> str:
+def unclear_ending(ended: EndedTrial) -> str:
     """What is wrong with an ending that has to be good, or one clear line and exit code 2; empty if nothing is."""
     lines = [line for line in ended.errors.splitlines() if line.strip() and not line.endswith(PROGRESS)]
     if ended.code == 0:

@@ -78,13 +78,15 @@ def merge_noise(
     `last_event_us` is that of `PixelState` and is brought up to date. Signal events keep clear of each
     other already; here noise is kept clear of signal and the other way round.
     """
-    t, x, y, on = _merge(signal.rows, signal.filled[0], last_event_us, law, start_us, end_us, refractory_us, width, rng)
+    rows = signal.rows[: signal.filled[0]]
+    t, x, y, on = _merge(rows, last_event_us, law, start_us, end_us, refractory_us, width, rng)
     return MergedEvents(t, x, y, on)
 
 
 @njit
-def _merge(rows, filled, last_event_us, law, start_us, end_us, refractory_us, width, rng):
-    times, order = _in_order(rows, filled, start_us, end_us)
+def _merge(rows, last_event_us, law, start_us, end_us, refractory_us, width, rng):
+    times, order = _in_order(rows, start_us, end_us)
+    filled = len(rows)
     noise_us = _noise_times(law, start_us, end_us, rng)
     room = filled + len(noise_us)
     t, x, y = np.empty(room, np.int64), np.empty(room, np.uint16), np.empty(room, np.uint16)
@@ -109,8 +111,9 @@ def _merge(rows, filled, last_event_us, law, start_us, end_us, refractory_us, wi
 
 
 @njit
-def _in_order(rows, filled, start_us, end_us):
+def _in_order(rows, start_us, end_us):
     """(whole microseconds of the events, their places in order of time), by counting those of each microsecond."""
+    filled = len(rows)
     times, order = np.empty(filled, np.int64), np.empty(filled, np.int64)
     place = np.zeros(end_us - start_us + 1, np.int64)
     for index in range(filled):

@@ -14,7 +14,7 @@ import pytest
 from app.bench.bench_faults import ONCE, choose_pairs, rows_of
 from app.bench.faults.injections import Injection
 from app.bench.faults.jobs import JOBS
-from app.bench.faults.trials import Ended, FaultName, FaultResult, FaultTrials, unclear_ending
+from app.bench.faults.trials import EndedTrial, FaultName, FaultResult, FaultTrials, unclear_ending
 from core.errors import CommandError
 
 PROBED: dict[str, tuple[FaultName, ...]] = {
@@ -48,8 +48,8 @@ def test_every_fault_is_tried_on_every_job_but_where_python_does_not_write() -> 
     assert set(ONCE) < set(get_args(FaultName))
 
 
-def ending(code: int, errors: str) -> Ended:
-    return Ended(code, "", errors, 1.0, 0, ())
+def ending(code: int, errors: str) -> EndedTrial:
+    return EndedTrial(code, "", errors, 1.0, 0, ())
 
 
 def test_an_ending_is_clear_if_it_is_good_or_one_line_with_a_reason() -> None:
