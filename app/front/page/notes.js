@@ -5,8 +5,11 @@
   let places = []; // { box, seen } of the notes of late
   let swallows = false, looking = false;
 
+  // A note that lets clicks through was never clicked on.
   const boxes = () =>
-    [...document.querySelectorAll("[class*=mantine-Notification-root]")].map((note) => note.getBoundingClientRect());
+    [...document.querySelectorAll("[class*=mantine-Notification-root]")]
+      .filter((note) => getComputedStyle(note).pointerEvents !== "none")
+      .map((note) => note.getBoundingClientRect());
   const look = () => {
     const now = performance.now();
     places = places.filter((place) => now - place.seen < GONE_MS);
