@@ -161,6 +161,7 @@ def begin(window, wait_for, request) -> Labelling:
     found.page.wait_for_timeout(600)  # the sheet has another shape: the camera is moved
     name = request.node.name[5:30].strip("_")  # a layer of its own for each test
     window.field("Annotator").fill("")  # it may be the name already: that of the last annotator is offered
+    window.field("Annotator").blur()  # what is typed counts when the field is left
     window.field("Annotator").fill(name)
     wait_for(
         lambda: found.mode._named and found.work.view.annotator == name and "left" in found.work.saved, "the layer"
