@@ -20,14 +20,9 @@
   addEventListener("input", (event) => {
     const field = event.target;
     if (passing || !(field instanceof Element) || !field.matches(FIELDS)) return;
+    event.stopImmediatePropagation();
     if (held && held.field !== field) flush();
     clearTimeout(held?.timer);
-    // An empty text is complete; it also makes typing the same name again a change.
-    if (field.value === "" && !field.matches("input[class*=mantine-NumberInput]")) {
-      held = null;
-      return;
-    }
-    event.stopImmediatePropagation();
     held = { field, timer: setTimeout(flush, PAUSE_MS) };
   }, true);
   for (const kind of ["change", "focusout"]) addEventListener(kind, flush, true);
