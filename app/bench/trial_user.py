@@ -175,7 +175,6 @@ class _User:
         label = self._page.locator("label").filter(has_text=re.compile("^Annotator$"))
         name = label.locator("xpath=ancestor::*[.//input][1]").locator("input").last
         name.fill("")  # after the kill it is there already: that of the last annotator is offered
-        name.blur()  # what is typed counts when the field is left
         name.fill(ANNOTATOR)
         name.blur()  # keys do nothing while a field has the cursor
         self._key("u")

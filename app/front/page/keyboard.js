@@ -3,8 +3,7 @@
 // clicked leaves them to the app, so that Space after a click still plays.
 //
 // The other way round, viser hears no key while a box, a choice or a list has the focus, as after every click on one. So
-// keys that mean nothing there are said again where it listens. A list in which something was chosen by the mouse, or that
-// was closed by Escape, gives the focus back: its field takes letters, to search with.
+// keys that mean nothing there are said again where it listens.
 {
   const MEANT = new Set([" ", "Enter", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Home", "End", "Escape"]);
 
@@ -18,11 +17,6 @@
     if (event.key === "Tab") return (clicked = false);
     if (field.type === "checkbox" || field.type === "radio") return clicked || !MEANT.has(event.key);
     return field.readOnly && field.getAttribute("aria-expanded") !== "true" && !MEANT.has(event.key);
-  };
-
-  const leaveList = () => {
-    const field = document.activeElement;
-    if (field.matches("[aria-haspopup=listbox]") && field.getAttribute("aria-expanded") !== "true") field.blur();
   };
 
   const sayAgain = (event) => {
@@ -39,13 +33,7 @@
     document.body.addEventListener("keydown", (event) => {
       if (event.key !== "Enter" && event.key !== " ") return;
       const button = event.target.closest("button, a[href], summary, input[type=checkbox], [role=button], [role=tab], [role=switch]");
-      if (button && !clicked) event.stopPropagation();
-    });
-    document.body.addEventListener("click", (event) => {
-      if (clicked && event.target.closest("[role=option]")) setTimeout(leaveList);
-    });
-    document.body.addEventListener("keydown", (event) => {
-      if (clicked && event.key === "Escape") setTimeout(leaveList);
+      if (button && button.matches(":focus-visible")) event.stopPropagation();
     });
   });
 }

@@ -61,10 +61,9 @@ class LabelPictures:
         self._ahead.close()
 
     def arrives(self, scene: LabelScene, t_us: int) -> bool:
-        """Whether the cursor has come to another place, or proposals to the cursor; the zoomed picture follows."""
+        """Whether the cursor has come to another place; the zoomed picture follows it."""
         view = scene.view
-        proposed = scene.here.proposals is not None
-        arrival = (t_us, view.camera, view.zoom, view.blind, view.follow, view.centre_px, proposed)
+        arrival = (t_us, view.camera, view.zoom, view.blind, view.follow, view.centre_px)
         if arrival == self._arrival:
             return False
         self._arrival = arrival

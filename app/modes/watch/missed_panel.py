@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
 
 import viser
 
@@ -13,16 +12,12 @@ from app.widgets import when_clicked
 from app.words.file_text import html_text
 from core.rally.history.missed_balls import MissedBall
 
-LAST: Final = 1e6
-"""In the order of the controls."""
-
 
 class MissedPanel:
     """Of one browser."""
 
     def __init__(self, gui: viser.GuiApi, look: Callable[[ModeName], None]) -> None:
-        # Last: it comes and goes with the rally, and nothing that is about to be clicked may move.
-        self._folder = gui.add_folder("Missed ball", visible=False, order=LAST)
+        self._folder = gui.add_folder("Missed ball", visible=False)
         with self._folder:
             self._text = gui.add_html("")
             tune = gui.add_button("Look at it in Tune", icon=viser.Icon.ADJUSTMENTS, hint="The same window and camera")
