@@ -169,15 +169,17 @@ class _User:
             self._page.get_by_role("button", name=re.compile("^(● )?Label$")).first.click()
             self._page.wait_for_timeout(1000)
         self._page.wait_for_timeout(1500)
-        first = int(self._times[0])
-        self._page.get_by_label("Time [µs]").fill(str(first - DEFAULT_STEP_US))
+        before = int(self._times[0]) - DEFAULT_STEP_US
+        self._page.get_by_label("Time [µs]").fill(str(before))
         self._page.get_by_label("Time [µs]").press("Enter")
         label = self._page.locator("label").filter(has_text=re.compile("^Annotator$"))
         name = label.locator("xpath=ancestor::*[.//input][1]").locator("input").last
         name.fill("")  # after the kill it is there already: that of the last annotator is offered
         name.fill(ANNOTATOR)
         name.blur()  # keys do nothing while a field has the cursor
-        self._key("u")
+        while self._time() <= before:  # a press before the labels of that name are there is for nothing
+            self._key("u")
+            self._page.wait_for_timeout(1000)
         self._key("i")
         self._page.get_by_text(re.compile(r"^[1-9]\d* proposals$")).wait_for(timeout=300_000)
 
@@ -200,6 +202,8 @@ class _User:
             except Exception as error:  # the picture was not there yet: what is not seen is not judged
                 if "Timeout" not in type(error).__name__:
                     raise
+                if self._time() == t_us:
+                    self._key("u")  # what cannot be judged is passed over
                 continue
             if by_hand:
                 self._key("u")

@@ -8,8 +8,10 @@ that hook was not used, and a test asks as a foreign page would.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import http
+import inspect
 import json
 import secrets
 import threading
@@ -89,9 +91,13 @@ class FrontDoor:
         def serve(handler: Handler, *address: Any, process_request: Any, **options: Any) -> Any:
             used.append(True)
 
-            def judged(connection: ServerConnection, request: Request) -> Response | None:
-                answer = self._answer(request)
-                return process_request(connection, request) if answer is None else answer
+            async def judged(connection: ServerConnection, request: Request) -> Response | None:
+                while not self._open:
+                    await asyncio.sleep(0.01)
+                if (answer := self._answer(request)) is not None:
+                    return answer
+                answer = process_request(connection, request)
+                return await answer if inspect.isawaitable(answer) else answer
 
             return original(self._handle(handler), *address, process_request=judged, **options)
 
@@ -103,8 +109,6 @@ class FrontDoor:
 
     def _answer(self, request: Request) -> Response | None:
         """Our answer to a request; None leaves it to viser."""
-        if not self._open:
-            return _response(http.HTTPStatus.SERVICE_UNAVAILABLE, b"starting", "text/plain")
         path, query = _split(request.path)
         caller = _caller(request, query.get("token"))
         verdict = self._admission.judge(caller)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
-import threading
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -74,18 +74,29 @@ def test_growth_is_seen_and_a_step_at_the_beginning_is_not_growth() -> None:
     assert grows.more(lambda usage: usage.threads) == 1 and grows.more(lambda usage: usage.handles) == 0
 
 
+HOLDER = f"""
+import os, sys, threading
+print("begun", flush=True)
+sys.stdin.readline()
+threading.Thread(target=threading.Event().wait, daemon=True).start()
+file, kept = open({os.devnull!r}), bytearray(b"1" * 30_000_000)
+print("held", flush=True)
+sys.stdin.readline()
+"""
+
+
 def test_what_a_process_holds_is_counted() -> None:
-    before = usage_of(os.getpid())
-    stop = threading.Event()
-    thread = threading.Thread(target=stop.wait)
-    thread.start()
-    with Path(__file__).open():
-        kept = bytearray(os.urandom(30_000_000))
-        after = usage_of(os.getpid())
-    stop.set()
-    thread.join()
+    command = [sys.executable, "-c", HOLDER]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdin is not None and holder.stdout is not None
+        assert holder.stdout.readline() == "begun\n"
+        before = usage_of(holder.pid)
+        holder.stdin.write("\n")
+        holder.stdin.flush()
+        assert holder.stdout.readline() == "held\n"
+        after = usage_of(holder.pid)
     assert after.threads == before.threads + 1 and after.handles == before.handles + 1
-    assert 20 < after.resident_mb - before.resident_mb < 60 and len(kept)
+    assert 20 < after.resident_mb - before.resident_mb < 60
 
 
 def test_a_child_is_found_and_one_that_is_gone_is_told() -> None:

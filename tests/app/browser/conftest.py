@@ -113,12 +113,13 @@ class Window:
         return found.locator("xpath=ancestor::*[.//input][1]").locator("input").last
 
     def seek(self, t_us: int) -> None:
-        """Go to a time by its field."""
+        """Go to a time by its field, and have the page know that it is there."""
         field = self.page.get_by_label("Time [µs]")
         field.fill(str(t_us))
         field.press("Enter")
         field.blur()
         wait_for(lambda: self.state.playhead.anchor_us == t_us, f"the cursor to reach {t_us} us")
+        self.page.wait_for_function("t => +document.getElementById('rallyscope-time').value === t", arg=t_us)
 
     def screenshot(self, name: str) -> np.ndarray:
         """(720, 1280, 3) RGB of the window, also kept as a file to look at."""

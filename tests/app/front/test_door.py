@@ -3,8 +3,10 @@
 import gzip
 import http.client
 import json
+import threading
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 import viser
@@ -59,6 +61,32 @@ def test_the_page_is_visers_with_our_script_and_may_stand_in_no_frame(door: Fron
     assert headers["referrer-policy"] == "no-referrer" and headers["x-content-type-options"] == "nosniff"
     packed = get(door, "/?fixedDpr=1", Accept_Encoding="gzip")
     assert packed[1]["content-encoding"] == "gzip" and gzip.decompress(packed[2]) == body
+
+
+def test_a_page_that_asks_while_the_door_is_being_opened_waits_for_it(monkeypatch) -> None:
+    """A page that was told "starting" would show just that, for good."""
+    answers: list[int] = []
+
+    def ask(port: int) -> None:
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+        connection.request("GET", "/")
+        answers.append(connection.getresponse().status)
+        connection.close()
+
+    class SlowServer(viser.ViserServer):
+        def __init__(self, **options: Any) -> None:
+            super().__init__(**options)
+            self.asking = threading.Thread(target=ask, args=(self.get_port(),))
+            self.asking.start()
+            self.asking.join(0.3)
+            assert self.asking.is_alive()
+
+    monkeypatch.setattr(viser, "ViserServer", SlowServer)
+    door = FrontDoor("127.0.0.1", 0, Admission())
+    assert isinstance(door.server, SlowServer)
+    door.server.asking.join()
+    door.server.stop()
+    assert answers == [200]
 
 
 def test_a_browser_is_known_again_by_a_cookie_that_no_script_reads(door: FrontDoor) -> None:
