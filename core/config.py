@@ -20,7 +20,7 @@ from pathlib import Path
 
 import tomli_w
 
-from core.errors import ConfigError
+from core.errors import WRITE_REMEDY, ConfigError
 from core.files import replace_file
 from core.text.toml_text import parse_toml
 
@@ -200,8 +200,7 @@ def save_config(config: object, path: Path) -> None:
     try:
         replace_file(path, tomli_w.dumps(config_to_mapping(config)).encode(), durable=True)
     except OSError as error:
-        remedy = "free some space, or choose a folder that can be written"
-        raise ConfigError("cannot write the config", got=error.strerror, where=path, remedy=remedy) from error
+        raise ConfigError("cannot write the config", got=error.strerror, where=path, remedy=WRITE_REMEDY) from error
 
 
 def _is_finite(value: float) -> bool:
