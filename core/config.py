@@ -89,9 +89,23 @@ def check_settings(config: object) -> None:
         elif typing.get_origin(kind) is typing.Literal and value not in typing.get_args(kind):
             choices = " | ".join(map(str, typing.get_args(kind)))
             raise ConfigError("not one of the choices", expected=choices, got=repr(value), where=where)
+        elif typing.get_origin(kind) is tuple:
+            _check_list(value, typing.get_args(kind)[0], where)
         bounds = item.metadata.get("bounds")
         if bounds is not None and not bounds.low <= value <= bounds.high:
             raise ConfigError("out of range", expected=f"{bounds.low:g} to {bounds.high:g}", got=value, where=where)
+
+
+def _check_list(values: object, kind: type, where: str) -> None:
+    """A file gives a list where a config holds a tuple."""
+    if not isinstance(values, (tuple, list)):
+        raise ConfigError("not a list", expected=f"[{kind.__name__}, ...]", got=repr(values), where=where)
+    allowed = (int, float) if kind is float else (kind,)
+    for value in values:
+        if isinstance(value, bool) is not (kind is bool) or not isinstance(value, allowed):
+            raise ConfigError("not a list of such values", expected=kind.__name__, got=repr(value), where=where)
+        if isinstance(value, (int, float)) and not _is_finite(value):
+            raise ConfigError("not a finite number", expected=kind.__name__, got=repr(value), where=where)
 
 
 def field_specs(config_type: type, *, prefix: tuple[str, ...] = ()) -> tuple[FieldSpec, ...]:
