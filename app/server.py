@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 import viser
 
 from app.front import Admission, FrontDoor
-from app.front.address import check_address
+from app.front.address import check_address, port_taken
 from app.modes.services import Services
 from app.preparation.steps import Preparation
 from app.session import Session
@@ -179,7 +179,11 @@ def _start_server(host: str, port: int, admission: Admission | None) -> FrontDoo
         CommandError: if the address cannot be used, or other machines could connect without a token.
     """
     check_address(host, port)
-    return FrontDoor(host, port, admission or Admission.of_address(host, None))
+    front = FrontDoor(host, port, admission or Admission.of_address(host, None))
+    if port not in (0, front.server.get_port()):  # another was quicker
+        front.server.stop()
+        raise port_taken(host, port, "it was taken just now")
+    return front
 
 
 def _warm_up() -> None:

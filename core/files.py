@@ -133,6 +133,25 @@ def put_in_place(partial: Path, path: Path, *, durable: bool) -> None:
         sync(path.parent)
 
 
+def put_beside(source: Path, target: Path) -> None:
+    """Give a file its final name on the same disk, so that a power cut cannot undo it.
+
+    Raises:
+        FileExistsError: if there is a file of that name; it stays as it is.
+    """
+    sync(source)
+    try:
+        os.link(source, target)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links
+        target.open("xb").close()
+        put_in_place(source, target, durable=True)
+        return
+    sync(target.parent)
+    source.unlink()
+
+
 def sync(path: Path) -> None:
     """Wait until a file's content, or a folder's entries, are on the disk: a power cut may take either."""
     descriptor = os.open(path, os.O_RDONLY)

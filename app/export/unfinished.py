@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from core.errors import WRITE_REMEDY, CommandError
-from core.files import begin_unfinished, end_unfinished, put_in_place
+from core.files import begin_unfinished, end_unfinished, put_beside, put_in_place
 
 Progress = Callable[[float], None]
 Cancelled = Callable[[], bool]
@@ -43,7 +43,7 @@ def unfinished_folder(folder: Path, names: list[str], *, overwrite: bool) -> Ite
     """
     there = [name for name in names if (folder / name).exists()]
     if there and not overwrite:
-        raise CommandError("exists already", where=folder / there[0], remedy="take another name, or --force")
+        raise _is_there(folder / there[0])
     try:
         folder.mkdir(parents=True, exist_ok=True)
         temporary = begin_unfinished(folder)
@@ -52,11 +52,20 @@ def unfinished_folder(folder: Path, names: list[str], *, overwrite: bool) -> Ite
     try:
         yield temporary
         for name in names:
-            put_in_place(temporary / name, folder / name, durable=True)
+            if overwrite:
+                put_in_place(temporary / name, folder / name, durable=True)
+            else:
+                put_beside(temporary / name, folder / name)
+    except FileExistsError as error:  # another made it meanwhile
+        raise _is_there(Path(str(error.filename2 or folder))) from error
     except OSError as error:
         raise _not_written(folder, error) from error
     finally:
         end_unfinished(temporary)
+
+
+def _is_there(path: Path) -> CommandError:
+    return CommandError("exists already", where=path, remedy="take another name, or --force")
 
 
 def _not_written(folder: Path, error: OSError) -> CommandError:
