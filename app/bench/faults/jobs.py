@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -52,6 +53,8 @@ class FaultJob:
     """
     whole: Callable[[Path, Path], bool]
     """Whether all that the work makes is there."""
+    workers: bool = False
+    """Processes of its own work for it."""
     sqlite: bool = False
     """SQLite writes, which Python does not see."""
 
@@ -209,8 +212,8 @@ def _same(folder: str) -> Callable[[Path, Path], bool]:
     return whole
 
 
-def _data_set(inputs: Path, out: Path) -> int:
-    small = ("--sensor", "48x32", "--serves", "1", "--cameras", "behind", "--no-robot", "--jobs", "1")
+def _data_set(inputs: Path, out: Path, jobs: int = 1) -> int:
+    small = ("--sensor", "48x32", "--serves", "1", "--cameras", "behind", "--no-robot", "--jobs", jobs)
     return _verb("simulate", "--out", out / "set", "--speeds", "8,9", *small)
 
 
@@ -219,9 +222,9 @@ def _prepare_data_set(inputs: Path) -> None:
         raise RuntimeError("the data set for the trials cannot be made")
 
 
-def _tune(inputs: Path, out: Path) -> int:
+def _tune(inputs: Path, out: Path, jobs: int = 1) -> int:
     names = "geometry.circularity_min,localise.radius_min_px"
-    less = ("--camera", "left", "--trials", "4", "--jobs", "1", "--parameters", names)
+    less = ("--camera", "left", "--trials", "4", "--jobs", jobs, "--parameters", names)
     return _verb("tune", inputs / "rec.h5", "--out", out / "found.toml", *less)
 
 
@@ -290,6 +293,24 @@ JOBS: Final = {
             again=_tune,
             lost=_tune_lost,
             whole=lambda inputs, out: _tune_lost(inputs, out, "the config:") == 0,
+        ),
+        FaultJob(
+            name="data set in parallel",
+            prepare=_prepare_data_set,
+            work=partial(_data_set, jobs=2),
+            again=partial(_data_set, jobs=2),
+            lost=_differ("set", ".h5"),
+            whole=_same("set"),
+            workers=True,
+        ),
+        FaultJob(
+            name="tune in parallel",
+            prepare=_prepare_recording,
+            work=partial(_tune, jobs=2),
+            again=partial(_tune, jobs=2),
+            lost=_tune_lost,
+            whole=lambda inputs, out: _tune_lost(inputs, out, "the config:") == 0,
+            workers=True,
         ),
     )
 }
