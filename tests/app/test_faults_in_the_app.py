@@ -171,7 +171,9 @@ def test_a_browser_that_comes_back_finds_what_it_had(lab: App, away_s: float, mo
     monkeypatch.setattr(time, "time", lambda: wall() + away_s)
     again = Listener(lab.port, cookie=cookie, link=link)
     try:
-        state = again.wait_session(lab).state
+        session = again.wait_session(lab)
+        wait_for(lambda: session.state.playhead.anchor_us == 123_000, "its link to be followed")
+        state = session.state
         assert state.config == edited and state.mode == "Tune" and state.recording == "a"
         assert state.history.undo().present.a == had.history.undo().present.a == DetectorConfig()
         assert state.playhead.anchor_us == 123_000
