@@ -80,7 +80,7 @@ def write_long_evt3(path: Path, count: int) -> None:
         file.flush()
         turn = np.memmap(path, np.uint8, "r", len(EVT3_HEADER))
         for _ in range(1, whole_turns(count) // TURN_EVENTS):
-            file.write(turn)
+            file.write(turn.data)
 
 
 def import_rows(source: Path, file: Path, count: int) -> list[Row]:

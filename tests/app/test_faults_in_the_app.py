@@ -23,6 +23,7 @@ from app.server import App
 from app.session import Session
 from app.shared.library import Library
 from app.shared.workspace import Workspace
+from app.state.client_state import ClientState
 from app.state.commands import Seek, SetMode, UseConfig
 from app.visit.view_link import link_of
 from core.config import replace_setting
@@ -80,6 +81,12 @@ def lab(workspace: Workspace) -> Iterator[App]:
     app.stop()
 
 
+def state_of(session: Session) -> ClientState:
+    state = session.state
+    assert state is not None
+    return state
+
+
 def tuning(lab: App, browser: BareBrowser) -> Session:
     session = browser.wait_session(lab)
     session.send(SetMode("Tune"))
@@ -108,7 +115,7 @@ def test_a_recording_that_is_harmed_while_it_is_open_harms_nothing_else(
     browser = Listener(lab.port)
     try:
         session = tuning(lab, browser)
-        duration_us = session.state.playhead.duration_us
+        duration_us = state_of(session).playhead.duration_us
         harm(workspace.recording_path("a"))
         for share in (0.9, 0.1, 0.5):
             seen, told = browser.pictures, len(browser.told)
@@ -116,7 +123,7 @@ def test_a_recording_that_is_harmed_while_it_is_open_harms_nothing_else(
             wait_for(lambda seen=seen, told=told: browser.pictures > seen or len(browser.told) > told, "any answer")
         seen = browser.pictures
         session.open_recording("b")
-        wait_for(lambda: session.state.recording == "b", "the other recording")
+        wait_for(lambda: state_of(session).recording == "b", "the other recording")
         session.send(Seek(int(0.3 * duration_us)))  # the two are the same: another time is another picture
         wait_for(lambda: browser.pictures > seen, "a picture of the other recording")
         assert all("\n" not in note and "This is a bug" not in note for note in browser.told), browser.told
@@ -161,8 +168,10 @@ def test_a_browser_that_comes_back_finds_what_it_had(lab: App, away_s: float, mo
     time.sleep(1.1)  # what was found is what changes are told from
     session.send(UseConfig(edited))
     session.send(Seek(123_000))
-    wait_for(lambda: session.state.config == edited and session.state.playhead.anchor_us == 123_000, "the changes")
-    had = session.state
+    wait_for(
+        lambda: state_of(session).config == edited and state_of(session).playhead.anchor_us == 123_000, "the changes"
+    )
+    had = state_of(session)
     link = link_of(had, 123_000)
     browser.close()
     wait_for(lambda: not lab.sessions, "it to be gone")
@@ -172,8 +181,8 @@ def test_a_browser_that_comes_back_finds_what_it_had(lab: App, away_s: float, mo
     again = Listener(lab.port, cookie=cookie, link=link)
     try:
         session = again.wait_session(lab)
-        wait_for(lambda: session.state.playhead.anchor_us == 123_000, "its link to be followed")
-        state = session.state
+        wait_for(lambda: state_of(session).playhead.anchor_us == 123_000, "its link to be followed")
+        state = state_of(session)
         assert state.config == edited and state.mode == "Tune" and state.recording == "a"
         assert state.history.undo().present.a == had.history.undo().present.a == DetectorConfig()
         assert state.playhead.anchor_us == 123_000
@@ -206,7 +215,7 @@ def test_two_servers_on_one_folder_show_each_others_work_and_take_nothing_away(l
             session = tuning(app, browser)
             config = replace_setting(DetectorConfig(), ("cluster", "eps_px"), 4.0 + number)
             session.send(UseConfig(config))
-            wait_for(lambda session=session, config=config: session.state.config == config, "the config")
+            wait_for(lambda session=session, config=config: state_of(session).config == config, "the config")
             app.services.workspace.keep_config("mine", config)
         assert set(workspace.config_names()) == {"mine", "mine-2"}
         assert (receiving / "half.raw").exists() and receiving.name.startswith(PREFIX)
