@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final
+from urllib.parse import urlencode
 
 import msgspec.msgpack
 import zstandard
@@ -13,6 +14,7 @@ from viser._messages import CommandTriggerMessage, GuiUpdateMessage, Message, Vi
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
+from app.front.door import BROWSER_COOKIE
 from app.server import App
 from app.session import Session
 
@@ -24,9 +26,14 @@ QUIET_S: Final = 0.6
 class BareBrowser:
     """Connected as soon as it is made."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, *, cookie: str = "", link: str = "") -> None:
+        """`cookie` is what it is known by when it comes again, `link` that of the address it opens."""
         self._socket: ClientConnection = connect(
-            f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol(PROTOCOL)], max_size=None, compression=None
+            f"ws://127.0.0.1:{port}/?{urlencode({'link': link})}",
+            subprotocols=[Subprotocol(PROTOCOL)],
+            max_size=None,
+            compression=None,
+            additional_headers={"Cookie": f"{BROWSER_COOKIE}={cookie}"} if cookie else None,
         )
         self.pictures = 0
         """Large pictures that have arrived."""

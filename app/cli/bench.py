@@ -37,6 +37,7 @@ BENCHES = {
     "label-mode": "app.bench.bench_label_mode",
     "export": "app.bench.bench_export",
     "app": "app.bench.bench_app",
+    "long": "app.bench.bench_long",
     "damage": "app.bench.bench_damage",
     "faults": "app.bench.bench_faults",
 }
@@ -54,7 +55,7 @@ class BenchArguments:
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
         "balls of each speed (perceived-prediction), flights (drawn-scenes, rivals), seeds (paper-perception), "
-        "damages of each kind of file (damage), trials of each fault and job (faults)",
+        "damages of each kind of file (damage), trials of each fault and job (faults), events (long)",
         "N",
     )
     folder: Path | None = flag(

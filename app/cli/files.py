@@ -6,12 +6,9 @@ import csv
 import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Final
 
-from core.errors import CommandError
+from core.errors import WRITE_REMEDY, CommandError
 from core.files import replace_file
-
-WRITE_REMEDY: Final = "free some space, or choose a folder that can be written"
 
 
 def check_folder(path: Path | None, where: str = "--out") -> None:

@@ -91,13 +91,13 @@ def _column(data: StripData, t_us: int) -> int:
 def _fill(
     rows: NDArray[np.uint8], data: StripData, t_us: NDArray[np.int64], inks: NDArray[np.uint8], step_us: int
 ) -> None:
-    """Colour the columns from half a step before each time to half a step behind it."""
+    """Colour the columns from half a step before each time to half a step behind it; later times lie over earlier."""
     if not len(t_us):
         return
     span = max(data.end_us - data.start_us, 1)
     share = (np.stack([t_us - step_us / 2, t_us + step_us / 2]) - data.start_us) / span * (WIDTH_PX - 1)
     first, last = np.clip(np.round(share), 0, WIDTH_PX - 1).astype(np.int64)
-    line = rows[0].copy()
-    for begin, end, ink in zip(first.tolist(), last.tolist(), inks.tolist(), strict=True):
-        line[begin : max(end, begin + 1)] = ink
-    rows[:] = line
+    columns = np.arange(WIDTH_PX)
+    row = np.searchsorted(first, columns, "right") - 1  # the last that begins there or before: it also ends last
+    covered = (row >= 0) & (np.maximum(last, first + 1)[row] > columns)
+    rows[:, covered] = inks[row[covered]]
