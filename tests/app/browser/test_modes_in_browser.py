@@ -77,6 +77,10 @@ def test_labels_are_exported_and_the_detector_is_scored_against_them(window, wor
     window.screenshot("label-scored")
     window.press("Close")
     assert window.state.score_by is None and window.state.camera == "left"
+    window.press("Export")
+    wait_for(lambda: window.state.mode == "Export", "Export")
+    export = window.session._modes["Export"]
+    wait_for(lambda: export._plan.plan.annotator == "anna", "the labels that are there to be part of a Rerun file")
 
 
 def test_a_recording_is_streamed_to_the_viewer_of_the_command_line(
