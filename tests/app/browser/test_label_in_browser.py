@@ -311,7 +311,8 @@ def test_a_click_where_no_circle_fits_asks_and_stores_nothing_until_a_radius_is_
     wait_for(lambda: labelling.work.asking, "the question")
     labelling.settle()
     labelling.window.screenshot("label-click-without-a-circle")
-    labelling.page.get_by_text("no circle fits here: drag to set the radius, or press X for absent").wait_for()
+    asked = labelling.page.get_by_text("no circle fits here: drag to set the radius, or press X for absent")
+    wait_for(lambda: asked.count() == 2, "it in the panel, and where the eyes are: in the line under the picture")
     assert not labelling.work.here.labels and labelling.mode._editor.writer.saved_at is None
     labelling.drag(labelling.screen(x, y), labelling.screen(x + 12.0, y))
     wait_for(lambda: labelling.label(BALL_US), "the drag to arrive")
