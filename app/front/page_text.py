@@ -15,6 +15,7 @@ SCRIPTS: Final = (
     "bridge.js",
     "reconnect.js",
     "link.js",
+    "windows.js",
     "keyboard.js",
     "hand.js",
     "timebar.js",

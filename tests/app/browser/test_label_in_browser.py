@@ -351,9 +351,8 @@ def test_the_first_label_of_a_browser_asks_who_labels(window, wait_for, workspac
         if asked.count() and t_us not in mode._editor.labelling.here.labels:
             field.fill("")
             field.fill("Carla K")
-            window.page.wait_for_timeout(2000)
-            window.press("Label under this name")
-            window.page.wait_for_timeout(2000)
+            field.press("Enter")  # at once: what was typed last is taken all the same
+            window.page.wait_for_timeout(4000)
     wait_for(lambda: t_us in mode._editor.labelling.here.labels, "the label that was asked for first")
     assert mode._editor.labelling.here.labels[t_us].provenance.annotator == "carla-k"
     assert (workspace.labels / "last-annotator.txt").read_text() == "carla-k"
