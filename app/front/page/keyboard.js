@@ -4,7 +4,8 @@
 //
 // The other way round, viser hears no key while a box, a choice or a list has the focus, as after every click on one. So
 // keys that mean nothing there are said again where it listens. A list in which something was chosen by the mouse, or that
-// was closed by Escape after a click, gives the focus back: its field takes letters, to search with.
+// was closed by Escape after a click, gives the focus back: its field takes letters, to search with. A box brings a number
+// inside its bounds when it is left; Enter says as clearly that it is meant.
 {
   const MEANT = new Set([" ", "Enter", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Home", "End", "Escape"]);
   const BUTTONS = "button, a[href], summary, input[type=checkbox], [role=button], [role=tab], [role=switch]";
@@ -25,6 +26,12 @@
     const field = document.activeElement;
     if (field.matches("[aria-haspopup=listbox]") && field.getAttribute("aria-expanded") !== "true") field.blur();
   };
+
+  const leaveNumber = (event) => {
+    const box = event.target;
+    if (event.key === "Enter" && box instanceof Element && box.matches("input[class*=mantine-NumberInput]")) setTimeout(() => box.blur());
+  };
+  addEventListener("keydown", leaveNumber, true);
 
   const sayAgain = (event) => {
     if (!isForApp(event)) return;
