@@ -211,8 +211,8 @@ class TuneMode:
             wanted, path = workspace.config_path(name), workspace.keep_config(name, state.config)
             self._files.show(workspace.config_names(), chosen=path.stem)
             other = "" if path == wanted else f"there is another {wanted.stem} already, so this is {path.stem}; "
-            options = f"--method {state.tune.method} --config {path}"
-            self._host.note(f"Saved as {path.stem}", f"{other}`rallyscope detect {options}` takes it", "green")
+            command = f"rallyscope detect RECORDING --method {state.tune.method} --config {path}"
+            self._host.note(f"Saved as {path.stem}", f"{other}In a terminal: {command}", "green")
 
     def _load_config(self, name: str) -> None:
         workspace = self._host.services.workspace
