@@ -44,6 +44,8 @@ class ClusterExecutor(Executor):
         JobsError: if there is no such scheduler, certificates are missing, or workers have other versions.
     """
 
+    blames_one: Final = False  # the scheduler suspects all that waited at a worker that died
+
     def __init__(self, address: str) -> None:
         self._address = address
         self._topic = f"rallyscope-{uuid.uuid4().hex}"
@@ -89,21 +91,13 @@ class ClusterExecutor(Executor):
             remedy = f"start some: `dask worker {self._address} --nthreads 1 --nworkers auto`"
             raise JobsError("the cluster has no workers", where=self._address, remedy=remedy)
 
-    def check_folder(self, folder: Path) -> None:
-        """Raises JobsError if a worker does not see a folder as we do."""
-        mark = folder / f".shared-{uuid.uuid4().hex}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            mark.touch()
-            seen: dict[str, bool] = self._client.run(_sees, str(mark))
-        except OSError as error:
-            raise JobsError("cannot write there", got=error.strerror, where=folder) from error
-        finally:
-            with suppress(OSError):
-                mark.unlink()
-        if blind := [worker for worker, sees in seen.items() if not sees]:
+    def check_file(self, path: Path) -> None:
+        """Raises JobsError if a worker does not see a file, or sees another one of that name."""
+        size = path.stat().st_size
+        sizes: dict[str, int | None] = self._client.run(_size, str(path))
+        if blind := [worker for worker, found in sizes.items() if found != size]:
             remedy = "use a folder that all machines of the cluster share, under the same path"
-            raise JobsError("a worker does not see this folder", where=folder, got=blind[0], remedy=remedy)
+            raise JobsError("a worker does not see this file", where=path, got=blind[0], remedy=remedy)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Leave the cluster. With `cancel_futures` nothing of ours goes on there."""
@@ -130,7 +124,7 @@ class ClusterExecutor(Executor):
                 raise JobsError("a worker has no rallyscope", where=worker, got=facts, remedy=remedy)
             if isinstance(facts, BaseException):
                 raise facts
-            _check_worker(versions_here(), facts[0], facts[1], worker)
+            check_worker(versions_here(), facts[0], facts[1], worker)
 
     def _hear(self, event: tuple[float, Any]) -> None:
         number, share = event[1]
@@ -145,7 +139,7 @@ class _Task:
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         worker = get_worker()
-        _check_worker(self._versions, *_worker_facts(worker), worker.address)
+        check_worker(self._versions, *_worker_facts(worker), worker.address)
         use_one_thread()
         return self._fn(*args, _WorkerControl(worker, self._number, self._topic), **kwargs)
 
@@ -205,7 +199,8 @@ def _worker_facts(dask_worker: Any) -> tuple[dict[str, str], int]:
     return versions_here(), dask_worker.state.nthreads
 
 
-def _check_worker(expected: Versions, got: Versions, threads: int, worker: str) -> None:
+def check_worker(expected: Versions, got: Versions, threads: int, worker: str) -> None:
+    """Raises JobsError unless a worker has our versions, and one thread: a piece's memory and threads are its own."""
     check_versions(expected, got, f"worker {worker}")
     if threads != 1:
         remedy = "start more workers instead: `dask worker --nthreads 1 --nworkers N`"
@@ -214,5 +209,8 @@ def _check_worker(expected: Versions, got: Versions, threads: int, worker: str) 
         )
 
 
-def _sees(path: str) -> bool:
-    return Path(path).exists()
+def _size(path: str) -> int | None:
+    try:
+        return Path(path).stat().st_size
+    except OSError:
+        return None

@@ -35,6 +35,8 @@ class Engine:
 
 HERE: Final = Engine()
 """A process per core of this machine."""
+ALONE: Final = Engine(jobs=1)
+"""This process."""
 
 
 def _check_address(address: str) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Final, Protocol, TypeVar, cast
@@ -29,6 +30,11 @@ Work = Callable[[P, PieceControl], R]
 class PieceExecutor(Protocol):
     """An executor of `concurrent.futures` whose functions are given a control as their last argument."""
 
+    @property
+    def blames_one(self) -> bool:
+        """Whether of a process that died only the piece that it was working on is lost."""
+        ...
+
     def submit(self, fn: Callable[..., R], /, *args: object) -> Future[R]:
         """Call `fn(*args, control)` somewhere."""
         ...
@@ -45,8 +51,8 @@ class PieceExecutor(Protocol):
         """Whether a piece ended so because the processes that worked on it died."""
         ...
 
-    def check_folder(self, folder: Path) -> None:
-        """Raises JobsError if somebody who works does not see a folder."""
+    def check_file(self, path: Path) -> None:
+        """Raises JobsError if somebody who works does not see a file, or sees another."""
         ...
 
 
@@ -56,16 +62,35 @@ class Jobs:
     def __init__(self, executor: PieceExecutor | None) -> None:
         self._executor = executor
 
-    def share_folder(self, folder: Path) -> Path:
-        """The folder's absolute path, which all who work see.
+    def share_file(self, path: Path) -> Path:
+        """The absolute path of a file that all who work see.
 
         Raises:
-            JobsError: if a worker of the cluster does not see it.
+            JobsError: if a worker of the cluster does not see it, or sees another.
         """
-        path = folder.absolute()
+        path = path.absolute()
         if self._executor is not None:
-            self._executor.check_folder(path)
+            self._executor.check_file(path)
         return path
+
+    def share_folder(self, folder: Path) -> Path:
+        """The absolute path of a folder, made if need be, that all who work see.
+
+        Raises:
+            JobsError: if a worker of the cluster does not see it, or nothing can be written there.
+        """
+        folder = folder.absolute()
+        mark = folder / f".seen-{uuid.uuid4().hex}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            mark.touch()
+            self.share_file(mark)
+        except OSError as error:
+            raise JobsError("nothing can be written there", got=error.strerror, where=folder) from error
+        finally:
+            with suppress(OSError):
+                mark.unlink()
+        return folder
 
     def run(
         self,
@@ -155,37 +180,51 @@ class _Batch:
     def __init__(
         self, executor: PieceExecutor, work: Work[P, R], pieces: Sequence[P], name: Callable[[P], str]
     ) -> None:
-        self._executor, self._pieces, self._name = executor, pieces, name
+        self._executor, self._work, self._pieces, self._name = executor, work, pieces, name
         self._ended: SimpleQueue[tuple[int, Future]] = SimpleQueue()
         self._results: dict[int, object] = {}
         self._lost: list[int] = []
         self._shown = self._looked_s = 0.0
-        for number, piece in enumerate(pieces):
-            future = executor.submit(work, piece)
-            future.add_done_callback(lambda ended, number=number: self._ended.put((number, ended)))
 
     def run(self, done: Callable[[int, R], None], progress: Callable[[float], None], cancelled: Callable) -> list:
         count = len(self._pieces)
-        while (finished := len(self._results) + len(self._lost)) < count:
-            if time.monotonic() - self._looked_s >= LOOK_S:
-                self._look(finished, progress, cancelled)
-            try:
-                number, future = self._ended.get(timeout=LOOK_S)
-            except Empty:
-                continue
-            if self._keep(number, future):
-                done(number, cast(R, self._results[number]))
+        self._finish(range(count), done, progress, cancelled)
+        if not self._executor.blames_one:  # the innocent are told apart by giving each another try, alone
+            suspects, self._lost = sorted(self._lost), []
+            for number in suspects:
+                self._finish([number], done, progress, cancelled)
         if self._lost:
             raise self._gave_up()
         progress(1.0)
         return [self._results[number] for number in range(count)]
 
-    def _look(self, finished: int, progress: Callable[[float], None], cancelled: Callable[[], bool]) -> None:
+    def _finish(
+        self,
+        numbers: Sequence[int],
+        done: Callable[[int, R], None],
+        progress: Callable[[float], None],
+        cancelled: Callable,
+    ) -> None:
+        for number in numbers:
+            future = self._executor.submit(self._work, self._pieces[number])
+            future.add_done_callback(lambda ended, number=number: self._ended.put((number, ended)))
+        left = len(numbers)
+        while left:
+            if time.monotonic() - self._looked_s >= LOOK_S:
+                self._look(progress, cancelled)
+            with suppress(Empty):
+                number, future = self._ended.get(timeout=LOOK_S)
+                left -= 1
+                if self._keep(number, future):
+                    done(number, cast(R, self._results[number]))
+
+    def _look(self, progress: Callable[[float], None], cancelled: Callable[[], bool]) -> None:
         self._looked_s = time.monotonic()
         self._executor.check()
         if cancelled():
             raise PiecesStoppedError
-        self._shown = max(self._shown, min(1.0, (finished + self._executor.shares()) / len(self._pieces)))
+        share = (len(self._results) + self._executor.shares()) / len(self._pieces)
+        self._shown = max(self._shown, min(1.0, share))
         progress(self._shown)
 
     def _keep(self, number: int, future: Future) -> bool:

@@ -32,6 +32,8 @@ TRIES: Final = 3
 class LocalExecutor(Executor):
     """So many processes, each working on one piece at a time; they are started when they are first needed."""
 
+    blames_one: Final = True
+
     def __init__(self, processes: int) -> None:
         self._slots = [_Slot() for _ in range(processes)]
         self._free: SimpleQueue[_Slot] = SimpleQueue()
@@ -57,7 +59,7 @@ class LocalExecutor(Executor):
         """Whether the processes of a piece died."""
         return isinstance(error, PieceLostError)
 
-    def check_folder(self, folder: Path) -> None:
+    def check_file(self, path: Path) -> None:
         """All processes of a machine see the same."""
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:

@@ -81,14 +81,14 @@ def test_a_worker_that_is_killed_halfway_takes_nothing_along(own_cluster, tmp_pa
 def test_a_piece_that_kills_every_worker_is_given_up_and_the_others_are_done(own_cluster) -> None:
     from pieces import die
 
-    own_cluster.start(1, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="1")  # with its nanny, which starts it again
+    own_cluster.start(3, "--no-nanny", DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="0")
     heard = []
     with (
-        pytest.raises(JobsError, match=r"1 of 3 pieces of work were given up: .* got ball-1;"),
-        open_jobs(Engine(cluster=own_cluster.address), 3) as jobs,
+        pytest.raises(JobsError, match=r"1 of 5 pieces of work were given up: .* got ball-1;"),
+        open_jobs(Engine(cluster=own_cluster.address), 5) as jobs,
     ):
-        jobs.run(die, [0, 1, 2], name=lambda piece: f"ball-{piece}", done=lambda number, _: heard.append(number))
-    assert sorted(heard) == [0, 2]
+        jobs.run(die, [1, 0, 2, 3, 4], name=lambda piece: f"ball-{piece}", done=lambda number, _: heard.append(number))
+    assert sorted(heard) == [1, 2, 3, 4]
 
 
 def test_a_scheduler_that_is_gone_is_one_line(own_cluster, tmp_path: Path) -> None:
@@ -151,16 +151,12 @@ def test_a_worker_that_comes_later_is_looked_at_too(cluster, monkeypatch: pytest
             jobs.run(digest, [0])
 
 
-def test_a_worker_of_several_threads_is_refused_with_the_remedy(own_cluster) -> None:
-    own_cluster.start(0)
-    own_cluster.add_worker("--no-nanny", "--nthreads", "2")
-    from pieces import digest
+def test_a_worker_of_several_threads_is_refused_with_the_remedy() -> None:
+    from core.jobs.cluster import check_worker
 
-    with (
-        pytest.raises(JobsError, match=r"a worker has several threads; expected 1, got 2; .*--nthreads 1"),
-        open_jobs(Engine(cluster=own_cluster.address), 1) as jobs,
-    ):
-        jobs.run(digest, [0])
+    check_worker(versions_here(), versions_here(), 1, "tcp://127.0.0.1:1")
+    with pytest.raises(JobsError, match=r"worker tcp.*a worker has several threads; expected 1, got 2; .*--nthreads 1"):
+        check_worker(versions_here(), versions_here(), 2, "tcp://127.0.0.1:1")
 
 
 def test_a_cluster_without_workers_is_one_line(own_cluster, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,12 +172,16 @@ def test_a_cluster_without_workers_is_one_line(own_cluster, monkeypatch: pytest.
         jobs.run(digest, [0])
 
 
-def test_a_folder_is_one_that_all_workers_see(cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_shared_is_seen_by_all_workers(cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "a.h5"
+    file.write_bytes(b"abc")
     with open_jobs(Engine(cluster=cluster.address), 1) as jobs:
-        assert jobs.share_folder(tmp_path) == tmp_path and not list(tmp_path.iterdir())
-        monkeypatch.setattr(Path, "touch", lambda path: None)  # written elsewhere, as on a disk that is not shared
-        with pytest.raises(JobsError, match=r"a worker does not see this folder; got tcp://127.*machines.*share"):
-            jobs.share_folder(tmp_path)
+        assert jobs.share_folder(tmp_path) == tmp_path and list(tmp_path.iterdir()) == [file]
+        assert jobs.share_file(file) == file
+        there = Path.stat
+        monkeypatch.setattr(Path, "stat", lambda path, **more: there(Path(__file__)))  # as of another disk
+        with pytest.raises(JobsError, match=r"a.h5: a worker does not see this file; got tcp://127.*machines.*share"):
+            jobs.share_file(file)
 
 
 def test_all_differences_are_in_one_line() -> None:
