@@ -20,7 +20,9 @@ from core.jobs.threads import use_one_thread
 from core.jobs.versions import Versions, check_versions, versions_here
 
 CONNECT_S: Final = 10.0
-"""A scheduler answers within this time, or is not there."""
+"""Within this time a scheduler takes a connection, or is not there."""
+ANSWER_S: Final = 60.0
+"""A busy one may take as long to answer."""
 LOOK_EVERY_S: Final = 2.0
 """How often it is asked for its workers."""
 NO_WORKER_S: Final = 60.0
@@ -109,7 +111,7 @@ class ClusterExecutor(Executor):
     def _workers(self) -> dict[str, int]:
         """Threads of each worker by its address."""
         try:
-            return self._client.sync(self._client.scheduler.ncores, callback_timeout=CONNECT_S)
+            return self._client.sync(self._client.scheduler.ncores, callback_timeout=ANSWER_S)
         except (OSError, TimeoutError) as error:
             raise JobsError("the cluster's scheduler is gone", where=self._address, remedy=GONE) from error
 
