@@ -12,7 +12,7 @@ from app.cli.arguments import flag, given, positional
 from app.cli.detector_arguments import AnyMethodArguments
 from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.files import csv_text
-from app.cli.tabulate import Summary, Table, tabulate
+from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
 from core.detection import DetectorConfig, RefinedDetection, make_detector
 from core.detection.methods import FRAME_METHODS, Method
@@ -76,7 +76,7 @@ class DetectInEvents:
     config: DetectorConfig
     window_us: int
 
-    def __call__(self, path: Path, control: PieceControl) -> Table:
+    def __call__(self, path: Path, control: PieceControl) -> RecordingTable:
         """Detect."""
         with closing(open_recording(path)) as recording:
             stream = choose_camera(recording, self.camera)
@@ -93,7 +93,7 @@ class DetectInFrames:
     method: str
     weights: Path | None
 
-    def __call__(self, path: Path, control: PieceControl) -> Table:
+    def __call__(self, path: Path, control: PieceControl) -> RecordingTable:
         """Detect; raises CommandError if there are no pictures."""
         with closing(open_recording(path)) as recording:
             name, frames = choose_pictures(recording, self.camera)
@@ -140,7 +140,9 @@ def choose_camera(recording: Recording, name: str | None) -> CameraStream:
     return recording.cameras[name]
 
 
-def _table(camera: str, method: str, window_us: int, answers: WindowAnswers, truth: PixelTruth | None) -> Table:
+def _table(
+    camera: str, method: str, window_us: int, answers: WindowAnswers, truth: PixelTruth | None
+) -> RecordingTable:
     """A row per detection; no row for a window without a ball."""
     rows = []
     for row in np.flatnonzero(answers.detected):
@@ -160,7 +162,7 @@ def _table(camera: str, method: str, window_us: int, answers: WindowAnswers, tru
         "score": score,
         **_motion([one for one in answers.detections if isinstance(one, RefinedDetection)]),
     }
-    return Table(csv_text(("t_us", "u_px", "v_px", "r_px"), rows), summary)
+    return RecordingTable(csv_text(("t_us", "u_px", "v_px", "r_px"), rows), summary)
 
 
 def _motion(balls: list[RefinedDetection]) -> Summary:

@@ -18,7 +18,7 @@ Summary = dict[str, object]
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class RecordingTable:
     """What came of a recording."""
 
     text: str
@@ -30,7 +30,7 @@ class Table:
 def tabulate(
     recordings: Sequence[Path],
     out: Path,
-    work: Callable[[Path, PieceControl], Table],
+    work: Callable[[Path, PieceControl], RecordingTable],
     engine: EngineArguments,
     title: str,
     as_json: bool,
@@ -52,7 +52,7 @@ def tabulate(
         chosen = ALONE
     summaries: dict[int, Summary] = {}
 
-    def write(number: int, table: Table) -> None:
+    def write(number: int, table: RecordingTable) -> None:
         write_text(tables[number], table.text)
         about: Summary = {"recording": str(recordings[number]), "out": str(tables[number])}
         summaries[number] = about | table.summary

@@ -13,7 +13,7 @@ from app.cli.arguments import flag, positional
 from app.cli.detector_arguments import DetectorArguments
 from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.files import csv_text
-from app.cli.tabulate import Summary, Table, tabulate
+from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
 from core.detection import DetectorConfig
 from core.detection.methods import Method
@@ -48,7 +48,7 @@ class TrackRecording:
     detector: DetectorConfig
     window_us: int
 
-    def __call__(self, path: Path, control: PieceControl) -> Table:
+    def __call__(self, path: Path, control: PieceControl) -> RecordingTable:
         """Track."""
         config = ChainConfig.of_method(self.method, self.detector)
         with closing(open_recording(path)) as recording:
@@ -64,7 +64,7 @@ class TrackRecording:
             "error_mm": _errors_mm(track, truth),
             "step_ms": _statistics(1e3 * track.step_s),
         }
-        return Table(_text(track), summary)
+        return RecordingTable(_text(track), summary)
 
 
 def _say(summary: Summary) -> None:
