@@ -78,6 +78,10 @@ class CommandError(RallyscopeError):
     """A command line that asks for something impossible."""
 
 
+class JobsError(RallyscopeError):
+    """A cluster that cannot be used or is gone, or a piece of work whose workers keep dying."""
+
+
 class NotBuiltError(RallyscopeError):
     """A verb, method or scene that the contract names and that does not exist yet."""
 

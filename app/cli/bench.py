@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from app.cli.arguments import Numbers, PositiveFloat, PositiveInt, flag, given, positional
+from app.cli.engine_arguments import EngineArguments
 from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.cli.tables import format_row, format_table
@@ -33,6 +34,7 @@ BENCHES = {
     "paper-perception": "core.bench.perception.bench_paper_perception",
     "scenes": "core.bench.rally.bench_scenes",
     "learning": "core.bench.learning.bench_learning",
+    "jobs": "core.bench.jobs.bench_jobs",
     "labels": "labels.bench_labels",
     "label-mode": "app.bench.bench_label_mode",
     "export": "app.bench.bench_export",
@@ -55,7 +57,7 @@ class BenchArguments:
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
         "balls of each speed (perceived-prediction), flights (drawn-scenes, rivals), seeds (paper-perception), "
-        "damages of each kind of file (damage), trials of each fault and job (faults), events (long)",
+        "damages of each kind of file (damage), trials of each fault and job (faults), events (long), pieces (jobs)",
         "N",
     )
     folder: Path | None = flag(
@@ -67,6 +69,7 @@ class BenchArguments:
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag("a fault, or a job (faults)", "NAME", "all")
+    engine: EngineArguments
     json: bool = flag("print the figures as JSON")
 
 
@@ -77,9 +80,13 @@ def run(arguments: BenchArguments) -> None:
         built = ", ".join(name for name in BENCHES if find_bench(name))
         raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
     measure: Callable[..., dict[str, object]] = importlib.import_module(module).run
-    options = given({name: getattr(arguments, name) for name in OPTIONS})
-    for name in options.keys() - inspect.signature(measure).parameters.keys():
+    options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
+    taken = inspect.signature(measure).parameters.keys()
+    asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
+    for name in [*(options.keys() - taken), *([] if "engine" in taken else asked)]:
         raise CommandError(f"`bench {arguments.name}` has no such option", got=f"--{name}")
+    if asked:
+        options["engine"] = arguments.engine.engine()
     silence_viser()
     with progress_bar(f"Measuring {arguments.name}") as progress:
         report = measure(_RowsAsTheyCome(progress), **options)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from core.bench.learning.runs import Results, SeedResult, values_at, values_at_end
 from core.learning.runs.summary import SeedSpread, spread_of
-from core.markdown import markdown_table
+from core.text.markdown_table import markdown_table
 
 Column = Callable[[Sequence[SeedResult]], str]
 """What a table says of a training."""

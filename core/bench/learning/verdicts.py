@@ -11,7 +11,7 @@ from core.learning.config import environment_profile
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
 from core.learning.evaluation.trivial_policies import trusting_actions
 from core.learning.runs.summary import SeedSpread, spread_of
-from core.markdown import markdown_table
+from core.text.markdown_table import markdown_table
 
 MARGINS = (("4", "reward-4-cdta", 1000, 55.5), ("5", "replay-threshold", 1700, 35.8))
 """The paper's agent lands at least so many percent nearer than every rival: speed, our training, episode, percent."""
