@@ -58,12 +58,14 @@ class BareBrowser:
 
     def wait_session(self, lab: App, timeout_s: float = 60.0) -> Session:
         """The app's session of this client, with its recording open."""
-        self.wait(lambda: lab.sessions and lab.sessions[0].state is not None, "the app to take this client", timeout_s)
+        self.wait_until(
+            lambda: lab.sessions and lab.sessions[0].state is not None, "the app to take this client", timeout_s
+        )
         return lab.sessions[0]
 
     def trigger(self, command: str, timeout_s: float = 30.0) -> None:
         """Press the key of a command, named as in the palette."""
-        self.wait(lambda: command in self._commands, f"a command {command!r}", timeout_s)
+        self.wait_until(lambda: command in self._commands, f"a command {command!r}", timeout_s)
         self._send(CommandTriggerMessage(self._commands[command]))
 
     def set_value(self, control: str, value: object) -> None:
@@ -79,9 +81,9 @@ class BareBrowser:
     def wait_quiet(self, timeout_s: float = 60.0) -> None:
         """Until nothing has arrived for a while: the neighbours are ready, too."""
         time.sleep(QUIET_S)
-        self.wait(lambda: time.monotonic() - self._last_s >= QUIET_S, "messages to cease", timeout_s)
+        self.wait_until(lambda: time.monotonic() - self._last_s >= QUIET_S, "messages to cease", timeout_s)
 
-    def wait(self, condition: Callable[[], object], what: str, timeout_s: float) -> None:
+    def wait_until(self, condition: Callable[[], object], what: str, timeout_s: float) -> None:
         """Until the condition holds.
 
         Raises:

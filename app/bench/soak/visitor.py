@@ -28,12 +28,12 @@ class Visitor(BareBrowser):
 
     def change(self, label: str, value: object, timeout_s: float = 60.0) -> None:
         """Set a field, a choice or a box."""
-        self.wait(lambda: label in self._controls, f"a control {label!r}", timeout_s)
+        self.wait_until(lambda: label in self._controls, f"a control {label!r}", timeout_s)
         self.set_value(self._controls[label], value)
 
     def wait_text(self, text: str, timeout_s: float = 60.0) -> None:
         """Until it stands in some panel."""
-        self.wait(lambda: any(text in html for html in self._contents.copy().values()), repr(text), timeout_s)
+        self.wait_until(lambda: any(text in html for html in self._contents.copy().values()), repr(text), timeout_s)
 
     def rate(self, seconds: float, until_s: float) -> float:
         """Updates a second in the time before `until_s`."""
