@@ -52,6 +52,16 @@ def test_axe_sees_what_is_wrong(window) -> None:
     assert {"label", "image-alt"} <= {rule for rule, _ in grave(page)}
 
 
+def labelling_of(window):
+    return window.session._modes["Label"]._editor.labelling
+
+
+def shown_us(window) -> int | None:
+    """The time that Label shows; what is not on the screen yet is not judged by any key."""
+    labelling = labelling_of(window)
+    return labelling.t_us if labelling.on_screen else None
+
+
 def test_keys_label_although_a_checkbox_was_clicked_last(window, wait_for) -> None:
     page = window.page
     window.press("Label")
@@ -62,7 +72,7 @@ def test_keys_label_although_a_checkbox_was_clicked_last(window, wait_for) -> No
     assert page.evaluate("document.activeElement.type") == "checkbox"
     assert ("N", None, "next") in {key[:3] for key in KEYS}
     page.keyboard.press("n")
-    wait_for(lambda: window.state.playhead.anchor_us == 102_000, "the next time")
+    wait_for(lambda: shown_us(window) == 102_000, "the next time")
     was = box.is_checked()
     page.keyboard.press("Space")
     wait_for(lambda: window.state.playhead.anchor_us == 104_000, "Space to go on")
@@ -82,13 +92,12 @@ def test_keys_label_although_a_button_or_a_list_was_clicked_last(window, wait_fo
     window.press("5x")
     page.get_by_role("button", name="● 5x").wait_for()
     page.keyboard.press("n")
-    wait_for(lambda: window.state.playhead.anchor_us == 102_000, "the next time")
+    wait_for(lambda: shown_us(window) == 102_000, "the next time")
     page.keyboard.press("Space")  # after another key Chromium shows the clicked button as if Tab had reached it
     wait_for(lambda: window.state.playhead.anchor_us == 104_000, "Space to go on")
     page.get_by_label("Label every").first.click()
     page.locator("div[role=option]").get_by_text("5 ms", exact=True).click()
-    mode = window.session._modes["Label"]
-    wait_for(lambda: mode._editor.labelling.step_us == 5000, "times 5 ms apart")
+    wait_for(lambda: labelling_of(window).step_us == 5000, "times 5 ms apart")
     page.keyboard.press("n")
     wait_for(lambda: window.state.playhead.anchor_us == 105_000, "the next time, 5 ms apart")
     assert page.get_by_label("Label every").first.input_value() == "5 ms", "nothing was typed into the list"
