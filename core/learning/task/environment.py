@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 EVALUATION_SEED = 20260404
 """Of the fixed balls that every policy is evaluated on; training seeds never meet it."""
+VALIDATION_SEED = 20260405
+"""Of the balls by which the best policy of a run is chosen: others than it is then evaluated on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,4 +122,10 @@ def strokes_of(deliveries: Deliveries, actions: Array, config: EnvironmentConfig
 def evaluation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> Deliveries:
     """The fixed balls of a speed that policies are compared on."""
     rng = np.random.default_rng([EVALUATION_SEED, round(1000 * speed_mps)])
+    return deliver(speed_mps, count, config, rng)
+
+
+def validation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> Deliveries:
+    """The fixed balls of a speed by which one of a run's policies is chosen."""
+    rng = np.random.default_rng([VALIDATION_SEED, round(1000 * speed_mps)])
     return deliver(speed_mps, count, config, rng)
