@@ -54,7 +54,8 @@ class BenchArguments:
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
         "balls of each speed (perceived-prediction), flights (drawn-scenes, rivals), seeds (paper-perception), "
-        "damages of each kind of file (damage), trials of each fault and job (faults)",
+        "damages of each kind of file (damage), seeds of both sides of every claim (learning), "
+        "trials of each fault and job (faults)",
         "N",
     )
     folder: Path | None = flag(

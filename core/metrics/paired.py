@@ -1,7 +1,7 @@
 """Two things compared on the same seeds: difference or ratio with its interval, and Holm's correction for many claims.
 
-The differences are judged by the paired t-test, the ratios by the same test on the logarithms of the ratios seed by seed
-(exact where these are normal; the ratio is then the geometric mean over the seeds). Both from scipy.
+The differences are judged by the paired t-test, the ratios by the same test on the logarithms of the ratios seed by
+seed (exact where these are normal; the ratio is then the geometric mean over the seeds). Both from scipy.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,9 +69,7 @@ def paired_ratio(ours: Array, theirs: Array, null: float = 1.0) -> PairedCompari
     if not (np.min(ours, initial=1.0) > 0 and np.min(theirs, initial=1.0) > 0):
         raise ConfigError("no ratio of these", expected="values above 0", got=[*ours, *theirs])
     found = _t_test(np.log(ours) - np.log(theirs), math.log(null))
-    return PairedComparison(
-        found.count, math.exp(found.estimate), math.exp(found.low), math.exp(found.high), found.p
-    )
+    return PairedComparison(found.count, math.exp(found.estimate), math.exp(found.low), math.exp(found.high), found.p)
 
 
 def holm(ps: Sequence[float]) -> list[float]:
@@ -105,6 +104,6 @@ def _t_test(values: Array, null: float) -> PairedComparison:
     mean = float(values.mean())
     if np.ptp(values) <= 1e-12 * max(1.0, abs(mean)):  # nothing scatters: no test, the value speaks
         return PairedComparison(count, mean, mean, mean, 1.0 if math.isclose(mean, null, abs_tol=1e-12) else 0.0)
-    test = stats.ttest_1samp(values, null)
+    test: Any = stats.ttest_1samp(values, null)  # scipy has no types for it
     interval = test.confidence_interval(CONFIDENCE)
     return PairedComparison(count, mean, float(interval.low), float(interval.high), float(test.pvalue))

@@ -51,6 +51,7 @@ def against_rivals(results: Results) -> str:
             "returned, %": at(episode, "returned"),
             "error, mm": at(episode, "error_mm"),
             "error of returned, mm": at(episode, "error_returned_mm"),
+            "missed, %": at(episode, "missed"),
             "five best, mm": five_best(speed),
         }
         parts.append(f"### {title}\n\n" + table_of_trainings(results, "agent", agents, columns))

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 BEST = 5
 """The paper shows each method by the five best of its evaluations."""
 MISSED_MM: Final = 1000 * TABLE_LENGTH_M
-"""What a ball counts that the racket did not meet (choice): as far off as the table is long, so that no miss is free."""
+"""What a ball counts that the racket did not meet (choice): as far off as the table is long, no miss is free."""
 BallSet = Literal["test", "validation"]
 """What figures are reported on, and what the best policy of a run is chosen by."""
 

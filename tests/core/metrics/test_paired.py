@@ -13,7 +13,7 @@ RNG = np.random.default_rng
 
 
 def test_seed_sets_that_differ_are_not_compared_and_one_line_says_which() -> None:
-    ours, theirs = dict.fromkeys(range(20), 1.0), dict.fromkeys((0, 1, 2, 4), 1.0)
+    ours, theirs = dict.fromkeys(range(20), 1.0), {0: 1.0, 1: 1.0, 2: 1.0, 4: 1.0}
     with pytest.raises(ConfigError) as refused:
         pair_by_seed(ours, theirs, where="ours against PPO")
     message = str(refused.value)
@@ -58,7 +58,9 @@ def test_the_ratio_turned_round_is_its_inverse() -> None:
     rng = RNG(4)
     ours, theirs = rng.uniform(50, 150, 12), rng.uniform(80, 300, 12)
     found, turned = paired_ratio(ours, theirs, null=0.8), paired_ratio(theirs, ours, null=1 / 0.8)
-    assert (found.estimate, found.low, found.high) == pytest.approx((1 / turned.estimate, 1 / turned.high, 1 / turned.low))
+    assert (found.estimate, found.low, found.high) == pytest.approx(
+        (1 / turned.estimate, 1 / turned.high, 1 / turned.low)
+    )
     assert found.p == pytest.approx(turned.p)
 
 

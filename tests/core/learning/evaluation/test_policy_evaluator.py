@@ -33,7 +33,11 @@ def test_the_oracle_takes_a_known_actuator_error_back() -> None:
 
 def test_a_missed_ball_is_not_returned_and_counts_as_far_off_as_the_table_is_long() -> None:
     score = PolicyScore(5.0, np.array([True, False, False]), np.array([10.0, 30.0, math.nan]))
-    assert (score.return_rate, score.missed, score.error_returned_mm) == (pytest.approx(1 / 3), pytest.approx(1 / 3), 10)
+    assert (score.return_rate, score.missed, score.error_returned_mm) == (
+        pytest.approx(1 / 3),
+        pytest.approx(1 / 3),
+        10,
+    )
     assert score.error_mm == pytest.approx((10 + 30 + 2740) / 3)
     row = summarise_scores([score, score])
     assert row["missed"] == pytest.approx(1 / 3) and row["seeds"] == 2 and row["balls"] == 3
