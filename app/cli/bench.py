@@ -43,7 +43,7 @@ BENCHES = {
 """The module that measures each."""
 
 
-OPTIONS = ("count", "folder", "report", "chain", "balls", "speeds", "only", "soak")
+OPTIONS = ("count", "folder", "report", "chain", "balls", "speeds", "physics", "only", "soak")
 """That only some of them have."""
 
 
@@ -62,9 +62,12 @@ class BenchArguments:
         "what is measured is kept here (learning, perceived-prediction, drawn-scenes, paper-perception)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
-    chain: Literal["filter", "fit", "paper"] | None = flag("which chain plays (rally)", "filter|fit|paper", "all three")
+    chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
+        "which chain plays (rally)", "filter|fit|paper|auto|known", "the first three"
+    )
     balls: PositiveInt | None = flag("of each chain and speed (rally)", "N", 20)
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
+    physics: Literal["paper", "real"] | None = flag("of the balls (rally)", "paper|real", "paper")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag("a fault, or a job (faults)", "NAME", "all")
     json: bool = flag("print the figures as JSON")
