@@ -3,9 +3,9 @@
 Balls of one speed follow one another in a simulated world with two cameras of the `side` placement and the racket in
 their picture; the built-in controller plays. Chains: `filter` is the live rally's; `fit` has its detector, and gravity
 through twelve points; `paper` has nothing that the paper has not; on request `auto`, the filter with the detector
-`auto`, and `known`: no cameras, the controller is told at the launch exactly what will arrive. The world goes on in blocks of 10 ms and
-waits for the chain: that block is the delay of perception, and how busy the machine is changes no outcome. Seeds are
-fixed.
+`auto`, and `known`: no cameras, the controller is told at the launch exactly what will arrive. The world goes on in
+blocks of 10 ms and waits for the chain: that block is the delay of perception, and how busy the machine is changes no
+outcome. Seeds are fixed.
 """
 
 from __future__ import annotations
