@@ -33,6 +33,7 @@ BENCHES = {
     "paper-perception": "core.bench.perception.bench_paper_perception",
     "scenes": "core.bench.rally.bench_scenes",
     "learning": "core.bench.learning.bench_learning",
+    "state-errors": "core.bench.learning.bench_state_errors",
     "labels": "labels.bench_labels",
     "label-mode": "app.bench.bench_label_mode",
     "export": "app.bench.bench_export",
@@ -53,13 +54,14 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of each speed (perceived-prediction), flights (drawn-scenes, rivals), seeds (paper-perception), "
+        "balls of each speed (perceived-prediction, state-errors), flights (drawn-scenes, rivals), "
+        "seeds (paper-perception), "
         "damages of each kind of file (damage), seeds of both sides of every claim (learning), "
         "trials of each fault and job (faults)",
         "N",
     )
     folder: Path | None = flag(
-        "what is measured is kept here (learning, perceived-prediction, drawn-scenes, paper-perception)"
+        "what is measured is kept here (learning, state-errors, perceived-prediction, drawn-scenes, paper-perception)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(

@@ -87,6 +87,7 @@ def plan(counts: Counts) -> tuple[Experiment, ...]:
         *_rewards("slow-3", stages((3.0,), (600,)), SLOW),
         *_rewards("slow-4", stages((4.0,), (1000,)), SLOW),
         *_replay_rules(),
+        *_in_time(),
         *_landing_model(),
         *_variants(),
         *_rivals(),
@@ -116,6 +117,25 @@ def _replay_rules() -> list[Experiment]:
     steps = (800, 900)
     found = [Experiment(f"replay-{rule}", paper(stages((3.0, 5.0), steps, rule))) for rule in RULES]
     return [*found, Experiment("replay-scratch", paper(stages((5.0,), (1700,))))]
+
+
+def _in_time() -> list[Experiment]:
+    """The paper's rows with honest timing: points that err, the bounce detected, decided before the ball is there."""
+    environment = EnvironmentConfig(state_source="timed")
+    rows = {
+        "reward-3": stages((3.0,), (600,)),
+        "reward-4": stages((4.0,), (1000,)),
+    }
+    found = [
+        Experiment(f"timed-{name}-{kind}", paper(curriculum, environment=environment, reward=RewardConfig(kind=kind)))
+        for name, curriculum in rows.items()
+        for kind in REWARDS
+    ]
+    ladder = [
+        Experiment(f"timed-replay-{rule}", paper(stages((3.0, 5.0), (800, 900), rule), environment=environment))
+        for rule in RULES
+    ]
+    return [*found, *ladder]
 
 
 def _landing_model() -> list[Experiment]:

@@ -29,8 +29,8 @@ from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720
 from core.events import SensorSize
 from core.files import replace_file
-from core.physics.episode import Case
 from core.physics.config import Profile
+from core.physics.episode import Case
 from core.physics.task import STAGE_SPEEDS_MPS, task_profile
 from core.rally.chain.config import ChainConfig, published_chain
 from core.rally.chain.follow import true_positions
