@@ -1,8 +1,8 @@
 """Whether balls seen in closed form (`timed`) err at the decision as balls seen by event cameras do.
 
-Serves of seeds that no training and no evaluation has are watched by two event cameras and the chain until the stroke is
-decided; others, drawn alike, by `observe_in_time`. Compared are the errors of the state and of the time, by the distance
-of Kolmogorov and Smirnov. The points of the chain are kept, and their errors fitted: `point_errors.MEASURED` is such a
+Serves of seeds that no training and no evaluation has are watched by two event cameras and the chain until the stroke
+is decided; others, drawn alike, by `observe_in_time`. Compared are the errors of the state and of the time, by the
+distance of Kolmogorov and Smirnov. The points of the chain are kept, and their errors fitted: `point_errors.MEASURED` is such a
 fit. Half of the balls, the even ones, are for the fit, the others for the comparison.
 """
 
@@ -37,6 +37,8 @@ SPEEDS_MPS: Final = (3.0, 5.0, 9.0)
 PER_SPEED: Final = 1000
 """Half of them are compared: the distance of two equal samples of 500 exceeds 0.086 once in twenty times."""
 TIMED_BALLS: Final = 500
+FEWEST_FLIGHTS: Final = 10
+"""For a fit."""
 AIMED_AT: Final = 0.1
 NAMES: Final = ("y_mm", "z_mm", "vx_mmps", "vy_mmps", "vz_mmps", "t_ms")
 
@@ -63,8 +65,8 @@ def run(progress: Progress, *, folder: Path = FOLDER, count: int = PER_SPEED) ->
     rows = [compare(speed, balls) for speed, balls in watched.items()]
     tell_rows(progress, rows, 1.0)
     flights = [ball.flight for balls in watched.values() for ball in balls[::2] if len(ball.flight.t_s)]
-    fit = fit_point_errors(flights)
-    return {"rows": rows, "fit": as_values(fit), "machine": describe_machine("numpy", "numba")}
+    fit = fit_point_errors(flights) if len(flights) >= FEWEST_FLIGHTS else None
+    return {"rows": rows, "fit": None if fit is None else as_values(fit), "machine": describe_machine("numpy", "numba")}
 
 
 def compare(speed_mps: float, balls: list[WatchedBall]) -> dict[str, object]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from core.bench.learning.beyond import event_cameras, landing_model, timings, tried
 from core.bench.learning.charts import CHARTS, draw_learning_charts
-from core.bench.learning.contests import against_rivals, variants
+from core.bench.learning.contests import against_rivals, both_timings, variants
 from core.bench.learning.event_runs import PlayedSeed
 from core.bench.learning.plan import REWARDS, RULES, Counts, Experiment
 from core.bench.learning.runs import Results, values_at
@@ -73,6 +73,7 @@ def write_learning_report(
         _baselines(counts),
         _rewards(results),
         _replay(results),
+        both_timings(results),
         against_rivals(results),
         variants(results),
         landing_model(results),

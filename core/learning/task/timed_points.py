@@ -57,7 +57,7 @@ def observe_in_time(
     n = len(arrivals.t_s)
     timing = config.timing
     latest_s = float(np.nanmax(arrivals.t_s, initial=0.0))
-    t_s = 1e-3 * timing.first_seen_ms + 1e-3 * timing.window_ms * np.arange(
+    t_s: Array = 1e-3 * timing.first_seen_ms + 1e-3 * timing.window_ms * np.arange(
         max(0, int((latest_s - 1e-3 * timing.first_seen_ms) / (1e-3 * timing.window_ms)))
     )
     until_s = np.broadcast_to(t_s, (n, len(t_s)))

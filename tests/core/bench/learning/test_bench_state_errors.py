@@ -15,14 +15,14 @@ NOTHING = SeenFlight(np.empty(0), np.empty((0, 3)), np.empty((0, 3)), 0.3)
 
 
 def balls_of(shift: float) -> list[WatchedBall]:
-    timed = deliver(5.0, 400, EnvironmentConfig(state_source="timed"), np.random.default_rng(17))
+    timed = deliver(5.0, 200, EnvironmentConfig(state_source="timed"), np.random.default_rng(17))
     return [WatchedBall(NOTHING, one + shift) for one in errors_of(timed)]
 
 
 def test_balls_seen_alike_agree_and_others_do_not() -> None:
     same, other = compare(5.0, balls_of(0.0)), compare(5.0, balls_of(5.0))
     assert isinstance(same["worst"], float) and isinstance(same["by_chance"], float)
-    assert same["chain_balls"] == 200 and same["worst"] < 1.2 * same["by_chance"] < 0.2
+    assert same["chain_balls"] == 100 and same["worst"] < 1.2 * same["by_chance"] < 0.25
     assert isinstance(other["worst"], float) and other["worst"] > 0.5 and other["agrees"] is False
     assert {f"ks_{name}" for name in NAMES} <= same.keys()
 
