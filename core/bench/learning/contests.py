@@ -17,8 +17,8 @@ Paper: at 5 m/s at least 35.8 % better than each, at 4 m/s at least 55.5 %.
 TIMING_TITLE: Final = """## The paper's rows under both timings
 
 Left as above: exact positions, five of them after a bounce whose time is known, until the impact if need be. Right *in
-time* (`--state-source timed`): points err as those of event cameras, the bounce is detected, nothing counts that is seen
-after the decision 40 to 50 ms before the impact, and the racket has the limits of the event loop.
+time* (`--state-source timed`): points err as those of event cameras, the bounce is detected, nothing counts that is
+seen after the decision 40 to 50 ms before the impact, and the racket has the limits of the event loop.
 
 """
 VARIANTS: Final = {
