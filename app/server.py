@@ -11,11 +11,11 @@ from concurrent.futures import ThreadPoolExecutor
 import viser
 
 from app.front import Admission, FrontDoor
-from app.front.address import check_address
+from app.front.address import check_address, port_taken
 from app.modes.services import Services
 from app.preparation.steps import Preparation
 from app.session import Session
-from app.shared.files import clear_abandoned, incoming_folder
+from app.shared.files import incoming_folder
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
@@ -24,6 +24,7 @@ from core.detection import DetectorConfig, FastDetector, TrackState, trace_windo
 from core.detection.fast.cluster import grid_labels
 from core.errors import CommandError
 from core.events import Events, SensorSize, Window
+from core.files import clear_unfinished
 
 logger = logging.getLogger(__name__)
 TICK_S = 1 / 60
@@ -78,7 +79,7 @@ class App:
         self._loop = threading.Thread(target=self._run, name="rallyscope-loop", daemon=True)
         self._loop.start()
         self._pool.submit(_warm_up)
-        self._pool.submit(clear_abandoned, workspace)
+        self._pool.submit(clear_unfinished, workspace.recordings)
 
     @property
     def port(self) -> int:
@@ -178,7 +179,11 @@ def _start_server(host: str, port: int, admission: Admission | None) -> FrontDoo
         CommandError: if the address cannot be used, or other machines could connect without a token.
     """
     check_address(host, port)
-    return FrontDoor(host, port, admission or Admission.of_address(host, None))
+    front = FrontDoor(host, port, admission or Admission.of_address(host, None))
+    if port not in (0, front.server.get_port()):  # another was quicker
+        front.server.stop()
+        raise port_taken(host, port, "it was taken just now")
+    return front
 
 
 def _warm_up() -> None:

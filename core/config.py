@@ -20,7 +20,7 @@ from pathlib import Path
 
 import tomli_w
 
-from core.errors import ConfigError
+from core.errors import WRITE_REMEDY, ConfigError
 from core.files import replace_file
 from core.text.toml_text import parse_toml
 
@@ -89,9 +89,23 @@ def check_settings(config: object) -> None:
         elif typing.get_origin(kind) is typing.Literal and value not in typing.get_args(kind):
             choices = " | ".join(map(str, typing.get_args(kind)))
             raise ConfigError("not one of the choices", expected=choices, got=repr(value), where=where)
+        elif typing.get_origin(kind) is tuple:
+            _check_list(value, typing.get_args(kind)[0], where)
         bounds = item.metadata.get("bounds")
         if bounds is not None and not bounds.low <= value <= bounds.high:
             raise ConfigError("out of range", expected=f"{bounds.low:g} to {bounds.high:g}", got=value, where=where)
+
+
+def _check_list(values: object, kind: type, where: str) -> None:
+    """A file gives a list where a config holds a tuple."""
+    if not isinstance(values, (tuple, list)):
+        raise ConfigError("not a list", expected=f"[{kind.__name__}, ...]", got=repr(values), where=where)
+    allowed = (int, float) if kind is float else (kind,)
+    for value in values:
+        if isinstance(value, bool) is not (kind is bool) or not isinstance(value, allowed):
+            raise ConfigError("not a list of such values", expected=kind.__name__, got=repr(value), where=where)
+        if isinstance(value, (int, float)) and not _is_finite(value):
+            raise ConfigError("not a finite number", expected=kind.__name__, got=repr(value), where=where)
 
 
 def field_specs(config_type: type, *, prefix: tuple[str, ...] = ()) -> tuple[FieldSpec, ...]:
@@ -200,8 +214,7 @@ def save_config(config: object, path: Path) -> None:
     try:
         replace_file(path, tomli_w.dumps(config_to_mapping(config)).encode(), durable=True)
     except OSError as error:
-        remedy = "free some space, or choose a folder that can be written"
-        raise ConfigError("cannot write the config", got=error.strerror, where=path, remedy=remedy) from error
+        raise ConfigError("cannot write the config", got=error.strerror, where=path, remedy=WRITE_REMEDY) from error
 
 
 def _is_finite(value: float) -> bool:

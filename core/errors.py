@@ -6,6 +6,8 @@ from typing import Final
 
 from core.text.plain_text import plain
 
+WRITE_REMEDY: Final = "free some space, or choose a folder that can be written"
+"""What to do where a file cannot be written."""
 LONGEST_FACT: Final = 600
 """Characters of what was expected, or got, in a message."""
 LONGEST_PART: Final = 2000
@@ -74,6 +76,10 @@ class ConfigError(RallyscopeError):
 
 class CommandError(RallyscopeError):
     """A command line that asks for something impossible."""
+
+
+class JobsError(RallyscopeError):
+    """A cluster that cannot be used or is gone, or a piece of work whose workers keep dying."""
 
 
 class NotBuiltError(RallyscopeError):

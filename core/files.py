@@ -1,6 +1,7 @@
 """Files that others may look at, hold or be killed over: replaced in one step, locked, and children that end in time.
 
-After a kill there is the old file or the new one, never half of one. A lock goes with the process that holds it.
+After a kill there is the old file or the new one, never half of one. A lock goes with the process that holds it: by it,
+and by no clock, what a kill has left is told from what somebody still works on.
 """
 
 from __future__ import annotations
@@ -8,12 +9,12 @@ from __future__ import annotations
 import _thread
 import errno
 import fcntl
-import itertools
 import json
 import multiprocessing
 import os
-import re
+import shutil
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -27,11 +28,12 @@ PROBE_S: Final = 0.2
 """Who wants a lock waits as long: `is_held` has it for a moment, and that is no reason to give up."""
 GIVES_UP_AFTER_S: Final = 10.0
 """A child that was told of its parent's end has as long to tidy up."""
-ABANDONED_S: Final = 3600.0
-"""A partial file that is as old and whose writer is gone is taken away."""
-_PARTIAL: Final = re.compile(r"\.(\d{1,9})-\d+\.part$")
-_cleared: set[Path] = set()
-_numbers = itertools.count()
+PREFIX: Final = ".unfinished-"
+"""Of folders for what is not whole yet: hidden, and beside the place where it goes."""
+_LOCK: Final = ".lock"
+_ATTEMPTS: Final = 100
+_held: dict[Path, int] = {}
+"""The locks on the folders of this process."""
 
 
 @contextmanager
@@ -41,38 +43,85 @@ def replacing(path: Path, *, durable: bool, partial: Path | None = None) -> Iter
     The name is this writer's own, unless it is given: then what a kill has left is found, and written over, next time.
     `durable` waits until a power cut cannot undo it.
     """
-    partial = partial or path.with_name(f".{path.name}.{os.getpid()}-{next(_numbers)}.part")
+    folder: Path | None = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _clear_abandoned(path.parent)
+        if partial is None:
+            folder = begin_unfinished(path.parent)
+            partial = folder / path.name
         yield partial
         put_in_place(partial, path, durable=durable)
     except BaseException:
         with suppress(OSError):  # the folder itself may be a file
-            partial.unlink(missing_ok=True)
+            if partial is not None:
+                partial.unlink(missing_ok=True)
         raise
+    finally:
+        if folder is not None:
+            end_unfinished(folder)
 
 
-def _clear_abandoned(folder: Path) -> None:
-    """Take away, once for each folder, what writers that were killed have left there long ago."""
-    if folder in _cleared:
-        return
-    _cleared.add(folder)
-    for path in folder.glob(".*.part"):
-        process = _PARTIAL.search(path.name)
+def begin_unfinished(parent: Path) -> Path:
+    """A new, empty folder in `parent`, this process's own until `end_unfinished`; what kills have left there goes.
+
+    Raises:
+        OSError: if none can be made.
+    """
+    clear_unfinished(parent)
+    for _ in range(_ATTEMPTS):
+        folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=parent))
+        lock = _lock_in(folder)
+        if lock is not None:
+            _held[folder] = lock
+            return folder
+    raise OSError(errno.EAGAIN, "others take every new folder away", str(parent))
+
+
+def end_unfinished(folder: Path) -> None:
+    """Take such a folder away, with all that is still in it."""
+    shutil.rmtree(folder, ignore_errors=True)
+    lock = _held.pop(folder, None)
+    if lock is not None:
+        os.close(lock)
+
+
+def clear_unfinished(parent: Path) -> None:
+    """Take away what processes that were killed have left in `parent`: the folders that nobody holds."""
+    for folder in parent.glob(f"{PREFIX}*"):
         with suppress(OSError):
-            if process and not _is_running(int(process[1])) and time.time() - path.stat().st_mtime > ABANDONED_S:
-                path.unlink()
+            try:
+                lock = os.open(folder / _LOCK, os.O_RDWR)
+            except FileNotFoundError:  # killed before there was one, or just being made: its maker makes another
+                folder.rmdir()
+                continue
+            try:
+                lock_descriptor(lock)
+                shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(lock)
 
 
-def _is_running(process: int) -> bool:
+def _lock_in(folder: Path) -> int | None:
+    """The lock on a new folder; None if another process took it for one that was left."""
     try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        return True
-    return True
+        lock = os.open(folder / _LOCK, os.O_CREAT | os.O_RDWR, 0o600)
+    except FileNotFoundError:
+        return None
+    except OSError:
+        with suppress(OSError):
+            folder.rmdir()
+        raise
+    try:
+        lock_descriptor(lock)
+    except BlockingIOError:
+        os.close(lock)
+        return None
+    except OSError:  # a file system without locks: there nobody takes anything away
+        return lock
+    if (folder / _LOCK).exists():
+        return lock
+    os.close(lock)
+    return None
 
 
 def put_in_place(partial: Path, path: Path, *, durable: bool) -> None:
@@ -82,6 +131,25 @@ def put_in_place(partial: Path, path: Path, *, durable: bool) -> None:
     os.replace(partial, path)
     if durable:
         sync(path.parent)
+
+
+def put_beside(source: Path, target: Path) -> None:
+    """Give a file its final name on the same disk, so that a power cut cannot undo it.
+
+    Raises:
+        FileExistsError: if there is a file of that name; it stays as it is.
+    """
+    sync(source)
+    try:
+        os.link(source, target)
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links
+        target.open("xb").close()
+        put_in_place(source, target, durable=True)
+        return
+    sync(target.parent)
+    source.unlink()
 
 
 def sync(path: Path) -> None:

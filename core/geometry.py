@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -31,6 +33,10 @@ def transform_points(T_a_b: ArrayLike, ps_b: ArrayLike) -> Array:
     return np.asarray(ps_b, np.float64) @ T[:3, :3].T + T[:3, 3]
 
 
+FARTHEST_M: Final = 1e9
+"""Nothing is farther away; sums of powers of it stay far from what a number can hold."""
+
+
 def check_transform(T: ArrayLike, *, where: str) -> Array:
     """`T` as a float64 (4, 4) array if it is rigid.
 
@@ -38,8 +44,10 @@ def check_transform(T: ArrayLike, *, where: str) -> Array:
         CalibrationError: if the shape, the last row or the orthonormality is wrong.
     """
     T = np.asarray(T, np.float64)
-    if T.shape != (4, 4) or not np.isfinite(T).all():
-        raise CalibrationError("not a transform", expected="a finite (4, 4) matrix", got=T.shape, where=where)
+    if T.shape != (4, 4) or not np.isfinite(T).all() or np.abs(T).max() > FARTHEST_M:
+        raise CalibrationError(
+            "not a transform", expected=f"a (4, 4) matrix of numbers up to {FARTHEST_M:g}", got=T.shape, where=where
+        )
     R = T[:3, :3]
     rigid = np.abs(R).max() < 2 and np.allclose(R @ R.T, np.eye(3), atol=1e-6) and np.linalg.det(R) > 0
     if not rigid or not np.allclose(T[3], (0, 0, 0, 1)):

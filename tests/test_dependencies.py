@@ -21,6 +21,7 @@ EXTRAS_OF: Final = {
     "app/bench/": ("bench", "dev"),
     "app/export/onnx_actor.py": ("onnx",),
     "core/bench/": ("bench",),
+    "core/jobs/cluster.py": ("cluster",),
     "core/learning/runs/sb3_baselines.py": ("baselines",),
     "core/tuning/search.py": ("tune",),
 }

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Final
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+from urllib.parse import urlencode
 
 import msgspec.msgpack
 import zstandard
@@ -12,6 +14,7 @@ from viser._messages import CommandTriggerMessage, GuiUpdateMessage, Message, Vi
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
+from app.front.door import BROWSER_COOKIE
 from app.server import App
 from app.session import Session
 
@@ -23,9 +26,14 @@ QUIET_S: Final = 0.6
 class BareBrowser:
     """Connected as soon as it is made."""
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, *, cookie: str = "", link: str = "") -> None:
+        """`cookie` is what it is known by when it comes again, `link` that of the address it opens."""
         self._socket: ClientConnection = connect(
-            f"ws://127.0.0.1:{port}", subprotocols=[Subprotocol(PROTOCOL)], max_size=None, compression=None
+            f"ws://127.0.0.1:{port}/?{urlencode({'link': link})}",
+            subprotocols=[Subprotocol(PROTOCOL)],
+            max_size=None,
+            compression=None,
+            additional_headers={"Cookie": f"{BROWSER_COOKIE}={cookie}"} if cookie else None,
         )
         self.pictures = 0
         """Large pictures that have arrived."""
@@ -50,20 +58,14 @@ class BareBrowser:
 
     def wait_session(self, lab: App, timeout_s: float = 60.0) -> Session:
         """The app's session of this client, with its recording open."""
-        deadline = time.monotonic() + timeout_s
-        while not (lab.sessions and lab.sessions[0].state is not None):
-            if time.monotonic() > deadline:
-                raise TimeoutError("the app did not take this client")
-            time.sleep(0.02)
+        self.wait_until(
+            lambda: lab.sessions and lab.sessions[0].state is not None, "the app to take this client", timeout_s
+        )
         return lab.sessions[0]
 
     def trigger(self, command: str, timeout_s: float = 30.0) -> None:
         """Press the key of a command, named as in the palette."""
-        deadline = time.monotonic() + timeout_s
-        while command not in self._commands:
-            if time.monotonic() > deadline:
-                raise TimeoutError(f"no command {command!r}; there is {sorted(self._commands)}")
-            time.sleep(0.02)
+        self.wait_until(lambda: command in self._commands, f"a command {command!r}", timeout_s)
         self._send(CommandTriggerMessage(self._commands[command]))
 
     def set_value(self, control: str, value: object) -> None:
@@ -78,12 +80,20 @@ class BareBrowser:
 
     def wait_quiet(self, timeout_s: float = 60.0) -> None:
         """Until nothing has arrived for a while: the neighbours are ready, too."""
-        deadline = time.monotonic() + timeout_s
         time.sleep(QUIET_S)
-        while time.monotonic() - self._last_s < QUIET_S:
+        self.wait_until(lambda: time.monotonic() - self._last_s >= QUIET_S, "messages to cease", timeout_s)
+
+    def wait_until(self, condition: Callable[[], object], what: str, timeout_s: float) -> None:
+        """Until the condition holds.
+
+        Raises:
+            TimeoutError: if it does not in time.
+        """
+        deadline = time.monotonic() + timeout_s
+        while not condition():
             if time.monotonic() > deadline:
-                raise TimeoutError("messages never ceased to arrive")
-            time.sleep(0.05)
+                raise TimeoutError(f"waited {timeout_s:g} s for {what}")
+            time.sleep(0.02)
 
     def close(self) -> None:
         """Leave the page and end its connection."""
@@ -103,7 +113,7 @@ class BareBrowser:
             for message in content["messages"]:
                 self._take(message)
 
-    def _take(self, message: dict) -> None:
+    def _take(self, message: Mapping[str, Any]) -> None:
         if message["type"] == "RegisterCommandMessage":
             self._commands[message["props"]["label"]] = message["uuid"]
         elif message.get("name") == LARGE_PICTURE and "_data" in message.get("updates", {}):

@@ -1,9 +1,9 @@
 """Faults while a job writes: what was acknowledged is there, the ending is one clear line, the next start works.
 
 Jobs are recording, import, labelling, training, export, data set and tune; faults a kill (SIGKILL), a disk that is
-full, a device that fails, a folder that cannot be written, a process that stops for a while (SIGSTOP), and a power cut.
-A kill, a stop and a failure come at random moments. A power cut is not made: it is counted what was not synced at the
-end.
+full, a device that fails, a folder that cannot be written, a process that stops for a while (SIGSTOP), a wall clock
+that is stepped by an hour, a worker that is killed as for its memory, and a power cut. All but the folder come at
+random moments. A power cut is not made: it is counted what was not synced at the end.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ COUNT: Final = 100
 SEED: Final = 16
 ONCE: Final = ("read-only folder", "power cut")
 """Nothing about them is random."""
+IN_PARALLEL: Final = ("killed", "worker killed")
+"""Of work in several processes; the other faults are tried on the same work in one."""
 PAUSE_S: Final = 60.0
 STOPS: Final = 1
 
@@ -56,6 +58,7 @@ def choose_pairs(only: str | None) -> list[tuple[str, FaultName]]:
         for name, job in JOBS.items()
         for fault in get_args(FaultName)
         if not (job.sqlite and fault in ("device error", "power cut"))
+        and (fault in IN_PARALLEL if job.workers else fault != "worker killed")
     ]
     if only is None:
         return pairs

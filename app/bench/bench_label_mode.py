@@ -2,7 +2,8 @@
 
 The first two are measured over the real connection by a bare client that draws nothing: from the message of the key to
 the arrival of the large picture, loading of the server included, drawing by a browser excluded. The scripted user works
-in a real browser and thinks for no time: its rates are bounds of the program, not of people.
+in a real browser and thinks for no time: its rates are bounds of the program, not of people. Every key is pressed in a
+store of 200,000 labels, too.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from app.bench.bare_browser import BareBrowser
+from app.bench.many_labels import many_label_rows
 from app.bench.trial_user import UserResult, find_chromium, label_with_browser
 from app.server import App
 from app.shared.library import Library
@@ -46,6 +48,8 @@ def run(progress: Callable[[float], None]) -> dict[str, object]:
         for camera_zoom in ("Whole picture", "Zoom 10x"):
             rows += measure_keys(workspace, camera_zoom, STEPS, HELD_S)
             progress(0.2 + 0.1 * len(rows) / 3)
+        (Path(folder) / "many").mkdir()
+        rows += many_label_rows(Path(folder) / "many")
         if find_chromium() is None:
             rows.append(goal_row("scripted user", float("nan"), 60, "decisions/min", note="no Chromium here"))
         else:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from app.cli.arguments import Numbers, PositiveFloat, PositiveInt, flag, given, positional
+from app.cli.engine_arguments import EngineArguments
 from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.cli.tables import format_row, format_table
@@ -34,10 +35,12 @@ BENCHES = {
     "scenes": "core.bench.rally.bench_scenes",
     "learning": "core.bench.learning.bench_learning",
     "state-errors": "core.bench.learning.bench_state_errors",
+    "jobs": "core.bench.jobs.bench_jobs",
     "labels": "labels.bench_labels",
     "label-mode": "app.bench.bench_label_mode",
     "export": "app.bench.bench_export",
     "app": "app.bench.bench_app",
+    "long": "app.bench.bench_long",
     "damage": "app.bench.bench_damage",
     "faults": "app.bench.bench_faults",
 }
@@ -55,9 +58,8 @@ class BenchArguments:
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
         "balls of each speed (perceived-prediction, state-errors), flights (drawn-scenes, rivals), "
-        "seeds (paper-perception), "
-        "damages of each kind of file (damage), seeds of both sides of every claim (learning), "
-        "trials of each fault and job (faults)",
+        "seeds (paper-perception), seeds of both sides of every claim (learning), "
+        "damages of each kind of file (damage), trials of each fault and job (faults), events (long), pieces (jobs)",
         "N",
     )
     folder: Path | None = flag(
@@ -72,6 +74,7 @@ class BenchArguments:
     physics: Literal["paper", "real"] | None = flag("of the balls (rally)", "paper|real", "paper")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag("a fault, or a job (faults)", "NAME", "all")
+    engine: EngineArguments
     json: bool = flag("print the figures as JSON")
 
 
@@ -82,9 +85,13 @@ def run(arguments: BenchArguments) -> None:
         built = ", ".join(name for name in BENCHES if find_bench(name))
         raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
     measure: Callable[..., dict[str, object]] = importlib.import_module(module).run
-    options = given({name: getattr(arguments, name) for name in OPTIONS})
-    for name in options.keys() - inspect.signature(measure).parameters.keys():
+    options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
+    taken = inspect.signature(measure).parameters.keys()
+    asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
+    for name in [*(options.keys() - taken), *([] if "engine" in taken else asked)]:
         raise CommandError(f"`bench {arguments.name}` has no such option", got=f"--{name}")
+    if asked:
+        options["engine"] = arguments.engine.engine()
     silence_viser()
     with progress_bar(f"Measuring {arguments.name}") as progress:
         report = measure(_RowsAsTheyCome(progress), **options)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import closing
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,13 +10,15 @@ import numpy as np
 
 from app.cli.arguments import flag, given, positional
 from app.cli.detector_arguments import AnyMethodArguments
-from app.cli.files import check_folder, write_csv
-from app.cli.progress import progress_bar
+from app.cli.engine_arguments import SharedEngineArguments
+from app.cli.files import csv_text
+from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
-from core.detection import RefinedDetection, make_detector
-from core.detection.methods import FRAME_METHODS
+from core.detection import DetectorConfig, RefinedDetection, make_detector
+from core.detection.methods import FRAME_METHODS, Method
 from core.detection.refined.sensor_delay import estimate_delay
 from core.errors import CommandError
+from core.jobs import PieceControl
 from core.metrics import WindowAnswers, run_detector, score_answers
 from core.metrics.run import run_on_frames
 from core.recordings import CameraStream, PixelTruth, Recording, open_recording
@@ -27,71 +28,82 @@ from core.recordings.reader import FileRecording
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectArguments:
-    """Find the ball in every window of one camera, or in every picture."""
+    """Find the ball in every window of one camera, or in every picture, of one recording or of several."""
 
-    recording: Path = positional("a recording or an event file", "REC")
+    recordings: tuple[Path, ...] = positional("recordings or event files", "REC")
     camera: str | None = flag("which camera; needed if there are several", "NAME")
     detector: AnyMethodArguments
-    out: Path = flag("columns t_us,u_px,v_px,r_px", "CSV")
+    out: Path = flag("columns t_us,u_px,v_px,r_px; of several recordings a folder with a CSV of each", "CSV|DIR")
+    engine: SharedEngineArguments
     json: bool = flag("print a summary as JSON")
 
 
 def run(arguments: DetectArguments) -> None:
     """Detect, write, and say what came out."""
-    on_frames = arguments.detector.method in FRAME_METHODS
-    find = _find_in_frames if on_frames else _find_in_events
-    check_folder(arguments.out)
-    with closing(open_recording(arguments.recording)) as recording:
-        found = find(arguments, recording)
-        write_detections(arguments.out, found.answers)
-        summary = _summarise(arguments, found)
-    if arguments.json:
-        say(json.dumps(summary))
-        return
-    score, what = summary["score"], "pictures" if on_frames else "windows"
-    say(f"{summary['detections']} detections in {summary['windows']} {what} of {found.window_us} us: {arguments.out}")
+    find = _find_in_frames if arguments.detector.method in FRAME_METHODS else _find_in_events
+    work = find(arguments)
+    tabulate(arguments.recordings, arguments.out, work, arguments.engine, "Detecting", arguments.json, _say)
+
+
+def _say(summary: Summary) -> None:
+    score, what = summary["score"], "pictures" if summary["method"] in FRAME_METHODS else "windows"
+    found = f"{summary['detections']} detections in {summary['windows']} {what} of {summary['window_us']} us"
+    say(f"{found}: {summary['out']}")
     if isinstance(score, dict):
         say(f"precision {score['precision']}, recall {score['recall']}, median error {score['median_error_px']} px")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Found:
-    camera: str
-    truth: PixelTruth | None
-    answers: WindowAnswers
-    window_us: int
-    """Of a picture its exposure."""
-
-
-def _find_in_events(arguments: DetectArguments, recording: FileRecording) -> _Found:
-    """The answers to all windows."""
+def _find_in_events(arguments: DetectArguments) -> DetectInEvents:
     method, config, window_us = arguments.detector.settings()
-    stream = choose_camera(recording, arguments.camera)
-    detector = make_detector(method, stream.sensor, config)
-    with progress_bar("Detecting") as progress:
-        answers = run_detector(stream, detector, window_us, progress=progress)
-    return _Found(stream.name, stream.truth, answers, window_us)
+    return DetectInEvents(arguments.camera, method, config, window_us)
 
 
-def _find_in_frames(arguments: DetectArguments, recording: FileRecording) -> _Found:
-    """The answers to all pictures.
-
-    Raises:
-        CommandError: if there are none, or for a flag that is of windows of events.
-    """
+def _find_in_frames(arguments: DetectArguments) -> DetectInFrames:
+    """Raises CommandError for a flag that is of windows of events."""
     asked = arguments.detector
     for name, value in given({"config": asked.config, "window-us": asked.window_us}).items():
         remedy = "leave it out: all settings of yolo are in its weights, and a picture is a window"
         raise CommandError(f"{asked.method} has no such setting", got=value, where=f"--{name}", remedy=remedy)
-    name, frames = choose_pictures(recording, arguments.camera)
-    from core.detection.yolo.detector import YoloDetector  # late: torch takes a second, a mistake should not
-    from core.detection.yolo.weights import load_weights
+    return DetectInFrames(arguments.camera, asked.method, asked.weights and asked.weights.absolute())
 
-    detector = YoloDetector(load_weights(asked.weights))
-    with progress_bar("Detecting") as progress:
-        answers = run_on_frames(frames, detector, progress=progress)
-    truth = recording.cameras[name].truth if name in recording.cameras else None
-    return _Found(name, truth, answers, int(np.median(frames.exposure_us)))
+
+@dataclass(frozen=True, slots=True)
+class DetectInEvents:
+    """The table and the summary of a recording, from all windows of a camera."""
+
+    camera: str | None
+    method: Method
+    config: DetectorConfig
+    window_us: int
+
+    def __call__(self, path: Path, control: PieceControl) -> RecordingTable:
+        """Detect."""
+        with closing(open_recording(path)) as recording:
+            stream = choose_camera(recording, self.camera)
+            detector = make_detector(self.method, stream.sensor, self.config)
+            answers = run_detector(stream, detector, self.window_us, progress=control)
+            return _table(stream.name, self.method, self.window_us, answers, stream.truth)
+
+
+@dataclass(frozen=True, slots=True)
+class DetectInFrames:
+    """The same from all pictures of a camera."""
+
+    camera: str | None
+    method: str
+    weights: Path | None
+
+    def __call__(self, path: Path, control: PieceControl) -> RecordingTable:
+        """Detect; raises CommandError if there are no pictures."""
+        with closing(open_recording(path)) as recording:
+            name, frames = choose_pictures(recording, self.camera)
+            from core.detection.yolo.detector import YoloDetector  # late: torch takes a second, a mistake should not
+            from core.detection.yolo.weights import load_weights
+
+            detector = YoloDetector(load_weights(self.weights))
+            answers = run_on_frames(frames, detector, progress=control)
+            truth = recording.cameras[name].truth if name in recording.cameras else None
+            return _table(name, self.method, int(np.median(frames.exposure_us)), answers, truth)
 
 
 def choose_pictures(recording: FileRecording, name: str | None) -> tuple[str, FrameStream]:
@@ -128,35 +140,32 @@ def choose_camera(recording: Recording, name: str | None) -> CameraStream:
     return recording.cameras[name]
 
 
-def write_detections(path: Path, answers: WindowAnswers) -> None:
+def _table(
+    camera: str, method: str, window_us: int, answers: WindowAnswers, truth: PixelTruth | None
+) -> RecordingTable:
     """A row per detection; no row for a window without a ball."""
     rows = []
     for row in np.flatnonzero(answers.detected):
         place = (answers.u_px[row], answers.v_px[row], answers.r_px[row])
         rows.append([answers.t_us[row], *(f"{value:.4f}" for value in place)])
-    write_csv(path, ("t_us", "u_px", "v_px", "r_px"), rows)
-
-
-def _summarise(arguments: DetectArguments, found: _Found) -> dict[str, object]:
-    score, answers = None, found.answers
-    if found.truth is not None:
-        numbers = asdict(score_answers(answers, found.truth))
+    score = None
+    if truth is not None:
+        numbers = asdict(score_answers(answers, truth))
         score = {name: None if number != number else round(number, 4) for name, number in numbers.items()}
-    return {
-        "recording": str(arguments.recording),
-        "camera": found.camera,
-        "method": arguments.detector.method,
-        "window_us": found.window_us,
+    summary: Summary = {
+        "camera": camera,
+        "method": method,
+        "window_us": window_us,
         "windows": len(answers.end_us),
         "detections": int(answers.detected.sum()),
         "extra_circles": int(answers.extra_circles.sum()),
         "score": score,
-        "out": str(arguments.out),
         **_motion([one for one in answers.detections if isinstance(one, RefinedDetection)]),
     }
+    return RecordingTable(csv_text(("t_us", "u_px", "v_px", "r_px"), rows), summary)
 
 
-def _motion(balls: list[RefinedDetection]) -> dict[str, object]:
+def _motion(balls: list[RefinedDetection]) -> Summary:
     """What `refined` says beside the columns of the file, in its order, and of the sensor."""
     if not balls:
         return {}

@@ -31,7 +31,7 @@ def run(arguments: SimulateArguments) -> None:
     if arguments.data_set.asked:
         run_data_sets(arguments)
         return
-    refuse_data_set_arguments(arguments.data_set)
+    refuse_data_set_arguments(arguments.data_set, arguments.engine)
     with progress_bar(f"Simulating {arguments.out.name}") as progress:
         made = _simulate(arguments, progress)
     say(json.dumps({**asdict(made), "path": str(made.path)}) if arguments.json else _describe(made))

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 from app.cli.arguments import Names, Numbers, PositiveInt, flag, given, setting_flag
 from app.cli.cameras import Sensor
+from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.scenes import SceneArguments
 from core.cameras.presets import PLACEMENTS, SENSOR_720
 from core.errors import CommandError
@@ -32,7 +33,6 @@ class DataSetArguments:
     scenes: Names | None = flag("every speed in each", "SCENE,SCENE...", "ball")
     recordings_per: PositiveInt | None = flag("of every scene and speed", "N", 1)
     preset: str | None = flag("a data set with a name, instead of lists", "|".join(PRESETS))
-    jobs: PositiveInt | None = flag("recordings made at a time", "N", "one per core")
 
     @property
     def asked(self) -> bool:
@@ -61,6 +61,7 @@ class SimulateArguments:
     force: bool = flag("replace what is there")
     json: bool = flag("print what was made as JSON")
     data_set: DataSetArguments
+    engine: SharedEngineArguments
 
     def frames(self) -> FrameConfig | None:
         """The pictures that were asked for, if any.

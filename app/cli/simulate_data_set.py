@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping
 
 from app.cli.arguments import given
+from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.progress import progress_bar
 from app.cli.simulate_arguments import SERVES, DataSetArguments, SimulateArguments
 from app.cli.terminal import say
@@ -16,13 +17,13 @@ from core.rally.data_sets import CARD, PRESETS, DataSetPlan, DataSetRun, plan_da
 from core.rally.data_sets.plan import PAPER_SPEEDS_MPS, Making
 
 
-def refuse_data_set_arguments(asked: DataSetArguments) -> None:
+def refuse_data_set_arguments(asked: DataSetArguments, engine: SharedEngineArguments) -> None:
     """For a single recording.
 
     Raises:
         CommandError: if there are arguments that make sense for data sets only.
     """
-    only = {"recordings-per": asked.recordings_per, "jobs": asked.jobs}
+    only = {"recordings-per": asked.recordings_per, "jobs": engine.jobs, "cluster": engine.cluster}
     _refuse(only, "goes with --speeds, --scenes or --preset")
 
 
@@ -32,9 +33,9 @@ def run_data_sets(arguments: SimulateArguments) -> None:
     _refuse(single, "is of a single recording; a data set takes --speeds and --scenes")
     if arguments.out.exists() and not arguments.out.is_dir():
         raise CommandError("a data set is a folder", got="a file", where=arguments.out)
-    plan, jobs = _plan(arguments), arguments.data_set.jobs
+    plan, engine = _plan(arguments), arguments.engine.engine()
     with progress_bar(f"Simulating {len(plan.recordings)} recordings") as progress:
-        done = run_data_set(plan, arguments.out, jobs=jobs, overwrite=arguments.force, progress=progress)
+        done = run_data_set(plan, arguments.out, engine=engine, overwrite=arguments.force, progress=progress)
     report = {"folder": str(done.folder), "made": done.made, "kept": done.kept, "total": done.manifest["total"]}
     say(json.dumps(report) if arguments.json else _describe(done))
 

@@ -14,6 +14,7 @@ from app.cli.arguments import DATA, Names, PositiveInt, flag, positional, settin
 from app.cli.detect import choose_camera
 from app.cli.detector_arguments import MethodArguments
 from app.cli.ending import end_event
+from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.files import check_folder
 from app.cli.labels import read_layers
 from app.cli.progress import progress_bar
@@ -21,7 +22,7 @@ from app.cli.tables import format_table, json_ready
 from app.cli.terminal import say
 from core.config import save_config
 from core.errors import CommandError, ConfigError
-from core.files import end_with_parent, usable_cores
+from core.files import end_with_parent
 from core.recordings import Recording, open_recording
 from core.tuning import (
     Objective,
@@ -58,7 +59,7 @@ class TuneArguments:
     )
     trials: PositiveInt = setting_flag(TuningConfig, "trials", "N")
     seed: int = setting_flag(TuningConfig, "seed", "N")
-    jobs: PositiveInt | None = flag("trials scored at a time; the answer does not depend on it", "N", "one per core")
+    engine: SharedEngineArguments
     out: Path = flag("the config that was found, for --config of the verbs that detect", "FILE.toml")
     until_eof: bool = flag("end when standard input ends, as a child process should, and say each batch in a line")
     json: bool = flag("print what was found as JSON")
@@ -69,6 +70,7 @@ def run(arguments: TuneArguments) -> None:
     check_folder(arguments.out)
     method, start = arguments.detector.method, arguments.detector.settings()
     config = TuningConfig(trials=arguments.trials, seed=arguments.seed)
+    engine = arguments.engine.engine()
     parameters = choose_parameters(method, start, arguments.parameters)
     if arguments.until_eof:
         give_way()
@@ -86,7 +88,7 @@ def run(arguments: TuneArguments) -> None:
             start,
             parameters,
             config,
-            jobs=arguments.jobs or usable_cores(),
+            engine=engine,
             progress=progress,
             cancelled=ended.is_set,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -14,7 +15,8 @@ from app.background.jobs import Job
 from app.export.unfinished import Cancelled, ExportCancelledError, Progress
 from app.shared.workspace import Workspace, slug_from
 from app.words.file_size import size_text
-from core.errors import CommandError, RallyscopeError
+from core.errors import WRITE_REMEDY, CommandError, RallyscopeError
+from core.files import lock_descriptor
 
 logger = logging.getLogger(__name__)
 CLOSE_WITHIN_S: Final = 5.0
@@ -73,10 +75,18 @@ class Exporter:
         with self._lock:
             if self._job is not None and self._job.running:
                 raise CommandError("another export runs", got=self._name, remedy="wait for it, or cancel it")
+            claim = _claim(self._workspace)
             self._name = self._free_name(stem, suffix)
             path = self._workspace.exports / self._name
             self._started_s, self._ended_s, self._message, self._failed = time.monotonic(), 0.0, "", False
-            self._job = Job(lambda progress, cancelled: work(path, progress, cancelled), self._done, self._went_wrong)
+
+            def run(progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
+                try:
+                    return work(path, progress, cancelled)
+                finally:
+                    os.close(claim)
+
+            self._job = Job(run, self._done, self._went_wrong)
             return self._name
 
     def cancel(self) -> None:
@@ -138,3 +148,25 @@ class Exporter:
             logger.error("an export failed", exc_info=error)
         self._failed, self._ended_s = True, time.monotonic()
         self._message = str(error) or "it could not be made; the log says why"
+
+
+def _claim(workspace: Workspace) -> int:
+    """Of all servers on a folder one exports at a time, so that no two take the same name.
+
+    Raises:
+        CommandError: if another does, or the folder cannot be written.
+    """
+    folder = workspace.exports
+    try:
+        claim = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise CommandError("cannot export", got=error.strerror, where=folder, remedy=WRITE_REMEDY) from error
+    try:
+        lock_descriptor(claim)
+    except BlockingIOError as error:
+        os.close(claim)
+        remedy = "wait for it, or cancel it there"
+        raise CommandError("another server on this folder exports", where=folder, remedy=remedy) from error
+    except OSError:  # a file system without locks
+        pass
+    return claim

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
 
-from core.errors import CommandError
-from core.files import lock_descriptor, put_in_place
+from core.errors import WRITE_REMEDY, CommandError
+from core.files import begin_unfinished, end_unfinished, put_beside, put_in_place
 
-PREFIX: Final = ".unfinished-"
 Progress = Callable[[float], None]
 Cancelled = Callable[[], bool]
 
@@ -48,39 +43,30 @@ def unfinished_folder(folder: Path, names: list[str], *, overwrite: bool) -> Ite
     """
     there = [name for name in names if (folder / name).exists()]
     if there and not overwrite:
-        raise CommandError("exists already", where=folder / there[0], remedy="take another name, or --force")
+        raise _is_there(folder / there[0])
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _clear_abandoned(folder)
-        temporary = Path(tempfile.mkdtemp(prefix=PREFIX, dir=folder))
-        held = os.open(temporary, os.O_RDONLY)
+        temporary = begin_unfinished(folder)
     except OSError as error:
         raise _not_written(folder, error) from error
     try:
-        lock_descriptor(held)
         yield temporary
         for name in names:
-            put_in_place(temporary / name, folder / name, durable=True)
+            if overwrite:
+                put_in_place(temporary / name, folder / name, durable=True)
+            else:
+                put_beside(temporary / name, folder / name)
+    except FileExistsError as error:  # another made it meanwhile
+        raise _is_there(Path(str(error.filename2 or folder))) from error
     except OSError as error:
         raise _not_written(folder, error) from error
     finally:
-        os.close(held)
-        with suppress(OSError):
-            shutil.rmtree(temporary)
+        end_unfinished(temporary)
+
+
+def _is_there(path: Path) -> CommandError:
+    return CommandError("exists already", where=path, remedy="take another name, or --force")
 
 
 def _not_written(folder: Path, error: OSError) -> CommandError:
-    remedy = "free some space, or choose a folder that can be written"
-    return CommandError(f"cannot write: {error.strerror or error}", where=folder, remedy=remedy)
-
-
-def _clear_abandoned(folder: Path) -> None:
-    """Take away what killed processes have left: the lock on a folder goes with its process."""
-    for path in folder.glob(f"{PREFIX}*"):
-        with suppress(OSError):
-            held = os.open(path, os.O_RDONLY)
-            try:
-                lock_descriptor(held)
-                shutil.rmtree(path, ignore_errors=True)
-            finally:
-                os.close(held)
+    return CommandError(f"cannot write: {error.strerror or error}", where=folder, remedy=WRITE_REMEDY)

@@ -18,5 +18,10 @@ def check_address(host: str, port: int) -> None:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind((host, port))
     except (OSError, OverflowError) as error:
-        remedy = "it may run there already: open it in a browser, or choose another with --port or --host"
-        raise CommandError(f"cannot listen on {host}:{port}", got=str(error), remedy=remedy) from error
+        raise port_taken(host, port, str(error)) from error
+
+
+def port_taken(host: str, port: int, reason: str) -> CommandError:
+    """The one line for an address that cannot be listened on."""
+    remedy = "it may run there already: open it in a browser, or choose another with --port or --host"
+    return CommandError(f"cannot listen on {host}:{port}", got=reason, remedy=remedy)

@@ -21,6 +21,7 @@ from typing import Final
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
+from core.files import end_unfinished
 from core.text.json_text import parse_json
 
 logger = logging.getLogger(__name__)
@@ -117,7 +118,7 @@ class Uploads:
                 raise RefusedUpload("The page is gone.")
             take(path)
         except BaseException:
-            shutil.rmtree(folder, ignore_errors=True)
+            end_unfinished(folder)
             raise
 
     async def _next(self, connection: ServerConnection) -> str | bytes:
@@ -145,7 +146,7 @@ class Uploads:
         assert self.new_folder is not None
         folder = self.new_folder()
         if shutil.disk_usage(folder).free < size_bytes + KEPT_FREE_BYTES:
-            folder.rmdir()
+            end_unfinished(folder)
             raise RefusedUpload("The server's disk is too full for it.")
         return folder
 

@@ -7,15 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from app.shared.workspace import Workspace
 from core.errors import RecordingError
-from core.events import Health, assess_health
+from core.events import Health, assess_health, sample_spans
 from core.recordings import Recording, import_recording, open_recording
 
-HEALTH_SAMPLES = 40
-HEALTH_SAMPLE_US = 20_000
 EVENT_FILES: Final = {
     ".raw": "Prophesee RAW",
     ".dat": "Prophesee DAT",
@@ -111,9 +107,7 @@ class Library:
         if key not in self._health:
             recording = self.open(name)
             stream = recording.cameras[camera]
-            last_start_us = max(0, recording.duration_us - HEALTH_SAMPLE_US)
-            starts_us = np.unique(np.linspace(0, last_start_us, HEALTH_SAMPLES).astype(np.int64))
-            samples = (stream.slice(int(start), int(start) + HEALTH_SAMPLE_US) for start in starts_us)
+            samples = (stream.slice(*span) for span in sample_spans(recording.duration_us))
             self._health[key] = assess_health(stream.counts_per_ms(), recording.duration_us, samples, stream.sensor)
         return self._health[key]
 

@@ -6,12 +6,14 @@ A browser only ever sends names from lists that the server made, or new names, w
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.config import load_config
+from core.config import load_config, save_config
 from core.detection import DetectorConfig
-from core.errors import CommandError, ConfigError
+from core.errors import WRITE_REMEDY, CommandError, ConfigError
+from core.files import begin_unfinished, end_unfinished, put_beside
 
 _SLUG = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
 
@@ -83,12 +85,27 @@ class Workspace:
         """Where the config of this name is or will be."""
         return self.configs / f"{slug_from(name)}.toml"
 
-    def free_config_path(self, name: str, config: DetectorConfig) -> Path:
-        """Where a config of this name can be saved over nothing but the same: NAME, or NAME-2 and so on."""
+    def keep_config(self, name: str, config: DetectorConfig) -> Path:
+        """Save a config over nothing but the same, other servers' included: as NAME, or NAME-2 and so on.
+
+        Raises:
+            ConfigError: if it cannot be written.
+        """
         path, number = self.config_path(name), 1
-        while path.exists() and not _holds(path, config):
-            number += 1
-            path = self.config_path(f"{slug_from(name)[:58]}-{number}")
+        try:
+            folder = begin_unfinished(self.configs)
+            try:
+                save_config(config, folder / "config.toml")
+                while not _holds(path, config):
+                    with suppress(FileExistsError):
+                        put_beside(folder / "config.toml", path)
+                        break
+                    number += 1
+                    path = self.config_path(f"{slug_from(name)[:58]}-{number}")
+            finally:
+                end_unfinished(folder)
+        except OSError as error:
+            raise ConfigError("cannot write the config", got=error.strerror, where=path, remedy=WRITE_REMEDY) from error
         return path
 
     def config_names(self) -> tuple[str, ...]:

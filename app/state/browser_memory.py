@@ -29,6 +29,7 @@ MAX_STEPS: Final = 50
 MAX_BROWSERS: Final = 500
 MAX_FILE_BYTES: Final = 2_000_000
 MOST_SEEN: Final = 32
+MOST_SEEN_BYTES: Final = 4096
 KINDS: Final = ("json", "seen")
 """One file a browser of each."""
 _BROWSER: Final = re.compile(r"[0-9a-f]{32}")
@@ -89,7 +90,8 @@ class BrowserMemory:
             return frozenset()
         try:
             with self._path(browser, "seen").open("rb") as file:
-                return frozenset(file.read(MAX_FILE_BYTES).decode("utf-8", "replace").splitlines()[:MOST_SEEN])
+                lines = file.read(MAX_FILE_BYTES).decode("utf-8", "replace").splitlines()
+                return frozenset([line for line in lines if line][:MOST_SEEN])
         except (OSError, CommandError):
             return frozenset()
 
@@ -101,8 +103,10 @@ class BrowserMemory:
             known = self.seen(browser)
             try:
                 if what not in known:
-                    lines = "\n".join(sorted({*known, what})).encode()
-                    replace_file(self._path(browser, "seen"), lines, durable=False)
+                    with self._path(browser, "seen").open("ab") as file:  # added to what another server writes, too
+                        if file.tell() > MOST_SEEN_BYTES:
+                            file.truncate(0)
+                        file.write(f"\n{what}\n".encode())
                     self._forget_the_oldest()
             except (OSError, CommandError) as error:
                 logger.warning("what a browser has seen is not kept: %s", error)

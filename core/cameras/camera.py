@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,9 @@ from core.cameras.distortion import distort, fold_radius, undistort
 from core.errors import CalibrationError
 from core.events import SensorSize
 from core.geometry import check_transform, invert_transform, transform_points
+
+ABSURD: Final = 1e9
+"""Pixels or coefficients: sums of their powers stay far from what a number can hold."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +37,9 @@ class Camera:
         if self.distortion.shape != (5,) or not np.isfinite(self.distortion).all():
             raise CalibrationError("distortion is wrong", expected="k1 k2 p1 p2 k3", got=self.distortion.tolist())
         check_transform(self.T_world_camera, where="T_world_camera")
+        for what, numbers in (("K", self.K), ("distortion", self.distortion)):
+            if np.abs(numbers).max() > ABSURD:
+                raise CalibrationError(f"{what} of no camera", expected=f"below {ABSURD:g}", got=numbers.tolist())
 
     @property
     def position_world_m(self) -> NDArray[np.float64]:

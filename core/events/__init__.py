@@ -2,7 +2,7 @@
 
 from core.events.camera_frame import CameraFrame
 from core.events.events import Events, SensorSize, concatenate_events
-from core.events.health import Health, assess_health
+from core.events.health import Health, assess_health, sample_spans
 from core.events.image import count_image, polarity_image, time_surface
 from core.events.rates import RateCurve, rate_curve
 from core.events.window import Window
@@ -19,5 +19,6 @@ __all__ = [
     "count_image",
     "polarity_image",
     "rate_curve",
+    "sample_spans",
     "time_surface",
 ]

@@ -17,6 +17,8 @@ SHORTEST_GAP_MS = 2
 HOT_SAMPLE_SHARE = 0.5
 """A hot pixel fires in at least this share of the samples; what moves through the picture does not."""
 HOT_SAMPLES_NEEDED = 8
+SAMPLES = 40
+SAMPLE_US = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +45,16 @@ class Health:
     gaps: tuple[Gap, ...]
 
 
+def sample_spans(duration_us: int) -> list[tuple[int, int]]:
+    """[start, end) of `SAMPLES` slices spread over a recording, each of `SAMPLE_US` or, in a short one, of its share.
+
+    They never overlap: what passes once would be in several, and look like pixels that fire all the time.
+    """
+    length_us = max(min(SAMPLE_US, duration_us // SAMPLES), 1)
+    starts_us = np.unique(np.linspace(0, max(duration_us - length_us, 0), SAMPLES).astype(np.int64))
+    return [(int(start_us), int(start_us) + length_us) for start_us in starts_us]
+
+
 def assess_health(
     counts_per_ms: NDArray[np.int64], duration_us: int, samples: Iterable[Events], sensor: SensorSize
 ) -> Health:
@@ -51,7 +63,7 @@ def assess_health(
     Args:
         counts_per_ms: events in each millisecond of the whole recording.
         duration_us: its length.
-        samples: short slices (some 20 ms each) spread over the recording; hot pixels need `HOT_SAMPLES_NEEDED`.
+        samples: slices as `sample_spans` gives them; hot pixels need `HOT_SAMPLES_NEEDED`.
         sensor: size of the sensor.
     """
     on_count = sample_count = slices = 0

@@ -169,10 +169,10 @@ class CurriculumConfig:
     """delta: l_base keeps exactly the returned balls (choice)."""
 
     def __post_init__(self) -> None:
+        check_settings(self)
         # Files give lists; a frozen value holds tuples.
         object.__setattr__(self, "speeds_mps", tuple(float(v) for v in self.speeds_mps))
         object.__setattr__(self, "episodes", tuple(self.episodes))
-        check_settings(self)
         if not self.speeds_mps or len(self.speeds_mps) != len(self.episodes):
             raise ConfigError(
                 "not one number of episodes per speed",

@@ -140,8 +140,8 @@ def known_truth(stream: CameraStream) -> PixelTruth:
         RecordingError: if the recording has none for it.
     """
     if stream.truth is None:
-        remedy = "simulated recordings have one; labels can be exported as one"
-        raise RecordingError("there is no ground truth to score against", where=f"camera {stream.name}", remedy=remedy)
+        remedy = "say where its balls are: in the app's mode Label, or with `rallyscope labels import`"
+        raise RecordingError("nobody knows the true balls of this camera", where=stream.name, remedy=remedy)
     return stream.truth
 
 

@@ -1,1 +1,1 @@
-"""Text from files: made fit to be shown, and read as JSON or TOML within bounds."""
+"""Text: made fit to be shown, read as JSON or TOML within bounds, and written as tables of pages."""

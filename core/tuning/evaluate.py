@@ -1,93 +1,83 @@
-"""Scoring the configs of a batch, here or in processes of their own; the scores are in the order of the configs."""
+"""Scoring the configs of a batch, here or elsewhere; the scores are in the order of the configs."""
 
 from __future__ import annotations
 
-import multiprocessing
-import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_EXCEPTION, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from core.detection import DetectorConfig
-from core.errors import CommandError
-from core.files import end_with_parent
+from core.jobs import Engine, PieceControl, PiecesStoppedError, open_jobs
 from core.recordings import Recording, open_recording
 from core.tuning.objective import Cancelled, Objective, TuningStoppedError
 from core.tuning.split_score import SplitScore
-
-LOOK_S: Final = 0.1
-"""How often it is looked whether somebody has cancelled."""
 
 Evaluate = Callable[[Sequence[DetectorConfig], Callable[[int], None]], list[SplitScore]]
 """The scores of configs; the callback hears how many are done."""
 
 
 @contextmanager
-def evaluating(objective: Objective, jobs: int, cancelled: Cancelled) -> Iterator[Evaluate]:
-    """Yields what scores batches, with as many processes as `jobs`; 1 is this one.
+def evaluating(objective: Objective, engine: Engine, most: int, cancelled: Cancelled) -> Iterator[Evaluate]:
+    """Yields what scores batches of at most so many configs, with an engine that sees the recording.
 
-    It raises TuningStoppedError soon after `cancelled()` has become true, and CommandError if a process dies. Ending
+    It raises TuningStoppedError soon after `cancelled()` has become true, and JobsError if the engine fails. Ending
     this process, however it is done, ends the others.
     """
-    if jobs > 1:
-        yield from _in_processes(objective, jobs, cancelled)
-        return
-    with closing(open_recording(objective.path)) as recording:
+    with open_jobs(engine, most) as jobs:
+        work = ScoreConfig(objective, jobs.share_file(objective.path))
 
         def evaluate(configs: Sequence[DetectorConfig], tell: Callable[[int], None]) -> list[SplitScore]:
-            scores = []
-            for config in configs:
-                scores.append(objective.score(recording, config, cancelled))
-                tell(len(scores))
-            return scores
+            done = 0
 
-        yield evaluate
+            def count(number: int, score: SplitScore) -> None:
+                nonlocal done
+                done += 1
+                tell(done)
 
+            try:
+                return jobs.run(work, configs, done=count, cancelled=cancelled)
+            except PiecesStoppedError as error:
+                raise TuningStoppedError from error
 
-def _in_processes(objective: Objective, jobs: int, cancelled: Cancelled) -> Iterator[Evaluate]:
-    context = multiprocessing.get_context("spawn")  # a fork would copy the threads' locks
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_start_worker, initargs=(objective,))
-
-    def evaluate(configs: Sequence[DetectorConfig], tell: Callable[[int], None]) -> list[SplitScore]:
-        futures = [pool.submit(_work, config) for config in configs]
-        running = set(futures)
-        while running:
-            ended, running = wait(running, timeout=LOOK_S, return_when=FIRST_EXCEPTION)
-            for future in ended:
-                future.result()
-            tell(sum(future.done() for future in futures))
-            if cancelled():
-                raise TuningStoppedError
-        return [future.result() for future in futures]
-
-    try:
-        yield evaluate
-    except BaseException as error:  # Ctrl-C too: do not wait for trials that take minutes
-        for process in set(multiprocessing.active_children()) - others:
-            process.kill()  # one that hangs, or was stopped, would not hear anything politer
-        if not isinstance(error, BrokenProcessPool):
-            raise
-        raise CommandError("a process that scored configs died", remedy="run it again with fewer --jobs") from error
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+        try:
+            yield evaluate
+        finally:
+            _KEPT.close()
 
 
-_task: tuple[Objective, Recording] | None = None
-"""Of a worker: what it scores, and on what."""
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoreConfig:
+    """Scores configs on a recording, which each process opens once."""
+
+    objective: Objective
+    path: Path
+
+    def __call__(self, config: DetectorConfig, control: PieceControl) -> SplitScore:
+        """The score of a config."""
+        return self.objective.score(_KEPT.open(self.path), config, control.stopped)
 
 
-def _start_worker(objective: Objective) -> None:
-    """A worker leaves Ctrl-C to its parent, and ends when that has ended, even killed in the middle of a trial."""
-    global _task
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()
-    _task = objective, open_recording(objective.path)
+class _Kept:
+    """The recording that a process scored on last, still open; another file under its name is opened anew."""
+
+    def __init__(self) -> None:
+        self._recording: Recording | None = None
+        self._what: tuple[object, ...] = ()
+
+    def open(self, path: Path) -> Recording:
+        now = path.stat()
+        what = (path, now.st_ino, now.st_size, now.st_mtime_ns)
+        if self._recording is None or self._what != what:
+            self.close()
+            self._recording, self._what = open_recording(path), what
+        return self._recording
+
+    def close(self) -> None:
+        if self._recording is not None:
+            self._recording.close()
+        self._recording = None
 
 
-def _work(config: DetectorConfig) -> SplitScore:
-    assert _task is not None
-    objective, recording = _task
-    return objective.score(recording, config, lambda: False)
+_KEPT: Final = _Kept()

@@ -10,6 +10,7 @@ from core.config import Setting, get_setting
 from core.detection import DetectorConfig
 from core.detection.methods import method_config
 from core.errors import CommandError, ConfigError
+from core.jobs import ALONE, Engine
 from core.tuning.config import TuningConfig
 from core.tuning.evaluate import Evaluate, evaluating
 from core.tuning.objective import Cancelled, Objective, TuningStoppedError
@@ -82,17 +83,18 @@ def tune(
     parameters: Sequence[Parameter],
     config: TuningConfig | None = None,
     *,
-    jobs: int = 1,
+    engine: Engine = ALONE,
     progress: Callable[[TuningProgress], None] = lambda state: None,
     cancelled: Cancelled = lambda: False,
 ) -> TuningResult | None:
     """Search for values of the parameters with which the method is worth most, on the side of the split that is tuned.
 
-    Trials are proposed in batches and answered in their order, so that the result depends on the seed and not on how
-    many processes score them. When `cancelled()` becomes true, it is that of the batches so far; None before the first.
+    Trials are proposed in batches and answered in their order, so that the result depends on the seed and not on the
+    engine that scores them. When `cancelled()` becomes true, it is that of the batches so far; None before the first.
 
     Raises:
-        CommandError: without optuna, or if a process dies.
+        CommandError: without optuna.
+        JobsError: if the engine fails.
         ConfigError: without parameters.
     """
     if not parameters:
@@ -102,7 +104,7 @@ def tune(
     run = _Run(search, first, config.trials, progress)
     stopped = False
     try:
-        with evaluating(objective, min(jobs, config.batch), cancelled) as evaluate:
+        with evaluating(objective, engine, config.batch, cancelled) as evaluate:
             run.batch(1, evaluate)
             while len(run.trials) < config.trials:
                 run.batch(min(config.batch, config.trials - len(run.trials)), evaluate)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,9 @@ from labels.assist.curve import Curve, interpolate
 from labels.assist.drafts import labels_from_curve
 from labels.assist.flight import curve_of_flight, fit_flight
 from labels.model import Label
+
+REACH_US: Final = 1_000_000
+"""Labels so far outside the times that are asked for have no say: fits and breaks are local."""
 
 
 def labels_between(
@@ -26,11 +31,16 @@ def labels_between(
     `there` are the labels of the other camera; with both calibrations a flight is fitted to both cameras' labels.
     Nothing is interpolated across `breaks_us`, bounces and hits.
     """
+    if not len(times_us):
+        return ()
+    keys = keys.between(int(times_us[0]) - REACH_US, int(times_us[-1]) + REACH_US)  # of hundreds of thousands, perhaps
     plain = interpolate(keys, times_us, breaks_us=breaks_us)
     if not plain.covered.any():
         return ()
     nearest = int(np.flatnonzero(plain.covered)[np.argmin(np.abs(plain.t_us[plain.covered] - t_us))])
     inside = times_us[plain.segment == plain.segment[nearest]]
+    if np.isin(inside, keys.t_us).all():  # nothing is left to label: no flight need be fitted
+        return ()
     curve, made_of = plain, "curve"
     if cameras is not None and there is not None:
         span = int(inside[0]) - 1, int(inside[-1]) + 2

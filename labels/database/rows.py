@@ -111,6 +111,8 @@ def current_arrays(db: sqlite3.Connection, layer: int, *, upto: int) -> LabelArr
         LabelError: if there is a source that nobody knows.
     """
     rows = np.fromiter(db.execute(_EVERYTHING, (layer, upto)), _ROW)
+    if (rows["t_us"][1:] < rows["t_us"][:-1]).any():  # pages of the file have changed places
+        raise sqlite3.DatabaseError("rows out of order")
     last = np.ones(len(rows), np.bool_)
     last[:-1] = rows["t_us"][1:] != rows["t_us"][:-1]  # what was said last of each time
     rows = rows[last & (rows["state"] != _NOTHING)]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -79,17 +80,79 @@ def test_of_two_writers_at_a_time_the_last_one_wins_whole(tmp_path: Path) -> Non
     assert path.read_bytes() == b"first" and os.listdir(tmp_path) == ["a"]
 
 
-def test_what_a_killed_writer_left_long_ago_is_taken_away_and_nothing_else(tmp_path: Path) -> None:
-    gone = subprocess.Popen([sys.executable, "-c", ""])
-    gone.wait()
-    names = {f".a.{gone.pid}-0.part": False, f".b.{os.getpid()}-3.part": True, ".c.part": True, f"a.{gone.pid}-0": True}
-    for name in names:
-        (tmp_path / name).touch()
-        os.utime(tmp_path / name, (1e9, 1e9))
-    (tmp_path / f".new.{gone.pid}-7.part").touch()
-    files.replace_file(tmp_path / "a", b"new", durable=False)
-    assert {name: (tmp_path / name).exists() for name in names} == names
-    assert (tmp_path / f".new.{gone.pid}-7.part").exists()
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from core import files
+with files.replacing(Path(sys.argv[1]), durable=False) as partial:
+    partial.write_bytes(b"half")
+    print(partial, flush=True)
+    if sys.argv[2] == "killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    sys.stdin.read()
+"""
+
+
+def test_what_a_killed_writer_left_goes_at_once_and_what_is_being_written_stays(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", KILLED, str(tmp_path / "a")]
+    left = Path(subprocess.run([*command, "killed"], capture_output=True, text=True, check=False).stdout.strip())
+    assert left.read_bytes() == b"half"
+    with (
+        subprocess.Popen([*command, "lives"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other,
+        files.replacing(tmp_path / "b", durable=False) as ours,
+    ):
+        assert other.stdin is not None and other.stdout is not None
+        theirs = Path(other.stdout.readline().strip())
+        assert not left.parent.exists()
+        ours.write_bytes(b"b")
+        for path in (theirs, theirs.parent, ours.parent):
+            os.utime(path, (1e9, 1e9))  # as if the clock had been put forward by years
+        files.clear_unfinished(tmp_path)
+        assert theirs.exists() and ours.exists()
+        other.stdin.close()
+        assert other.wait(30) == 0
+    assert sorted(os.listdir(tmp_path)) == ["a", "b"] and (tmp_path / "a").read_bytes() == b"half"
+
+
+def test_a_folder_that_another_takes_for_one_that_was_left_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between its making and its locking, before and after it has a lock file."""
+    made: list[Path] = []
+    opening, locking = os.open, files.lock_descriptor
+
+    def open_late(path, flags: int, mode: int = 0o777, **more) -> int:
+        if Path(path).name == ".lock" and len(made) < 1 and flags & os.O_CREAT:
+            made.append(Path(path).parent)
+            files.clear_unfinished(tmp_path)
+        return opening(path, flags, mode, **more)
+
+    def lock_late(descriptor: int, *, shared: bool = False) -> None:
+        if len(made) == 1:
+            made.append(Path(os.readlink(f"/proc/self/fd/{descriptor}")).parent)
+            files.clear_unfinished(tmp_path)
+        locking(descriptor, shared=shared)
+
+    monkeypatch.setattr(os, "open", open_late)
+    monkeypatch.setattr(files, "lock_descriptor", lock_late)
+    folder = files.begin_unfinished(tmp_path)
+    assert len(made) == 2 and len({folder, *made}) == 3 and not any(path.exists() for path in made)
+    files.clear_unfinished(tmp_path)
+    assert folder.is_dir()
+    files.end_unfinished(folder)
+    assert os.listdir(tmp_path) == []
+
+
+def test_where_nothing_can_be_locked_nothing_is_taken_for_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(descriptor: int, *, shared: bool = False) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(files, "lock_descriptor", refuse)
+    folder = files.begin_unfinished(tmp_path)
+    files.replace_file(tmp_path / "a", b"new", durable=True)
+    assert folder.is_dir() and (tmp_path / "a").read_bytes() == b"new"
+    files.end_unfinished(folder)
+    assert os.listdir(tmp_path) == ["a"]
 
 
 def test_a_name_of_the_callers_own_is_written_over(tmp_path: Path) -> None:
@@ -109,7 +172,8 @@ def test_what_is_durable_reaches_the_disk_before_and_after_it_gets_its_name(
     fsync, replace = os.fsync, os.replace
 
     def note_sync(descriptor: int) -> None:
-        done.append(f"sync {Path(os.readlink(f'/proc/self/fd/{descriptor}')).suffix or 'folder'}")
+        synced = Path(os.readlink(f"/proc/self/fd/{descriptor}"))
+        done.append(f"sync {'folder' if synced == tmp_path / 'folder' else synced.name}")
         fsync(descriptor)
 
     def note_replace(source: Path, target: Path) -> None:
@@ -120,7 +184,7 @@ def test_what_is_durable_reaches_the_disk_before_and_after_it_gets_its_name(
     monkeypatch.setattr(os, "replace", note_replace)
     (tmp_path / "folder").mkdir()
     files.replace_file(tmp_path / "folder" / "a", b"new", durable=durable)
-    assert done == (["sync .part", "replace", "sync folder"] if durable else ["replace"])
+    assert done == (["sync a", "replace", "sync folder"] if durable else ["replace"])
 
 
 def test_json_that_is_missing_damaged_or_no_object_is_empty(tmp_path: Path) -> None:

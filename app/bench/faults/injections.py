@@ -12,6 +12,7 @@ import errno
 import io
 import os
 import resource
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,10 @@ class Injection:
     """This write, sync or rename and all after it fail with an error of the device."""
     as_plain_user: bool = False
     """An administrator gives up writing where the rights forbid it."""
+    clock_step_s: float = 0.0
+    """The wall clock, as Python's `time` tells it to this process alone, is stepped by so much, """
+    clock_after_s: float = 0.0
+    """so long after the beginning."""
 
 
 class WatchedDisk:
@@ -118,11 +123,27 @@ def inject(injection: Injection) -> WatchedDisk:
     """Bring it about; the disk as it is seen from then on."""
     if injection.largest_bytes is not None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (injection.largest_bytes, injection.largest_bytes))
+    if injection.clock_step_s:
+        step_clock(injection.clock_step_s, injection.clock_after_s)
     if injection.as_plain_user and os.geteuid() == 0:
         _give_up_rights()
     disk = WatchedDisk(injection.folder, injection.fails_from)
     disk.install()
     return disk
+
+
+def step_clock(by_s: float, after_s: float) -> None:
+    """From then on the wall clock of this process is off; the machine's own and the files' times stay as they are."""
+    at_s = time.monotonic() + after_s
+    time_s, time_ns = time.time, time.time_ns
+
+    def stepped_s() -> float:
+        return time_s() + (by_s if time.monotonic() >= at_s else 0.0)
+
+    def stepped_ns() -> int:
+        return time_ns() + (int(by_s * 1e9) if time.monotonic() >= at_s else 0)
+
+    time.time, time.time_ns = stepped_s, stepped_ns
 
 
 def _give_up_rights() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +19,7 @@ from core.learning.agents.policy import read_policy
 from core.learning.config import CurriculumConfig, RunConfig
 from core.learning.runs.checkpoints import load_checkpoint
 from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
+from core.rally.data_sets.run import LOCK
 from core.recordings import RecordingWriter, open_recording
 from labels.store import LabelStore, Layer
 from labels.trials.durability import LAYER, STEP_US, UUID, trial_label
@@ -51,6 +53,8 @@ class FaultJob:
     """
     whole: Callable[[Path, Path], bool]
     """Whether all that the work makes is there."""
+    workers: bool = False
+    """Processes of its own work for it."""
     sqlite: bool = False
     """SQLite writes, which Python does not see."""
 
@@ -187,18 +191,29 @@ def _contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.glob("*") if path.is_file() and path.name[0] != "."}
 
 
-def _export_lost(inputs: Path, out: Path, said: str) -> int:
-    clean = _contents(inputs / "clean" / "tables")
-    return sum(clean.get(name) != data for name, data in _contents(out / "tables").items())
+def _differ(folder: str, suffix: str = "") -> Callable[[Path, Path, str], int]:
+    """Counts the files in a folder that are not as those of a clean run, which the inputs hold."""
+
+    def lost(inputs: Path, out: Path, said: str) -> int:
+        clean = _contents(inputs / "clean" / folder)
+        left = _contents(out / folder)
+        return sum(clean.get(name) != data for name, data in left.items() if name.endswith(suffix))
+
+    return lost
 
 
-def _exported_whole(inputs: Path, out: Path) -> bool:
-    left = [path for path in (out / "tables").iterdir() if path.name.startswith(".")]
-    return _contents(inputs / "clean" / "tables") == _contents(out / "tables") and not left
+def _same(folder: str) -> Callable[[Path, Path], bool]:
+    """Whether a folder holds what that of a clean run holds, and nothing unfinished beside it."""
+
+    def whole(inputs: Path, out: Path) -> bool:
+        left = [path for path in (out / folder).glob(".*") if path.name != LOCK]
+        return _contents(inputs / "clean" / folder) == _contents(out / folder) and not left
+
+    return whole
 
 
-def _data_set(inputs: Path, out: Path) -> int:
-    small = ("--sensor", "48x32", "--serves", "1", "--cameras", "behind", "--no-robot", "--jobs", "1")
+def _data_set(inputs: Path, out: Path, jobs: int = 1) -> int:
+    small = ("--sensor", "48x32", "--serves", "1", "--cameras", "behind", "--no-robot", "--jobs", jobs)
     return _verb("simulate", "--out", out / "set", "--speeds", "8,9", *small)
 
 
@@ -207,23 +222,9 @@ def _prepare_data_set(inputs: Path) -> None:
         raise RuntimeError("the data set for the trials cannot be made")
 
 
-def _recordings(folder: Path) -> dict[str, bytes]:
-    return {name: data for name, data in _contents(folder).items() if name.endswith(".h5")}
-
-
-def _data_set_lost(inputs: Path, out: Path, said: str) -> int:
-    clean = _recordings(inputs / "clean" / "set")
-    return sum(clean.get(name) != data for name, data in _recordings(out / "set").items())
-
-
-def _data_set_whole(inputs: Path, out: Path) -> bool:
-    left = list((out / "set").glob(".*.h5"))
-    return _contents(inputs / "clean" / "set") == _contents(out / "set") and not left
-
-
-def _tune(inputs: Path, out: Path) -> int:
+def _tune(inputs: Path, out: Path, jobs: int = 1) -> int:
     names = "geometry.circularity_min,localise.radius_min_px"
-    less = ("--camera", "left", "--trials", "4", "--jobs", "1", "--parameters", names)
+    less = ("--camera", "left", "--trials", "4", "--jobs", jobs, "--parameters", names)
     return _verb("tune", inputs / "rec.h5", "--out", out / "found.toml", *less)
 
 
@@ -274,16 +275,16 @@ JOBS: Final = {
             prepare=_prepare_recording,
             work=_export,
             again=_export_again,
-            lost=_export_lost,
-            whole=_exported_whole,
+            lost=_differ("tables"),
+            whole=_same("tables"),
         ),
         FaultJob(
             name="data set",
             prepare=_prepare_data_set,
             work=_data_set,
             again=_data_set,
-            lost=_data_set_lost,
-            whole=_data_set_whole,
+            lost=_differ("set", ".h5"),
+            whole=_same("set"),
         ),
         FaultJob(
             name="tune",
@@ -292,6 +293,24 @@ JOBS: Final = {
             again=_tune,
             lost=_tune_lost,
             whole=lambda inputs, out: _tune_lost(inputs, out, "the config:") == 0,
+        ),
+        FaultJob(
+            name="data set in parallel",
+            prepare=_prepare_data_set,
+            work=partial(_data_set, jobs=2),
+            again=partial(_data_set, jobs=2),
+            lost=_differ("set", ".h5"),
+            whole=_same("set"),
+            workers=True,
+        ),
+        FaultJob(
+            name="tune in parallel",
+            prepare=_prepare_recording,
+            work=partial(_tune, jobs=2),
+            again=partial(_tune, jobs=2),
+            lost=_tune_lost,
+            whole=lambda inputs, out: _tune_lost(inputs, out, "the config:") == 0,
+            workers=True,
         ),
     )
 }

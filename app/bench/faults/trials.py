@@ -15,6 +15,7 @@ import threading
 import time
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Final, Literal
 
@@ -22,14 +23,22 @@ import numpy as np
 
 from app.bench.faults.injections import Injection, WatchedDisk, inject
 from app.bench.faults.jobs import JOBS, FaultJob, run_job
-from core.errors import RallyscopeError
+from app.bench.soak.process_usage import children_of, usage_of
+from core.errors import CommandError, RallyscopeError
 
-FaultName = Literal["killed", "disk full", "device error", "read-only folder", "stopped", "power cut"]
+FaultName = Literal[
+    "killed", "disk full", "device error", "read-only folder", "stopped", "power cut", "clock stepped", "worker killed"
+]
 Phase = Literal["prepare", "work", "again"]
 PRELOADED: Final = ["app.bench.faults.trials", "app.cli.main", "app.cli.train", "app.cli.export", "app.cli.tune"]
 LONGEST_S: Final = 120.0
 """A job that takes longer has hung."""
 
+CLOCK_STEP_S: Final = 3600.0
+GOES_ON: Final = ("stopped", "clock stepped")
+"""Faults that must not end the work."""
+SPAWNED: Final = b"spawn_main"
+"""In the command line of every worker."""
 WARM_S: Final = 15.0
 """A first time that takes longer has compiled something, and is no measure of the others."""
 PROGRESS: Final = ("so far", " left")
@@ -99,6 +108,11 @@ class FaultTrials:
                 return FaultResult(len(ended.unsynced), "", struck=True)
             case "killed":
                 ended = self._run("work", out, injection, at_s=moment_s)
+            case "worker killed":
+                ended = self._run("work", out, injection, at_s=moment_s, worker=True)
+            case "clock stepped":
+                by_s = float(rng.choice([-CLOCK_STEP_S, CLOCK_STEP_S]))
+                ended = self._run("work", out, replace(injection, clock_step_s=by_s, clock_after_s=moment_s))
             case "stopped":
                 ended = self._run("work", out, injection, at_s=moment_s, pause_s=pause_s)
             case "disk full":
@@ -115,9 +129,9 @@ class FaultTrials:
 
     def _judge(self, fault: FaultName, ended: EndedTrial) -> FaultResult:
         out, job = self._out, self._job
-        struck = ended.code != 0 or fault == "stopped"
+        struck = ended.code != 0 or fault in GOES_ON
         unclear = "" if fault == "killed" else unclear_ending(ended)
-        if fault == "stopped" and ended.code:
+        if fault in GOES_ON and ended.code:
             unclear = f"it did not go on: {ended.errors[-300:]}"
         try:
             lost = job.lost(self._inputs, out, ended.said)
@@ -138,8 +152,9 @@ class FaultTrials:
         *,
         at_s: float | None = None,
         pause_s: float | None = None,
+        worker: bool = False,
     ) -> EndedTrial:
-        """The job to its end; `at_s` after its beginning it is killed, or stopped for `pause_s`."""
+        """The job to its end; `at_s` after its beginning it, or a worker of it, is killed, or stopped for `pause_s`."""
         said, say = self._context.Pipe(duplex=False)
         errors, err = self._context.Pipe(duplex=False)
         facts, tell = self._context.Pipe(duplex=False)
@@ -158,7 +173,9 @@ class FaultTrials:
         begun_s = _begun(facts)
         if at_s is not None and process.pid is not None:
             process.join(at_s)
-            if pause_s is None:
+            if worker:
+                _kill_worker(process)
+            elif pause_s is None:
                 process.kill()
             elif process.is_alive():
                 os.kill(process.pid, signal.SIGSTOP)
@@ -233,6 +250,19 @@ def _read_all(pipe: Connection, texts: dict[str, str], name: str) -> None:
     while part := os.read(pipe.fileno(), 1 << 16):
         parts.append(part)
         texts[name] = b"".join(parts).decode("utf-8", "replace")
+
+
+def _kill_worker(process: BaseProcess) -> None:
+    """As the kernel does when the memory is full: the largest, as soon as there is one; nothing if it ends before."""
+    while process.is_alive() and process.pid is not None:
+        try:
+            workers = [pid for pid in children_of(process.pid) if SPAWNED in Path(f"/proc/{pid}/cmdline").read_bytes()]
+            if workers:
+                os.kill(max(workers, key=lambda pid: usage_of(pid).resident_mb), signal.SIGKILL)
+                return
+        except (OSError, CommandError):  # it has just ended
+            pass
+        time.sleep(0.01)
 
 
 def _begun(facts: Connection) -> float:

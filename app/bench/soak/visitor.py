@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 from app.bench.bare_browser import BareBrowser
@@ -28,26 +28,19 @@ class Visitor(BareBrowser):
 
     def change(self, label: str, value: object, timeout_s: float = 60.0) -> None:
         """Set a field, a choice or a box."""
-        self._wait(lambda: label in self._controls, f"a control {label!r}", timeout_s)
+        self.wait_until(lambda: label in self._controls, f"a control {label!r}", timeout_s)
         self.set_value(self._controls[label], value)
 
     def wait_text(self, text: str, timeout_s: float = 60.0) -> None:
         """Until it stands in some panel."""
-        self._wait(lambda: any(text in html for html in self._contents.copy().values()), repr(text), timeout_s)
+        self.wait_until(lambda: any(text in html for html in self._contents.copy().values()), repr(text), timeout_s)
 
     def rate(self, seconds: float, until_s: float) -> float:
         """Updates a second in the time before `until_s`."""
         return sum(until_s - seconds < at_s <= until_s for at_s in self.updates) / seconds
 
-    def _wait(self, condition: Callable[[], object], what: str, timeout_s: float) -> None:
-        deadline = time.monotonic() + timeout_s
-        while not condition():
-            if time.monotonic() > deadline:
-                raise TimeoutError(f"waited {timeout_s:g} s for {what}")
-            time.sleep(0.02)
-
     def _take(self, message: Mapping[str, Any]) -> None:
-        super()._take(dict(message))
+        super()._take(message)
         kind = message["type"]
         content = (message.get("props") or message.get("updates") or {}).get("content")
         if isinstance(content, str):

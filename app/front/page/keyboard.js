@@ -1,23 +1,37 @@
 // The app takes Enter and Space as keys of its own, and viser, which listens at the root of the page, then keeps them from
-// the button that has the focus. So they end here, one step before, for a button that was reached by Tab; one that was
-// clicked leaves them to the app, so that Space after a click still plays.
+// the button that has the focus. So they end here, one step before, but for the button that was clicked last: it leaves them
+// to the app until Tab is pressed, so that Space after a click still plays.
 //
 // The other way round, viser hears no key while a box, a choice or a list has the focus, as after every click on one. So
-// keys that mean nothing there are said again where it listens.
+// keys that mean nothing there are said again where it listens. A list in which something was chosen by the mouse, or that
+// was closed by Escape after a click, gives the focus back: its field takes letters, to search with. A box brings a number
+// inside its bounds when it is left; Enter says as clearly that it is meant.
 {
   const MEANT = new Set([" ", "Enter", "ArrowUp", "ArrowDown", "ArrowLeft", "ArrowRight", "Home", "End", "Escape"]);
+  const BUTTONS = "button, a[href], summary, input[type=checkbox], [role=button], [role=tab], [role=switch]";
 
-  let clicked = false; // the focus came by the mouse, not by Tab
-  addEventListener("pointerdown", () => { clicked = true; }, true);
+  let clicked = null; // what the mouse pressed last; null once Tab was pressed
+  addEventListener("pointerdown", (event) => { clicked = event.target.closest?.(BUTTONS) ?? event.target; }, true);
+  addEventListener("keydown", (event) => { if (event.key === "Tab") clicked = null; }, true);
 
   const isForApp = (event) => {
     const field = event.target;
     if (!(field instanceof HTMLInputElement) || event.ctrlKey || event.metaKey || event.altKey) return false;
-    if (event.key === "Shift") return false;
-    if (event.key === "Tab") return (clicked = false);
-    if (field.type === "checkbox" || field.type === "radio") return clicked || !MEANT.has(event.key);
+    if (event.key === "Shift" || event.key === "Tab") return false;
+    if (field.type === "checkbox" || field.type === "radio") return Boolean(clicked) || !MEANT.has(event.key);
     return field.readOnly && field.getAttribute("aria-expanded") !== "true" && !MEANT.has(event.key);
   };
+
+  const leaveList = () => {
+    const field = document.activeElement;
+    if (field.matches("[aria-haspopup=listbox]") && field.getAttribute("aria-expanded") !== "true") field.blur();
+  };
+
+  const leaveNumber = (event) => {
+    const box = event.target;
+    if (event.key === "Enter" && box instanceof Element && box.matches("input[class*=mantine-NumberInput]")) setTimeout(() => box.blur());
+  };
+  addEventListener("keydown", leaveNumber, true);
 
   const sayAgain = (event) => {
     if (!isForApp(event)) return;
@@ -32,8 +46,14 @@
   addEventListener("DOMContentLoaded", () => {
     document.body.addEventListener("keydown", (event) => {
       if (event.key !== "Enter" && event.key !== " ") return;
-      const button = event.target.closest("button, a[href], summary, input[type=checkbox], [role=button], [role=tab], [role=switch]");
-      if (button && button.matches(":focus-visible")) event.stopPropagation();
+      const button = event.target.closest(BUTTONS);
+      if (button && button !== clicked) event.stopPropagation();
+    });
+    document.body.addEventListener("click", (event) => {
+      if (clicked && event.target.closest("[role=option]")) setTimeout(leaveList);
+    });
+    document.body.addEventListener("keydown", (event) => {
+      if (clicked && event.key === "Escape") setTimeout(leaveList);
     });
   });
 }

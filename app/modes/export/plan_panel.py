@@ -57,6 +57,7 @@ class ExportPlanPanel:
 
     def __init__(self, gui: viser.GuiApi, here_us: Callable[[], int], later: Callable[[Callable[[], None]], None]):
         self._what: What = "Recording"
+        self._annotators: tuple[str, ...] = ()
         self._duration_us = 0
         self._here_us = here_us
         self._choice = Choice(gui, "What", WHATS, lambda what: later(lambda: self._choose(what)))
@@ -114,6 +115,9 @@ class ExportPlanPanel:
         """What there is to choose from now."""
         self._run.offer(runs)
         self._annotator.offer((NOBODY, *annotators))
+        if annotators and not self._annotators:
+            self._annotator.show(annotators[0])  # labels that are there are wanted, until somebody says otherwise
+        self._annotators = annotators
 
     def use_span(self, start_us: int, end_us: int) -> None:
         """Another recording, or more of it: offer all of it."""

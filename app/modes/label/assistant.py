@@ -25,6 +25,7 @@ from core.recordings import CameraStream
 from labels.arrays import LabelArrays
 from labels.assist import Proposals, WholeFlight, check_labels, next_blind, propose, review_queue, whole_flight
 from labels.assist.review import QueueItem
+from labels.model import Label
 from labels.score import LEAD_IN_US
 from labels.store import LabelStore
 
@@ -47,6 +48,8 @@ class Assistant:
         self.reason = ""
         """Why the cursor was sent here."""
         self.reason_us = -1
+        self._doubted: Label | None = None
+        """The label that it speaks of."""
         self._queue_work = LatestWins(pool, _answer, self._queue_done, editor.failed)
         self._flight_work = LatestWins(pool, _find_flight, self._flight_done, editor.failed)
 
@@ -54,6 +57,15 @@ class Assistant:
     def share(self) -> float | None:
         """How much of the recording the detector has been through since its start; None: it is not running."""
         return None if self._job is None else self._job.share
+
+    def reason_for(self, label: Label | None) -> str:
+        """Why the cursor was sent to where it is now; nothing once the label there is another one."""
+        here = self.reason_us == self._editor.labelling.t_us and label == self._doubted
+        return self.reason if here else ""
+
+    def _give_reason(self, reason: str, t_us: int) -> None:
+        self.reason, self.reason_us = reason, t_us
+        self._doubted = self._editor.labelling.here.labels.get(t_us)
 
     def close(self) -> None:
         """The browser or the recording is gone."""
@@ -158,7 +170,7 @@ class Assistant:
         take = TakeFlight(found)
         doubted_us = take.doubted_us(now)
         if doubted_us:
-            self.reason, self.reason_us = take.reason(doubted_us[0]), doubted_us[0]
+            self._give_reason(take.reason(doubted_us[0]), doubted_us[0])
         self._editor.send(take)
 
     # The queue ----------------------------------------------------------------------------------------------------
@@ -184,7 +196,7 @@ class Assistant:
             return
         item, self.queue = left[0], left
         self._visited.add((camera, item.t_us))
-        self.reason, self.reason_us = item.reason, item.t_us
+        self._give_reason(item.reason, item.t_us)
         self._editor.send(GoTo(item.t_us))
 
     # Second looks -------------------------------------------------------------------------------------------------

@@ -71,6 +71,7 @@ class PictureKey:
     """About how wide the picture is to be; a sensor that is wider is binned when it is shown whole."""
     marks: tuple[Mark, ...]
     caption: str
+    """Stands over it in real letters."""
 
 
 class PictureSource(Protocol):
@@ -124,9 +125,6 @@ def _draw_marks(canvas: Canvas, key: PictureKey) -> None:
                 canvas.draw_circle(mark.x_px, mark.y_px, mark.r_px, mark.ink, thickness=thickness)
             if mark.covariance_px2 is not None:
                 canvas.draw_ellipse(mark.x_px, mark.y_px, mark.covariance_px2, Ink.SIGMA, sigmas=SIGMAS)
-    if key.caption:
-        canvas.caption(key.caption)
-        canvas.paint_texts()
 
 
 def _encode_frame(frame: NDArray[np.uint8], overlay: NDArray[np.uint8], key: PictureKey) -> bytes:

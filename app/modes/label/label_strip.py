@@ -1,6 +1,6 @@
 """All times that are to be labelled as one strip: what is labelled how, what is proposed, where the cursor is.
 
-Above it one line of text: it is always in sight, so it says whether everything is saved.
+Above it is room for one line of text: it is always in sight, so it says whether everything is saved.
 """
 
 from __future__ import annotations
@@ -8,12 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from app.pictures.palette import Ink, PolarityColours
 from app.pictures.png import encode_png
+from app.views.mosaic import SheetText, css_colour
 from labels.arrays import STATES
 from labels.model import LabelState
 
@@ -22,7 +22,8 @@ STATUS_PX: Final = 38
 """Height of the line of text above the strip."""
 STRIP_PX: Final = 36
 HEIGHT_PX: Final = STATUS_PX + STRIP_PX
-TEXT_SIZE: Final = 0.7
+LETTER_PX, BETWEEN_PX = 16, 30
+"""About how wide a letter, and the room between two words, is on the sheet where the window is smallest."""
 PROPOSED_PX: Final = 10
 """Height of the lower part, which shows proposals."""
 STATE_INKS: Final[dict[LabelState, Ink]] = {
@@ -52,7 +53,6 @@ class StripData:
 def draw_strip(data: StripData, cursor_us: int, step_us: int) -> NDArray[np.uint8]:
     """(HEIGHT_PX, WIDTH_PX) palette indices; a label is as wide as the step between labels, at least a pixel."""
     whole = np.full((HEIGHT_PX, WIDTH_PX), Ink.BACKGROUND, np.uint8)
-    _write(whole[:STATUS_PX], data.status)
     image = whole[STATUS_PX:]
     image[:] = Ink.UNCHECKED
     inks = np.array([STATE_INKS[state] for state in STATES], np.uint8)
@@ -66,11 +66,13 @@ def draw_strip(data: StripData, cursor_us: int, step_us: int) -> NDArray[np.uint
     return whole
 
 
-def _write(image: NDArray[np.uint8], words: tuple[tuple[str, Ink], ...]) -> None:
-    x = 8
-    for text, ink in words:
-        cv2.putText(image, text, (x, 27), cv2.FONT_HERSHEY_SIMPLEX, TEXT_SIZE, int(ink), 2, cv2.LINE_8)
-        x += cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, TEXT_SIZE, 2)[0][0] + 28
+def status_texts(data: StripData, y_px: float, colours: PolarityColours) -> tuple[SheetText, ...]:
+    """The words of the line above, whose middle is at `y_px` of the sheet, from left to right."""
+    texts, x = [], 8.0
+    for text, ink in data.status:
+        texts.append(SheetText(x, y_px, text, css_colour(ink, colours), is_title=True))
+        x += len(text) * LETTER_PX + BETWEEN_PX
+    return tuple(texts)
 
 
 def encode_strip(data: StripData, cursor_us: int, step_us: int, colours: PolarityColours) -> bytes:
@@ -91,13 +93,13 @@ def _column(data: StripData, t_us: int) -> int:
 def _fill(
     rows: NDArray[np.uint8], data: StripData, t_us: NDArray[np.int64], inks: NDArray[np.uint8], step_us: int
 ) -> None:
-    """Colour the columns from half a step before each time to half a step behind it."""
+    """Colour the columns from half a step before each time to half a step behind it; later times lie over earlier."""
     if not len(t_us):
         return
     span = max(data.end_us - data.start_us, 1)
     share = (np.stack([t_us - step_us / 2, t_us + step_us / 2]) - data.start_us) / span * (WIDTH_PX - 1)
     first, last = np.clip(np.round(share), 0, WIDTH_PX - 1).astype(np.int64)
-    line = rows[0].copy()
-    for begin, end, ink in zip(first.tolist(), last.tolist(), inks.tolist(), strict=True):
-        line[begin : max(end, begin + 1)] = ink
-    rows[:] = line
+    columns = np.arange(WIDTH_PX)
+    row = np.searchsorted(first, columns, "right") - 1  # the last that begins there or before: it also ends last
+    covered = (row >= 0) & (np.maximum(last, first + 1)[row] > columns)
+    rows[:, covered] = inks[row[covered]]

@@ -148,7 +148,8 @@ class LabelMode:
         scene = self._scene(editor, state)
         if self._pictures.arrives(scene, now.t_us):
             self._ring, scene = None, replace(scene, ring=None)
-        words = status_words(now, editor.writer, self._checked(editor), agreement_at(scene, now.t_us))
+        share = None if self._assistant is None else self._assistant.share
+        words = status_words(now, editor.writer, self._checked(editor), agreement_at(scene, now.t_us), share)
         if isinstance(self._recording, RingRecording):
             words = live_words(self._live.share)
         self._pictures.ask(editor, scene, words)
@@ -325,7 +326,7 @@ class LabelMode:
             self._panel.show_view(now.view, now.step_us)
             self._panel.show_label(label, scene.asking)
             self._panel.show_progress(progress_html(self._checked(editor)))
-            reason = assistant.reason if assistant.reason_us == now.t_us else ""
+            reason = assistant.reason_for(label)
             drafted = scene.here.draft(now.t_us) is not None
             self._panel.show_here(here_html(label, drafted, agreement_at(scene, now.t_us), reason, now))
 

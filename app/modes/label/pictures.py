@@ -61,7 +61,10 @@ class LabelPictures:
         self._ahead.close()
 
     def arrives(self, scene: LabelScene, t_us: int) -> bool:
-        """Whether the cursor has come to another place; the zoomed picture follows it."""
+        """Whether the cursor has come to another place; the zoomed picture follows it.
+
+        Proposals that come in the meantime do not move it: a click or drag may be on its way.
+        """
         view = scene.view
         arrival = (t_us, view.camera, view.zoom, view.blind, view.follow, view.centre_px)
         if arrival == self._arrival:

@@ -15,6 +15,7 @@ from app.modes.label.view import LabelView, window_around
 from app.pictures.canvas import Region
 from app.pictures.event_picture import Rendering
 from app.pictures.palette import Ink, PolarityColours
+from core.events import Events
 from labels.arrays import LabelArrays, label_arrays
 from labels.assist import Proposals, check_stereo, epipolar_curve
 from labels.assist.both_views import labelled_positions_at
@@ -26,6 +27,8 @@ SIDE_WIDTH_PX = 634
 NEAR_US = 60_000
 """Labels farther away say nothing about where the ball is now."""
 EPIPOLAR_POINTS = 48
+CELL_PX = 16
+"""About a ball's radius: side of the squares in which events are counted."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +116,20 @@ def centre_at(scene: LabelScene, t_us: int, before: Point | None) -> Point:
         expected = scene.here.expected(t_us)
         if expected is not None:
             return expected
+        if view.centre_px is None and view.zoom > 1.0:
+            before = busiest_place(scene.source.events(*window_around(t_us, view.window_us))) or before
     return view.centre_px or before or ((size.width_px - 1) / 2, (size.height_px - 1) / 2)
+
+
+def busiest_place(events: Events) -> Point | None:
+    """The mean of the events round where most of them are: a ball is likely there; None without any."""
+    if not len(events):
+        return None
+    columns, rows = events.x_px // CELL_PX, events.y_px // CELL_PX
+    width = events.sensor.width_px // CELL_PX + 1
+    row, column = divmod(int(np.bincount(rows.astype(np.int64) * width + columns).argmax()), width)
+    near = (np.abs(columns.astype(np.int64) - column) <= 1) & (np.abs(rows.astype(np.int64) - row) <= 1)
+    return float(events.x_px[near].mean()), float(events.y_px[near].mean())
 
 
 def plan_at(scene: LabelScene, t_us: int, centre: Point) -> PicturePlan:

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 from app.background.worker import LatestWins
 from app.modes.label.label_picture import PictureKey, draw_label_picture
-from app.modes.label.label_strip import HEIGHT_PX, StripData, encode_strip
+from app.modes.label.label_strip import HEIGHT_PX, STATUS_PX, StripData, encode_strip, status_texts
 from app.modes.label.plan import MAIN_WIDTH_PX, SIDE_WIDTH_PX, PicturePlan
 from app.modes.label.sources import LabelSource
-from app.views.mosaic import Mosaic, MosaicTile
+from app.pictures.palette import Ink
+from app.views.mosaic import Mosaic, MosaicTile, SheetText, css_colour
 
 GAP_PX = 10
 KEPT = 256
@@ -75,16 +76,23 @@ class PictureCache:
         y += HEIGHT_PX + GAP_PX
         overview = self._place(plan.overview, request, 0, y, SIDE_WIDTH_PX)
         pictures = [main, strip, overview]
+        texts = [_title(plan.main, main), *status_texts(request.strip, strip.y + STATUS_PX / 2, plan.main.colours)]
+        texts.append(_title(plan.overview, overview))
         if plan.partner is not None:
             x = MAIN_WIDTH_PX - SIDE_WIDTH_PX
             pictures.append(self._place(plan.partner, request, x, y, SIDE_WIDTH_PX))
+            texts.append(_title(plan.partner, pictures[-1]))
         height = max(picture.y + picture.height for picture in pictures)
-        return LabelMosaic(Mosaic(tuple(pictures), MAIN_WIDTH_PX, height), plan, main, strip, overview)
+        return LabelMosaic(Mosaic(tuple(pictures), MAIN_WIDTH_PX, height, tuple(texts)), plan, main, strip, overview)
 
     def _place(self, key: PictureKey, request: MosaicRequest, x: int, y: int, width: int) -> MosaicTile:
         png = self.get(key, request.sources[key.camera])
         height = round(width * key.region.height / key.region.width)
         return MosaicTile(png, key.region, x, y, width, height)
+
+
+def _title(key: PictureKey, tile: MosaicTile) -> SheetText:
+    return SheetText(tile.x + 8, tile.y + 20, key.caption, css_colour(Ink.TEXT, key.colours), is_title=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -34,7 +34,8 @@ class Checked:
 def checked_of(labelling: Labelling) -> Checked:
     """How much of the labelled camera was checked."""
     times, arrays = labelling.grid.times(), labelling.here.arrays
-    return Checked(len(times), int(np.isin(times, arrays.t_us).sum()), len(arrays))
+    found = np.searchsorted(arrays.t_us, times, "right") > np.searchsorted(arrays.t_us, times, "left")  # both ascend
+    return Checked(len(times), int(found.sum()), len(arrays))
 
 
 def live_words(share: float | None) -> tuple[tuple[str, Ink], ...]:
@@ -67,9 +68,13 @@ def save_html(labelling: Labelling, writer: LabelWriter) -> str:
 
 
 def status_words(
-    labelling: Labelling, writer: LabelWriter, checked: Checked, agreement: CameraAgreement | None
+    labelling: Labelling,
+    writer: LabelWriter,
+    checked: Checked,
+    agreement: CameraAgreement | None,
+    proposing: float | None = None,
 ) -> tuple[tuple[str, Ink], ...]:
-    """The line in the picture: it is always in sight."""
+    """The line in the picture: it is always in sight. `proposing`: how far the detector is, while it runs."""
     view = labelling.view
     if writer.failure is not None:
         save = ("NOT SAVED", Ink.HULL_REJECTED)
@@ -90,6 +95,8 @@ def status_words(
     else:
         here = ("proposed", Ink.DRAFT) if draft is not None else ("unchecked", Ink.NO_BALL)
     words = [save, (f"{checked.checked} of {checked.total}", Ink.TEXT), here]
+    if proposing is not None:
+        words.append((f"proposing: {percent(proposing)}", Ink.DRAFT))
     if agreement is not None:
         words.append((f"cameras agree to {agreement.residual_px:.2f} px", Ink.EPIPOLAR))
     return (*words, (view.annotator, Ink.NO_BALL))

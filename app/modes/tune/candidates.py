@@ -86,9 +86,10 @@ def candidates_html(name: str, trace: PipelineTrace, picked: int | None = None) 
     rows = "".join(_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
     more = f"<div>and {len(ordered) - LISTED} smaller ones</div>" if len(ordered) > LISTED else ""
     label = f"Config {html_text(name)}: " if name else ""
+    count = f"{len(ordered)} cluster" if len(ordered) == 1 else f"{len(ordered)} clusters"
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{label}{verdict} &middot; {where} &middot; "
-        f"{len(ordered)} clusters<table style='width:100%'><tr>{head}</tr>{rows}</table>{more}</div>"
+        f"{count}<table style='width:100%'><tr>{head}</tr>{rows}</table>{more}</div>"
     )
 
 

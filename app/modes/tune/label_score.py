@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,7 +82,7 @@ def score_with_labels(
 def label_score_html(title: str, score: LabelScore) -> str:
     """A table of the groups, and the picture."""
     titles = ("", "labels", *(f"P / R at {px:g} px" for px in SHOWN_PX), "median", "p95", "along", "across")
-    head = "".join(f"<th style='text-align:left;font-weight:500;padding-right:10px'>{name}</th>" for name in titles)
+    head = "".join(f"<th style='text-align:left;font-weight:500;padding-right:14px'>{name}</th>" for name in titles)
     rows = "".join(_row(group) for group in score.groups)
     noise = score.noise.sigma_px if score.noise is not None and score.noise.both_seen else None
     said = "not known: no second looks yet" if noise is None else f"{noise:.2f} px a coordinate"
@@ -97,13 +98,22 @@ def _row(group: GroupScore) -> str:
     cells = (
         group.group,
         group.labels,
-        *(f"{at.precision:.3f} / {at.recall:.3f}" for at in group.at),
-        f"{group.median_px:.2f} px",
-        f"{group.p95_px:.2f} px",
-        f"{group.along_px:+.2f} px",
-        f"{group.across_px:+.2f} px",
+        *(f"{_figure(at.precision, '.3f')} / {_figure(at.recall, '.3f')}" for at in group.at),
+        _figure(group.median_px, ".2f", " px"),
+        _figure(group.p95_px, ".2f", " px"),
+        _figure(group.along_px, "+.2f", " px"),
+        _figure(group.across_px, "+.2f", " px"),
     )
-    return "<tr>" + "".join(f"<td style='padding-right:10px'>{cell}</td>" for cell in cells) + "</tr>"
+    return (
+        "<tr style='white-space:nowrap'>"
+        + "".join(f"<td style='padding-right:14px'>{cell}</td>" for cell in cells)
+        + "</tr>"
+    )
+
+
+def _figure(value: float, form: str, unit: str = "") -> str:
+    """A dash where there is none: a detector that answers nothing has no errors."""
+    return f"{value:{form}}{unit}" if math.isfinite(value) else "-"
 
 
 def _own_noise(folder: Path, store: LabelStore) -> Agreement | None:

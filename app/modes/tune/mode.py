@@ -22,7 +22,7 @@ from app.state.commands import BeginScore, Command, LookAt, UseConfig
 from app.views.answer_cache import AnswerCache
 from app.views.methods_picture import MethodsRequest, answer_methods
 from app.views.requests import PictureAnswer, TuneRequest, answer_request
-from core.config import load_config, save_config
+from core.config import load_config
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector
 from core.metrics import Score, judge_answers, known_truth, run_detector, score_answers
@@ -208,12 +208,11 @@ class TuneMode:
     def _save_config(self, name: str) -> None:
         state, workspace = self._host.state, self._host.services.workspace
         if state is not None:
-            wanted, path = workspace.config_path(name), workspace.free_config_path(name, state.config)
-            save_config(state.config, path)
+            wanted, path = workspace.config_path(name), workspace.keep_config(name, state.config)
             self._files.show(workspace.config_names(), chosen=path.stem)
             other = "" if path == wanted else f"there is another {wanted.stem} already, so this is {path.stem}; "
-            options = f"--method {state.tune.method} --config {path}"
-            self._host.note(f"Saved as {path.stem}", f"{other}`rallyscope detect {options}` takes it", "green")
+            command = f"rallyscope detect RECORDING --method {state.tune.method} --config {path}"
+            self._host.note(f"Saved as {path.stem}", f"{other}In a terminal: {command}", "green")
 
     def _load_config(self, name: str) -> None:
         workspace = self._host.services.workspace

@@ -45,7 +45,7 @@ class ScorePanel:
         """The score against labels that was shown last in a window of its own: it may be behind another tab here."""
         modal = self._gui.add_modal("The detector against your labels")
         with modal:
-            self._gui.add_html(f"<div style='overflow-x:auto'>{self._labels.content}</div>")
+            self._gui.add_html(f"<div data-rallyscope='wide' style='overflow-x:auto'>{self._labels.content}</div>")
             when_clicked(self._gui.add_button("Close", icon=viser.Icon.CHECK), modal.close)
 
     def show_score(self, title: str, score: Score | LabelScore) -> None:

@@ -12,7 +12,7 @@ from app.state.client_state import ClientState
 from app.state.commands import Command, CopyToOther, EditSetting, Redo, ResetConfig, SetMethod, Undo
 from app.widgets import when_changed
 from app.words.percent import percent
-from core.config import field_specs, get_setting
+from core.config import FieldSpec, field_specs, get_setting
 from core.detection import DetectorConfig, PipelineTrace
 from core.detection.methods import METHODS, SECTIONS, STAGED, Method
 from core.tuning.parameters import tunable_parameters
@@ -49,7 +49,7 @@ class SettingsPanel:
                     for spec in specs:
                         if spec.path[0] == stage:
                             handle = self._handles[spec.path] = add_field_control(gui, spec, slider=True)
-                            when_changed(handle, lambda value, path=spec.path: send(EditSetting(path, value)))  # type: ignore[arg-type]
+                            when_changed(handle, lambda value, spec=spec: _edit(send, spec, value))
 
         when_changed(self._method, lambda method: send(SetMethod(method)))  # type: ignore[arg-type]
 
@@ -90,6 +90,18 @@ class SettingsPanel:
                     f"{stage.count_in} &rarr; <b>{stage.count_out}</b> events{share} &middot; "
                     f"{stage.seconds * 1e3:.2f} ms"
                 )
+
+
+def is_half_typed(spec: FieldSpec, value: object) -> bool:
+    """Whether a number is outside of what its box takes: the box itself brings it inside when it is left."""
+    if spec.bounds is None or isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    return not spec.bounds.low <= value <= spec.bounds.high
+
+
+def _edit(send: Callable[[Command], None], spec: FieldSpec, value: object) -> None:
+    if not is_half_typed(spec, value):
+        send(EditSetting(spec.path, value))  # type: ignore[arg-type]
 
 
 def stage_anchor(stage: str) -> str:

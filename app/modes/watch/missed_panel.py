@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
 import viser
 
@@ -12,12 +13,16 @@ from app.widgets import when_clicked
 from app.words.file_text import html_text
 from core.rally.history.missed_balls import MissedBall
 
+LAST: Final = 1e6
+"""In the order of the controls."""
+
 
 class MissedPanel:
     """Of one browser."""
 
     def __init__(self, gui: viser.GuiApi, look: Callable[[ModeName], None]) -> None:
-        self._folder = gui.add_folder("Missed ball", visible=False)
+        # Last: it comes and goes with the rally, and nothing that is about to be clicked may move.
+        self._folder = gui.add_folder("Missed ball", visible=False, order=LAST)
         with self._folder:
             self._text = gui.add_html("")
             tune = gui.add_button("Look at it in Tune", icon=viser.Icon.ADJUSTMENTS, hint="The same window and camera")

@@ -106,12 +106,13 @@ def landing_legend_html() -> str:
 
 
 def _table(rows: list[tuple[str, str]]) -> str:
+    """Columns of a fixed width: figures that change must not move the lines."""
+    name_style = f"color:{theme.MUTED};padding-right:10px;width:106px;vertical-align:top"
     cells = "".join(
-        f"<tr><td style='color:{theme.MUTED};padding-right:10px;max-width:120px'{_title(name)}>{name}</td>"
-        f"<td>{value}</td></tr>"
-        for name, value in rows
+        f"<tr><td style='{name_style}'{_title(name)}>{name}</td><td>{value}</td></tr>" for name, value in rows
     )
-    return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'><table>{cells}</table></div>"
+    table = f"<table style='table-layout:fixed;width:100%'>{cells}</table>"
+    return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{table}</div>"
 
 
 def _title(name: str) -> str:

@@ -10,10 +10,11 @@ from typing import Final
 
 import h5py
 
-from app.shared.files.incoming import incoming_folder, put_beside
+from app.shared.files.incoming import incoming_folder
 from app.shared.library import Library
 from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RecordingError
+from core.files import end_unfinished, put_beside
 from core.recordings import import_recording, open_recording
 from core.recordings.identity import source_uuid
 from core.recordings.log.growing import is_growing
@@ -61,7 +62,7 @@ def bring_in(
             return None
         return _place(decoded, workspace, wanted, uuid)
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        end_unfinished(folder)
 
 
 def _keep_recording(path: Path, workspace: Workspace) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import shutil
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -17,6 +16,7 @@ from app.modes.services import Services
 from app.shared.files import OfferedFile, bring_in
 from app.visit.files.facts import facts_message, list_message, problem_message
 from core.errors import RallyscopeError, RecordingError
+from core.files import end_unfinished
 from core.recordings.sources.kinds import kind_of
 
 logger = logging.getLogger(__name__)
@@ -49,7 +49,7 @@ class _Source:
 
     def release(self) -> None:
         if self.received:
-            shutil.rmtree(self.path.parent, ignore_errors=True)
+            end_unfinished(self.path.parent)
 
 
 class FileOpening:

@@ -21,13 +21,13 @@ from core.bench.machine import describe_machine, machine_words
 from core.cameras.presets import stereo_preset
 from core.detection.methods import Method, make_detector, method_config
 from core.files import replace_file
-from core.markdown import markdown_table
 from core.metrics.grid_score import SLOW_PX_PER_MS, GridScore, score_on_grid
 from core.metrics.run import run_detector
 from core.physics.config import physics_profile
 from core.recordings import open_recording
 from core.simulation import simulate_recording
 from core.text.json_text import parse_json
+from core.text.markdown_table import markdown_table
 
 REPORT: Final = Path("docs/measured/drawn-scenes-report.md")
 FOLDER: Final = Path("rallyscope-data/bench-drawn-scenes")

@@ -12,8 +12,17 @@ from pathlib import Path
 from core.bench.learning.event_runs import load_event_seeds, play_event_seed
 from core.bench.learning.plan import Counts, Experiment, counts_of, is_minor, plan
 from core.bench.learning.report import write_learning_report
-from core.bench.learning.runs import Results, SeedResult, load_results, train_seed, values_at_end
+from core.bench.learning.runs import (
+    Results,
+    SeedResult,
+    keep_seed,
+    load_results,
+    missing_seeds,
+    train_seed,
+    values_at_end,
+)
 from core.bench.machine import describe_machine
+from core.jobs import ALONE, HERE, Engine, open_jobs
 from core.learning.runs.summary import rounded_number, spread_of
 
 Progress = Callable[[float], None]
@@ -33,8 +42,12 @@ def run(
     report: Path = REPORT,
     count: int | None = None,
     counts: Counts | None = None,
+    engine: Engine = HERE,
 ) -> dict[str, object]:
-    """A row per training, the report's place, and the machine. `count`: seeds of everything that is compared."""
+    """A row per training, the report's place, and the machine. Seeds are sent to the engine, evaluations come back.
+
+    `count`: seeds of everything that is compared.
+    """
     counts = counts or (Counts() if count is None else counts_of(count))
     experiments = plan(counts)
     machine = describe_machine("numpy", "torch", "numba", clock=CLOCK)
@@ -46,15 +59,24 @@ def run(
     def write(results: Results) -> None:
         write_learning_report(report, experiments, results, counts, machine, load_event_seeds(counts, folder))
 
-    for batch in batches(experiments):
-        trained = 0
-        for experiment, seed in batch:
-            trained += train_seed(experiment, folder, seed)
-            done += experiment.config.episodes
-            progress(done / total)
-        if trained:
-            # A batch may take a quarter of an hour: what there is can be read meanwhile.
-            write(load_results(experiments, folder))
+    wanted = batches(experiments)
+    missing = [missing_seeds(batch, folder) for batch in wanted]
+    most = max(map(len, missing))
+    with open_jobs(engine if most else ALONE, most) as jobs:
+        for batch, pieces in zip(wanted, missing, strict=True):
+            done += _episodes(batch) - _episodes(pieces)
+            base, episodes = done, _episodes(pieces)
+            jobs.run(
+                train_seed,
+                pieces,
+                name=lambda piece: f"{piece[0].name} seed {piece[1]}",
+                done=lambda number, answer, pieces=pieces: keep_seed(pieces[number], answer, folder),
+                progress=lambda share, base=base, episodes=episodes: progress((base + share * episodes) / total),
+            )
+            done += episodes
+            if pieces:
+                # A batch may take a quarter of an hour: what there is can be read meanwhile.
+                write(load_results(experiments, folder))
     results = load_results(experiments, folder)
     write(results)
     for seed in range(counts.event_seeds):
@@ -67,6 +89,10 @@ def run(
         "report": str(report),
         "machine": machine,
     }
+
+
+def _episodes(pieces: Sequence[tuple[Experiment, int]]) -> int:
+    return sum(experiment.config.episodes for experiment, _ in pieces)
 
 
 def batches(experiments: Sequence[Experiment]) -> list[list[tuple[Experiment, int]]]:

@@ -2,8 +2,8 @@
 
 Serves of seeds that no training and no evaluation has are watched by two event cameras and the chain until the stroke
 is decided; others, drawn alike, by `observe_in_time`. Compared are the errors of the state and of the time, by the
-distance of Kolmogorov and Smirnov. The points of the chain are kept, and their errors fitted:
-`point_errors.MEASURED` is such a fit. Half of the balls, the even ones, are for the fit, the others for the comparison.
+distance of Kolmogorov and Smirnov. The points of the chain are kept, and their errors fitted as `point_errors.MEASURED`
+has them. Half of the balls, the even ones, are for the fit, the others for the comparison.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from core.bench.learning.event_runs import SPEED_MPS, PlayedSeed
 from core.bench.learning.plan import TRUE_STATE, Counts, Experiment
 from core.bench.learning.runs import Results, SeedResult, values_at
 from core.bench.learning.tables import Column, at, at_end, shown, table_of_trainings
-from core.markdown import markdown_table
+from core.text.markdown_table import markdown_table
 
 MODEL_NOTE = """Labels of failed balls that a real robot could not see are masked, except where `privileged` is said.
 `gravity known`: the critic predicts the velocity after the stroke, and the parabola is given. `law of reflection

@@ -7,7 +7,7 @@ from typing import Final
 from core.bench.learning.plan import EXPLORATIONS, REWARDS, RIVALS, RULES, rival_training
 from core.bench.learning.runs import Results
 from core.bench.learning.tables import at, at_end, five_best, table_of_trainings
-from core.markdown import markdown_table
+from core.text.markdown_table import markdown_table
 
 RIVAL_NOTE = """Rivals get the case-based reward and the true state. `default`: the library's initial exploration.
 `matched`: the noise of our agents (0.1 at the start) and a learning rate of 0.001; TD3 has both by default. TD3 and SAC

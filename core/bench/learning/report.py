@@ -17,8 +17,8 @@ from core.bench.learning.verdicts import noise_floor, verdicts
 from core.learning.config import EnvironmentConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
 from core.learning.runs.summary import baseline_row
-from core.markdown import markdown_table
 from core.metrics.intervals import binomial_interval
+from core.text.markdown_table import markdown_table
 
 PAPER_RETURNS = {
     ("3", 350): (46, 70, 78),

@@ -1,10 +1,10 @@
-"""Trains what the plan asks for, a seed at a time, and keeps only the evaluations: an interrupted bench goes on."""
+"""Trains what the plan asks for, each seed by itself, and keeps only the evaluations: an interrupted bench goes on."""
 
 from __future__ import annotations
 
 import hashlib
 import math
-import shutil
+import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ import tomli_w
 from core.bench.learning.plan import Experiment
 from core.config import config_to_mapping
 from core.files import read_json, write_json
+from core.jobs import PieceControl, PiecesStoppedError
 from core.learning.config import RunConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator, five_best_mm
 from core.learning.runs.run_files import create_run, load_policy, read_lines, seed_files
@@ -66,13 +67,26 @@ Results = defaultdict[str, list[SeedResult]]
 """The seeds of every training, by its name; none of one that was not trained."""
 
 
-def train_seed(experiment: Experiment, folder: Path, seed: int) -> bool:
-    """One seed; False if it is in the folder already and was not trained again."""
-    path = _path(experiment, folder, seed)
-    if path.exists():
-        return False
-    write_json(path, _train_seed(experiment, seed, path.with_suffix(".run")))
-    return True
+def missing_seeds(wanted: Sequence[tuple[Experiment, int]], folder: Path) -> list[tuple[Experiment, int]]:
+    """Those that are not in the folder already."""
+    return [(experiment, seed) for experiment, seed in wanted if not _path(experiment, folder, seed).exists()]
+
+
+def train_seed(wanted: tuple[Experiment, int], control: PieceControl) -> dict[str, object]:
+    """Train one seed, in a folder that is gone afterwards; gives what `keep_seed` keeps.
+
+    Raises:
+        PiecesStoppedError: if nobody wants it any more.
+    """
+    experiment, seed = wanted
+    with tempfile.TemporaryDirectory(prefix="rallyscope-") as folder:
+        return _train_seed(experiment, seed, Path(folder) / "run", control)
+
+
+def keep_seed(wanted: tuple[Experiment, int], answer: dict[str, object], folder: Path) -> None:
+    """Keep what came of a seed."""
+    experiment, seed = wanted
+    write_json(_path(experiment, folder, seed), answer)
 
 
 def load_results(experiments: Sequence[Experiment], folder: Path) -> Results:
@@ -86,12 +100,12 @@ def load_results(experiments: Sequence[Experiment], folder: Path) -> Results:
     return results
 
 
-def _train_seed(experiment: Experiment, seed: int, run: Path) -> dict[str, object]:
+def _train_seed(experiment: Experiment, seed: int, run: Path, control: PieceControl) -> dict[str, object]:
     config = replace(experiment.config, seeds=1, first_seed=seed)
-    shutil.rmtree(run, ignore_errors=True)
     create_run(run, config)
     started = time.process_time()
-    run_training(run, progress=lambda share: None, stopped=lambda: False)
+    if run_training(run, progress=control, stopped=control.stopped) == "stopped":
+        raise PiecesStoppedError
     cpu_s = time.process_time() - started
     lines, _ = read_lines(seed_files(run, seed).evaluations)
     policy = load_policy(run, seed)
@@ -103,7 +117,6 @@ def _train_seed(experiment: Experiment, seed: int, run: Path) -> dict[str, objec
             config.episodes, speed, score.return_rate, score.error_mm, score.error_returned_mm, score.missed
         )
         transfers[name] = asdict(found)
-    shutil.rmtree(run)
     return {"evaluations": lines, "transfers": transfers, "cpu_s": cpu_s}
 
 

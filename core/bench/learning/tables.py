@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from core.bench.learning.runs import Results, SeedResult, values_at, values_at_end
 from core.errors import ConfigError
 from core.learning.runs.summary import spread_of
-from core.markdown import markdown_table
 from core.metrics.paired import pair_by_seed, paired_difference
+from core.text.markdown_table import markdown_table
 
 Column = Callable[[Sequence[SeedResult]], str]
 """What a table says of a training."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from core.bench.learning.runs import Results, values_at
 from core.bench.learning.tables import shown
 from core.learning.runs.summary import spread_of
-from core.markdown import markdown_table
+from core.text.markdown_table import markdown_table
 
 
 @dataclass(frozen=True, slots=True)

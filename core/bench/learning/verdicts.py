@@ -16,7 +16,6 @@ from core.errors import ConfigError
 from core.learning.config import environment_profile
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
 from core.learning.evaluation.trivial_policies import trusting_actions
-from core.markdown import markdown_table
 from core.metrics.paired import (
     PairedComparison,
     holm,
@@ -25,6 +24,7 @@ from core.metrics.paired import (
     paired_ratio,
     seeds_as_text,
 )
+from core.text.markdown_table import markdown_table
 
 Statistic = Literal["last", "five best"]
 STATISTICS: Final[tuple[Statistic, ...]] = ("last", "five best")

@@ -12,7 +12,7 @@ from typing import Final
 from core.bench.perception.pictures import WindowPicture
 from core.bench.perception.sections import ReportSection
 from core.bench.perception.words import PICTURE_WORDS, PICTURES, TITLE, one_line
-from core.markdown import markdown_table
+from core.text.markdown_table import markdown_table
 
 LINE: Final = 118
 """Characters of a line of Markdown."""

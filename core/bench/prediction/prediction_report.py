@@ -10,8 +10,8 @@ from typing import Final
 from core.bench.charts import ChartLine, line_chart
 from core.bench.machine import machine_words
 from core.errors import RecordingError
-from core.markdown import markdown_table
 from core.text.json_text import parse_json
+from core.text.markdown_table import markdown_table
 
 Row = Mapping[str, object]
 

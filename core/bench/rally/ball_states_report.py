@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.bench.charts import heat_map
-from core.markdown import markdown_table
 from core.metrics.intervals import binomial_interval
 from core.physics.ball_states import join_serves
 from core.physics.episode import Serves
 from core.rally.simulated.simulated_returns import ReturnOutcome, SimulatedReturns, SimulatedReturnsConfig
 from core.simulation.episodes.incoming import Incoming
+from core.text.markdown_table import markdown_table
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -14,13 +14,13 @@ from core.bench.partial_rows import tell_rows
 from core.bench.simulation.scene_picture import picture_of_scene
 from core.cameras import stereo_preset
 from core.detection import make_detector
-from core.markdown import markdown_table
 from core.metrics.run import duration_of
 from core.metrics.score import score_recording
 from core.rally.simulated.closed_loop import ClosedLoop
 from core.rally.simulated.world import WorldConfig
 from core.simulation import StereoConfig, scene_named
 from core.simulation.scenes.scene import SCENES
+from core.text.markdown_table import markdown_table
 
 REPORT: Final = Path("docs/measured/scenes.md")
 PICTURES: Final = Path("docs/measured/images")

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from core.bench.machine import machine_words
-from core.markdown import markdown_table
 from core.metrics.intervals import binomial_interval
+from core.text.markdown_table import markdown_table
 
 CHAINS: Final = {
     "filter": "the live rally's: detector `refined`, every point counts",

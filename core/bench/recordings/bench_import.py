@@ -30,6 +30,7 @@ SHORT_EVENTS: Final = 20_000_000
 LONG_EVENTS: Final = 100_000_000
 SLICE_US: Final = 50_000
 SLICES: Final = 200
+EVT3_HEADER: Final = f"% evt 3.0\n% format EVT3;height={SENSOR.height_px};width={SENSOR.width_px}\n% end\n".encode()
 TRIGGER_EVENTS: Final = 2500
 """From one trigger edge to the next: 500 us."""
 
@@ -62,7 +63,7 @@ def run(progress: Callable[[float], None]) -> Report:
         for events, runs, share in ((SHORT_EVENTS, 5, 0.3), (LONG_EVENTS, 3, 0.8)):
             source = folder / "source.raw"
             write_evt3(source, events)
-            measured = [_import(tiny, source, recording) for _ in range(runs)]
+            measured = [import_apart(tiny, source, recording) for _ in range(runs)]
             source.unlink()
             found = _import_rows(measured, events)
             rows += found
@@ -78,14 +79,14 @@ def write_evt3(path: Path, count: int) -> None:
     size = min(count, 1_000_000)
     duration_us = size // RATE_PER_US
     with path.open("wb") as file:
-        file.write(f"% evt 3.0\n% format EVT3;height={SENSOR.height_px};width={SENSOR.width_px}\n% end\n".encode())
+        file.write(EVT3_HEADER)
         for number in range(count // size):
             t_us = np.sort(rng.integers(0, duration_us, size)) + 10_000 + number * duration_us
-            file.write(_evt3_words(t_us, rng).tobytes())
+            file.write(evt3_words(t_us, rng).tobytes())
 
 
-def _evt3_words(t_us: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.uint16]:
-    """For each event those of five words that it needs: coarse time, fine time, trigger, row, column."""
+def evt3_words(t_us: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.uint16]:
+    """Random events at these times, of each those of five words that it needs: two of time, trigger, row, column."""
     size = len(t_us)
     words = np.empty((size, 5), np.uint16)
     words[:, 0] = 0x8000 | t_us >> 12 & 0xFFF
@@ -100,7 +101,8 @@ def _evt3_words(t_us: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np
     return words[needed]
 
 
-def _import(tiny: Path, source: Path, recording: Path) -> dict[str, float]:
+def import_apart(tiny: Path, source: Path, recording: Path) -> dict[str, float]:
+    """Import in a process of its own; its seconds, cpu_seconds, peak_mb, events and triggers."""
     recording.unlink(missing_ok=True)
     warm_up = recording.with_suffix(".tiny.h5")
     warm_up.unlink(missing_ok=True)

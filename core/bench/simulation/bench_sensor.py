@@ -23,7 +23,6 @@ from core.cameras import Camera
 from core.cameras.presets import DISTORTION, FOCAL_PX, PLACEMENTS
 from core.events import SensorSize
 from core.geometry import look_at
-from core.markdown import markdown_table
 from core.simulation.bodies import MovingBodies, make_actors
 from core.simulation.bodies.rally_flight import draw_flights
 from core.simulation.event_cameras.event_camera import EventCamera
@@ -32,6 +31,7 @@ from core.simulation.flights.serve import LaunchConfig
 from core.simulation.scenes.racket_shape import RacketPoses
 from core.simulation.scenes.scene import scene_named
 from core.simulation.sensor.sensor import SensorConfig
+from core.text.markdown_table import markdown_table
 
 REPORT: Final = Path("docs/measured/sensor-report.md")
 SEED: Final = 11

@@ -14,7 +14,7 @@ from safetensors.torch import save
 from core.config import config_from_mapping, config_to_mapping
 from core.detection.yolo.config import YoloConfig
 from core.detection.yolo.network import YoloTiny
-from core.errors import ConfigError, RallyscopeError
+from core.errors import WRITE_REMEDY, ConfigError, RallyscopeError
 from core.files import replace_file
 from core.text.json_text import parse_json
 
@@ -75,8 +75,7 @@ def save_weights(path: Path, weights: YoloWeights) -> None:
     try:
         replace_file(path, save(tensors, about), durable=True)
     except OSError as error:
-        remedy = "free some space, or choose a folder that can be written"
-        raise ConfigError("cannot write the weights", got=error.strerror, where=path, remedy=remedy) from error
+        raise ConfigError("cannot write the weights", got=error.strerror, where=path, remedy=WRITE_REMEDY) from error
 
 
 def load_weights(path: Path | None = None) -> YoloWeights:

@@ -24,6 +24,10 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 FORMAT = "rallyscope-policy-1"
+LARGEST_INPUT = 1e3
+"""Of states and targets in the network's own measure, which are about 1."""
+OVERFLOW = 1e37
+"""Sums within a network beyond this are more than its numbers can hold."""
 
 
 class ActionSource(Protocol):
@@ -120,13 +124,16 @@ def _checked(
     racket: Floats,
     path: Path,
 ) -> Policy:
-    width = 9 if sees is True else 8
+    width, largest = (9 if sees is True else 8), LARGEST_INPUT
     for weight, bias in layers:
         if weight.ndim != 2 or weight.shape[0] != width or bias.shape != (weight.shape[1],):
             raise ConfigError("layers that do not fit", expected=f"{width} inputs", got=weight.shape, where=path)
         if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
             raise ConfigError("a policy with numbers that are not finite", where=path)
+        largest = largest * np.abs(weight).sum(0, np.float64).max(initial=0.0) + np.abs(bias).max(initial=0.0)
         width = weight.shape[1]
+    if largest > OVERFLOW:
+        raise ConfigError("a policy with numbers that no training gives", got=f"sums of {largest:.1e}", where=path)
     if width != 3 or not layers or not isinstance(sees, bool) or len(incoming) != len(racket) or len(incoming) == 0:
         raise ConfigError("not a policy for three angles", expected=3, got=width, where=path)
     if (hidden != "relu" and hidden != "tanh") or (output != "tanh" and output != "clip"):

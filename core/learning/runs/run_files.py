@@ -23,13 +23,12 @@ from pathlib import Path
 from typing import Literal
 
 from core.config import load_config, save_config
-from core.errors import ConfigError
+from core.errors import WRITE_REMEDY, ConfigError
 from core.files import write_json
 from core.learning.agents.policy import Policy, read_policy
 from core.learning.config import RunConfig
 from core.text.json_text import parse_json
 
-WRITE_REMEDY = "free some space, or choose a folder that can be written"
 PACKAGES = ("rallyscope", "numpy", "numba", "torch", "mujoco", "gymnasium", "stable-baselines3", "sb3-contrib")
 
 

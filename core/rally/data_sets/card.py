@@ -11,11 +11,11 @@ from typing import Final
 
 from core.errors import RecordingError
 from core.files import replace_file
-from core.markdown import markdown_table
 from core.rally.data_sets.checked_manifest import check_manifest
 from core.rally.data_sets.facts import RecordingFacts
 from core.rally.data_sets.plan import DataSetPlan, PlannedRecording
 from core.text.json_text import parse_json
+from core.text.markdown_table import markdown_table
 
 MANIFEST: Final = "manifest.json"
 CARD: Final = "CARD.md"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import socket
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,8 +26,8 @@ def recording_path(folder: Path, planned: PlannedRecording) -> Path:
 
 
 def partial_path(folder: Path, planned: PlannedRecording) -> Path:
-    """Of the recording while it is made."""
-    return folder / f".{planned.name}.partial.h5"
+    """Of the recording while this process makes it; one that was given up for dead may still be at it elsewhere."""
+    return folder / f".{planned.name}.{socket.gethostname()}-{os.getpid()}.partial.h5"
 
 
 def remove_partials(folder: Path) -> None:

@@ -49,6 +49,7 @@ def _known_us(ball: BallTruth | None, serve_us: int, until_us: int, landing: NDA
     rows = (ball.t_us >= serve_us) & (ball.t_us < until_us) & np.isfinite(ball.p_world_m).all(axis=1)
     if not rows.any():
         return serve_us
-    t_us, away_m = ball.t_us[rows], np.linalg.norm(ball.p_world_m[rows] - landing, axis=1)
+    with np.errstate(over="ignore"):  # a damaged one may be absurdly far away
+        t_us, away_m = ball.t_us[rows], np.linalg.norm(ball.p_world_m[rows] - landing, axis=1)
     nearest = int(np.argmin(np.nan_to_num(away_m, nan=np.inf)))
     return int(t_us[nearest] if away_m[nearest] < AT_SPOT_M else t_us[-1])

@@ -1,8 +1,6 @@
-"""Addresses of the simulation link, and which of them other machines can reach."""
+"""Addresses of the simulation link."""
 
 from __future__ import annotations
-
-import ipaddress
 
 from core.errors import LinkError
 
@@ -18,13 +16,3 @@ def split_address(address: str, *, lowest: int = 0) -> tuple[str, int]:
     if not address.startswith("tcp://") or not host or not digits or not lowest <= int(port) <= 65534:
         raise LinkError("not an address", expected="tcp://HOST:PORT", got=repr(address[:100]))
     return host, int(port)
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a host, with or without the brackets of IPv6, is this machine alone; of all names only localhost is."""
-    if host.lower() == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.removeprefix("[").removesuffix("]")).is_loopback
-    except ValueError:
-        return False

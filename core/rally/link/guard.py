@@ -11,8 +11,8 @@ from zmq.utils import z85
 from zmq.utils.monitor import recv_monitor_message
 
 from core.errors import LinkError
-from core.rally.link.address import is_loopback
 from core.rally.link.keys import REMEDY, ClientKeys, ServerKeys
+from core.text.host import is_loopback
 
 logger = logging.getLogger(__name__)
 

@@ -79,9 +79,6 @@ class HonestPace:
 
     def _change(self, share: float, *, trying: bool) -> None:
         self.share, self._trying = share, trying
-        self._begin()
-
-    def _begin(self) -> None:
         self._simulated_s = self._worked_s = self._waited_s = 0.0
         self._slow = self._easy = self._looks = 0
 

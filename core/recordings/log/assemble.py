@@ -119,11 +119,12 @@ def _write(file: h5py.File, log: BinaryIO, contents: LogContents, indices: Mappi
         camera.attrs.update(width=width, height=height)
         camera.create_dataset("t_offset", data=np.int64(offsets.get(name, 0)))
         marks = indices[name]
-        camera.create_dataset(
+        index = camera.create_dataset(
             "ms_to_idx",
             data=marks,
             **({"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(marks) else {}),
         )
+        index.flush()  # or its place in the file depends on when the object goes, which a profiler's thread may delay
         duration_us = max(duration_us, _write_events(file, log, name, contents.blocks[name]))
         for key, values in calibration.get(name, {}).items():
             file.create_dataset(f"{layout.calibration_group(name)}/{key}", data=np.array(values, np.float64))

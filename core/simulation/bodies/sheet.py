@@ -56,11 +56,7 @@ def _draw_rod(row, sheet, edge, ambient, view):
         x, y, length2 = sheet[index], sheet[SHEET + index], sheet[2 * SHEET + index]
         inverse = 1.0 / length2
         ar, dr = ax * x + ay * y + az, dx * x + dy * y + dz
-        across = dd - dr * dr * inverse
-        share = (ar * dr * inverse - ad) / across
-        share = share if share > 0.0 else 0.0
-        share = share if share < 1.0 else 1.0
-        share = share if across > 1e-12 else 0.0
+        share = _nearest(ar, dr, dd, ad, inverse)
         cx, cy, cz = ax + share * dx, ay + share * dy, az + share * dz
         along = (ar + share * dr) * inverse
         gap2 = cx * cx + cy * cy + cz * cz - along * along * length2
@@ -91,17 +87,21 @@ def _weave(row, sheet, view):
     up_x, up_y, up_z = view[3], view[4], view[5]
     for index in range(SHEET):
         x, y, length2, z = sheet[index], sheet[SHEET + index], sheet[2 * SHEET + index], sheet[5 * SHEET + index]
-        inverse = 1.0 / length2
-        ar, dr = ax * x + ay * y + az, dx * x + dy * y + dz
-        across = dd - dr * dr * inverse
-        share = (ar * dr * inverse - ad) / across
-        share = share if share > 0.0 else 0.0
-        share = share if share < 1.0 else 1.0
-        share = share if across > 1e-12 else 0.0
+        share = _nearest(ax * x + ay * y + az, dx * x + dy * y + dz, dd, ad, 1.0 / length2)
         nx, ny, nz = z * x - (ax + share * dx), z * y - (ay + share * dy), z - (az + share * dz)
         across_wave = (up_x * nx + up_y * ny + up_z * nz) * (1.0 / (radius_a + share * widening))
         waves = _wave(share * stripes + 0.13) + _wave(across_wave * bands + 0.37)
         sheet[4 * SHEET + index] *= 1.0 + 0.5 * depth * waves
+
+
+@njit(inline="always", error_model="numpy")
+def _nearest(ar, dr, dd, ad, inverse):
+    """How far along a rod, as a share of it, its axis comes nearest to a ray."""
+    across = dd - dr * dr * inverse
+    share = (ar * dr * inverse - ad) / across
+    share = share if share > 0.0 else 0.0
+    share = share if share < 1.0 else 1.0
+    return share if across > 1e-12 else 0.0
 
 
 @njit(inline="always", error_model="numpy")

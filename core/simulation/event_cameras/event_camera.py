@@ -52,6 +52,7 @@ class EventCamera:
         self._pixels = make_pixels(self._view.maps[:, LOG_LIGHT], config, rng)
         self._timing = PixelTiming(float(config.photoreceptor_us), float(config.refractory_us))
         self._hot = draw_hot_pixels(camera.sensor, config, rng)
+        self._noise = noise_law(camera.sensor, config, self._hot)
         self._events = EventBuffer.empty(FIRST_CAPACITY)
         self._racket_seen: np.ndarray | None = None
         self._readout = Readout()
@@ -80,6 +81,7 @@ class EventCamera:
             ConfigError: if the rate is out of bounds.
         """
         self._config = dataclasses.replace(self._config, noise_hz=noise_hz)
+        self._noise = noise_law(self.camera.sensor, self._config, self._hot)
 
     def advance(self, path: BallPath, end_us: int, racket: RacketPath | None = None) -> Events:
         """The events from `now_us` up to, not including, `end_us`. A racket is there from the start, or never.
@@ -113,10 +115,9 @@ class EventCamera:
         self._fresh = False
         while not settle_active(self._pixels, float(end_us), self._timing, self._events):
             self._events = self._events.doubled()
-        law = noise_law(self.camera.sensor, self._config, self._hot)
         refractory_us, width = self._config.refractory_us, self.camera.sensor.width_px
         merged = merge_noise(
-            self._events, self._pixels.last_event_us, law, start_us, end_us, refractory_us, width, self._rng
+            self._events, self._pixels.last_event_us, self._noise, start_us, end_us, refractory_us, width, self._rng
         )
         self._now_us = end_us
         return self._readout.pass_on(merged, end_us, self._config)

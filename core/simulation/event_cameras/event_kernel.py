@@ -3,19 +3,45 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from core.jit import njit
-from core.simulation.bodies.shading import FAR_COVER, NEAR_COVER, light_and_rest, posed_bodies
+from core.simulation.bodies.shading import light_and_rest, posed_bodies
 from core.simulation.bodies.tile_updates import REST_PX, UPDATE_PX, mark_moved, pose_at, update_tiles
-from core.simulation.scenes.background import LOG_LIGHT, RAY_X, RAY_Y
+from core.simulation.event_cameras.row_light import (
+    DEEP,
+    GOAL,
+    ROW,
+    ROW_NUMBERS,
+    light_row,
+    read_row,
+)
+from core.simulation.scenes.background import LOG_LIGHT
 from core.simulation.scenes.flicker import flicker_all_pixels
 from core.simulation.scenes.racket_outline import outline_spans, rows_for_spans, unchanged_columns
-from core.simulation.scenes.shading import INNER_STRIDE, UNTOUCHED, pixel_light, pixel_seen
+from core.simulation.scenes.shading import INNER_STRIDE, UNTOUCHED, deep_inside, pixel_light, pixel_seen
 from core.simulation.scenes.steps import BALL, RACKET, SHADOW, boxes_meet, is_looked_at, moving_at, union_box
 from core.simulation.sensor.pixels import EVENTS_PER_PIXEL, follow_pixel, receptor_decay, rest_pixel, wake_pixel
 from core.simulation.sensor.sensor import RECEPTOR, REFERENCE, TARGET, TIME_US
+
+
+class Look(NamedTuple):
+    """One look at a part of the picture."""
+
+    swing: float
+    """Of all light at that time, as a logarithm."""
+    before_us: float
+    """The look before it."""
+    recent_us: float
+    """The look before it of the inner part of the ball, which is looked at less often."""
+    now_us: float
+    decay: float
+    recent_decay: float
+    """Of the receptor since `before_us` and `recent_us`."""
+    skip_deep: bool
+    """That inner part is not looked at now."""
 
 
 @njit(error_model="numpy")
@@ -64,6 +90,7 @@ def event_kernel_step(pixels, scene, steps, step, spans_before, spans_now, timin
     t_us, boxes, last = steps.t_us, steps.boxes, len(steps.t_us) - 1
     now_us, count = t_us[step], events.filled[0]
     swing = steps.swing.log_light[step] if len(steps.swing.log_light) else 0.0
+    row = np.empty(ROW_NUMBERS)
     for part in range(boxes.shape[1]):
         if not is_looked_at(steps, step, part):
             continue
@@ -85,49 +112,73 @@ def event_kernel_step(pixels, scene, steps, step, spans_before, spans_now, timin
             see_ball, see_shadow = part == BALL or overlap, part == SHADOW or overlap
             see_racket = boxes_meet(swept[part], swept[RACKET])
         moving = moving_at(steps, step, see_ball, see_shadow, see_racket)
-        ball_x, ball_y, ball_z = moving.ball[0], moving.ball[1], moving.ball[2]
-        reach2, inner2 = moving.ball[15], moving.ball[16]
         only_ball = part == BALL and not see_shadow and not see_racket
-        decay = receptor_decay(before_us, now_us, timing)
+        only_shadow = part == SHADOW and not see_ball and not see_racket
+        skip_deep = step % INNER_STRIDE != 0 and step != last
+        decays = receptor_decay(before_us, now_us, timing), receptor_decay(recent_us, now_us, timing)
+        look = Look(swing, before_us, recent_us, now_us, decays[0], decays[1], skip_deep)
         for y in range(y0, y1):
             left, right, first, end = x1, x1, x0, x1
             if part == RACKET:  # only where its outline passes
                 first, left, right, end = unchanged_columns(spans_before, spans_now, y, x0, x1)
+            while (only_ball or only_shadow) and first < end:
+                pixel, wide = y * scene.width_px + first, min(ROW, end - first)
+                if not read_row(maps, layers, pixel, wide, row):
+                    break  # the rest one by one
+                light_row(scene.numbers, moving.ball, only_ball, wide, row)
+                count = follow_row(pixels, pixel, wide, row, look, timing, event_rows, count)
+                first += wide
             for x in range(first, end):
                 if left <= x < right:
                     continue
                 pixel = y * scene.width_px + x
-                start_us = rows[pixel, TIME_US]
-                if start_us >= now_us:
+                if rows[pixel, TIME_US] >= now_us:
                     continue  # parts overlap here
-                x_ray, y_ray = maps[pixel, RAY_X], maps[pixel, RAY_Y]
-                length2 = x_ray * x_ray + y_ray * y_ray + 1.0
-                along = x_ray * ball_x + y_ray * ball_y + ball_z
-                met2 = along * along if along > 0.0 else 0.0
-                deep = part == BALL and not see_racket and met2 > inner2 * length2
-                if deep and step % INNER_STRIDE != 0 and step != last:
+                seen = pixel_seen(maps, pixel)
+                deep = part == BALL and not see_racket and deep_inside(seen, moving.ball)
+                if deep and skip_deep:
                     continue
-                if only_ball and met2 <= reach2 * length2 and not _has_body(layers, pixel):
-                    goal = swing + maps[pixel, LOG_LIGHT]
-                else:
-                    seen = pixel_seen(maps, pixel)
-                    light, rest = light_and_rest(seen, layers, pixel, scene.numbers, moving)
-                    goal = swing + (rest if light == UNTOUCHED else math.log(light))
+                light, rest = light_and_rest(seen, layers, pixel, scene.numbers, moving)
+                goal = swing + (rest if light == UNTOUCHED else math.log(light))
                 if goal == rows[pixel, TARGET]:
                     continue  # at rest, which is caught up with in closed form when it ends
                 if not active[pixel]:
                     wake_pixel(pixels, pixel)
-                if start_us < (recent_us if deep else before_us):
-                    count = rest_pixel(rows, pixel, before_us, timing, event_rows, count)
-                    start_us = before_us
-                fall = decay if start_us == before_us else receptor_decay(start_us, now_us, timing)
-                count = follow_pixel(rows, pixel, goal, now_us, fall, timing, event_rows, count)
+                count = see(rows, pixel, goal, deep, look, timing, event_rows, count)
     events.filled[0] = count
 
 
+@njit(error_model="numpy")
+def follow_row(pixels, first, wide, row, look, timing, event_rows, count):
+    """Let neighbouring pixels see what is written in a row of `row_light`; returns the new event count."""
+    rows, active = pixels.rows, pixels.active
+    for index in range(wide):
+        pixel, deep = first + index, row[DEEP + index] == 1.0
+        if deep and look.skip_deep:
+            continue
+        goal = look.swing + row[GOAL + index]
+        if goal == rows[pixel, TARGET] or rows[pixel, TIME_US] >= look.now_us:
+            continue
+        if not active[pixel]:
+            wake_pixel(pixels, pixel)
+        count = see(rows, pixel, goal, deep, look, timing, event_rows, count)
+    return count
+
+
 @njit(inline="always", error_model="numpy")
-def _has_body(layers, pixel):
-    return len(layers) > 0 and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0)
+def see(rows, pixel, goal, deep, look, timing, event_rows, count):
+    """Let a pixel that is awake see a log intensity; returns the new event count."""
+    start_us = rows[pixel, TIME_US]
+    if start_us < (look.recent_us if deep else look.before_us):
+        count = rest_pixel(rows, pixel, look.before_us, timing, event_rows, count)
+        start_us = look.before_us
+    if start_us == look.before_us:
+        fall = look.decay
+    elif start_us == look.recent_us:
+        fall = look.recent_decay
+    else:
+        fall = receptor_decay(start_us, look.now_us, timing)
+    return follow_pixel(rows, pixel, goal, look.now_us, fall, timing, event_rows, count)
 
 
 @njit(error_model="numpy")

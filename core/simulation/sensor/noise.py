@@ -51,13 +51,17 @@ class NoiseLaw(NamedTuple):
     hot: NDArray[np.int64]
     hot_hz: NDArray[np.float64]
     """Running sum of the rates of the hot pixels."""
+    total_hz: float
 
 
 def noise_law(sensor: SensorSize, config: SensorConfig, hot: HotPixels) -> NoiseLaw:
     """The noise of a sensor. Leakage makes ON events only, shot noise both."""
     on_share = config.leak_share + 0.5 * (1.0 - config.leak_share)
     background_hz = float(config.noise_hz) * sensor.width_px * sensor.height_px
-    return NoiseLaw(background_hz, on_share, hot.pixels, np.cumsum(hot.rates_hz))
+    hot_hz = np.cumsum(hot.rates_hz)
+    return NoiseLaw(
+        background_hz, on_share, hot.pixels, hot_hz, background_hz + (float(hot_hz[-1]) if len(hot_hz) else 0.0)
+    )
 
 
 def merge_noise(
@@ -130,8 +134,7 @@ def _in_order(rows, start_us, end_us):
 @njit
 def _noise_times(law, start_us, end_us, rng):
     """Ascending times, without sorting: spacings of a Poisson process."""
-    total_hz = law.background_hz + (law.hot_hz[-1] if len(law.hot_hz) else 0.0)
-    count = rng.poisson(total_hz * (end_us - start_us) * 1e-6)
+    count = rng.poisson(law.total_hz * (end_us - start_us) * 1e-6)
     times = np.empty(count, np.int64)
     arrivals, arrived = np.empty(count), 0.0
     for index in range(count):
@@ -146,8 +149,7 @@ def _noise_times(law, start_us, end_us, rng):
 @njit
 def _noisy_pixel(law, count, rng):
     """(pixel, whether it is an ON event) of a noise event."""
-    total_hz = law.background_hz + (law.hot_hz[-1] if len(law.hot_hz) else 0.0)
-    drawn_hz, rose = rng.random() * total_hz, rng.random()
+    drawn_hz, rose = rng.random() * law.total_hz, rng.random()
     if drawn_hz < law.background_hz:
         return np.uint32(min(drawn_hz / law.background_hz * count, count - 1.0)), rose < law.background_on
     which = min(np.searchsorted(law.hot_hz, drawn_hz - law.background_hz, side="right"), len(law.hot) - 1)

@@ -18,13 +18,14 @@ from app.bench.faults.trials import EndedTrial, FaultName, FaultResult, FaultTri
 from core.errors import CommandError
 
 PROBED: dict[str, tuple[FaultName, ...]] = {
-    "recording": ("killed", "disk full", "device error", "read-only folder", "stopped", "power cut"),
+    "recording": ("killed", "disk full", "device error", "read-only folder", "stopped", "power cut", "clock stepped"),
     "import": ("killed", "device error", "power cut"),
-    "labelling": ("killed", "disk full", "read-only folder"),
+    "labelling": ("killed", "disk full", "read-only folder", "clock stepped"),
+    "tune in parallel": ("worker killed",),
     "training": ("disk full",),
     "export": ("killed", "disk full"),
 }
-"""Data sets and tune take longer: they are for the bench."""
+"""Data sets take longer: they are for the bench."""
 
 
 @pytest.mark.parametrize("name", PROBED)
@@ -37,11 +38,14 @@ def test_nothing_acknowledged_is_lost_and_every_ending_is_clear(name: str, tmp_p
 
 def test_every_fault_is_tried_on_every_job_but_where_python_does_not_write() -> None:
     pairs = choose_pairs(None)
-    assert len(pairs) == len(JOBS) * len(get_args(FaultName)) - 2
+    alone = [name for name, job in JOBS.items() if not job.workers]
+    assert len(pairs) == len(alone) * (len(get_args(FaultName)) - 1) - 2 + 2 * (len(JOBS) - len(alone))
     assert {fault for job, fault in pairs if job == "labelling"} == {*get_args(FaultName)} - {
         "device error",
         "power cut",
+        "worker killed",
     }
+    assert [job for job, fault in pairs if fault == "worker killed"] == ["data set in parallel", "tune in parallel"]
     assert choose_pairs("killed") == [(name, "killed") for name in JOBS]
     with pytest.raises(CommandError, match=r"no such fault, and no such job; expected killed, .* got earthquake"):
         choose_pairs("earthquake")

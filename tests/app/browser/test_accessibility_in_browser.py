@@ -72,3 +72,21 @@ def test_keys_label_although_a_checkbox_was_clicked_last(window, wait_for) -> No
     page.keyboard.press("n")
     page.wait_for_timeout(700)
     assert window.state.playhead.anchor_us == 104_000, "a field keeps its keys"
+
+
+def test_keys_label_although_a_button_or_a_list_was_clicked_last(window, wait_for) -> None:
+    page = window.page
+    window.press("Label")
+    wait_for(lambda: window.state.mode == "Label", "Label")
+    window.seek(100_000)
+    window.press("5x")
+    page.get_by_role("button", name="● 5x").wait_for()
+    page.keyboard.press("n")
+    wait_for(lambda: window.state.playhead.anchor_us == 102_000, "the next time")
+    page.keyboard.press("Space")  # after another key Chromium shows the clicked button as if Tab had reached it
+    wait_for(lambda: window.state.playhead.anchor_us == 104_000, "Space to go on")
+    page.get_by_label("Label every").first.click()
+    page.locator("div[role=option]").get_by_text("5 ms", exact=True).click()
+    page.keyboard.press("n")
+    wait_for(lambda: window.state.playhead.anchor_us == 105_000, "the next time, 5 ms apart")
+    assert page.get_by_label("Label every").first.input_value() == "5 ms", "nothing was typed into the list"

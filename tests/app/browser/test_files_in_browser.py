@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from core.files import PREFIX
 from tests.app.shared.files.event_files import write_csv, write_npz
 
 pytestmark = pytest.mark.browser
@@ -29,7 +30,7 @@ def test_a_file_that_is_dropped_is_sent_imported_described_and_open(window, work
     wait_for(lambda: window.state.recording == "b-1", "the dropped recording to be open")
     wait_for(lambda: page.get_by_label("Recording").first.input_value() == "b-1", "its name in the list")
     assert card.get_by_text("NumPy").count() == 1 and not page.locator("#rallyscope-files").is_visible()
-    assert not list(workspace.recordings.glob(".incoming-*"))
+    assert not list(workspace.recordings.glob(f"{PREFIX}*"))
     window.screenshot("file-dropped")
 
 

@@ -165,3 +165,51 @@ def answers(port: int) -> bool:
             return True
     except OSError:
         return False
+
+
+NOTE = "[class*=mantine-Notification]"
+CLICKS_AFTER_A_NOTE = """async ([x, y]) => {
+  const canvas = document.querySelector("#root canvas"), heard = [];
+  const notes = () => [...document.querySelectorAll("[class*=mantine-Notification-root]")];
+  const lies = (note) => {
+    const box = note.getBoundingClientRect();
+    return box.left <= x && x <= box.right && box.top <= y && y <= box.bottom;
+  };
+  const until = async (condition) => { while (!condition()) await new Promise(act => setTimeout(act, 20)); };
+  const at = { bubbles: true, cancelable: true, clientX: x, clientY: y };
+  const click = () => canvas.dispatchEvent(new PointerEvent("pointerdown", at));
+  canvas.addEventListener("pointerdown", () => heard.push("heard"));
+  const wait = (ms) => new Promise(act => setTimeout(act, ms));
+  await until(() => !notes().some(lies));
+  click();
+  const at_once = heard.length;
+  await wait(1600);
+  click();
+  return [at_once, heard.length];
+}"""
+
+
+def test_a_click_on_a_note_that_has_just_gone_is_not_one_on_the_picture(window) -> None:
+    # The windows of these tests let clicks through; a note that does was never clicked on.
+    window.page.add_style_tag(content=f"{NOTE} {{ pointer-events: auto !important; }}")
+    window.session.later(lambda: window.session.note("Mind", "It goes away by itself.", "yellow"))
+    note = window.page.get_by_text("It goes away by itself.")
+    note.wait_for()
+    window.page.wait_for_timeout(500)  # it slides in
+    box = note.bounding_box()
+    spot = [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2]
+    assert window.page.evaluate(CLICKS_AFTER_A_NOTE, spot) == [0, 1]
+
+
+def test_a_panel_below_the_picture_leaves_the_controls_free(window, wait_for) -> None:
+    page = window.page
+    page.get_by_text("Health").first.wait_for()
+
+    def right_of(selector: str) -> float:
+        return page.locator(selector).last.evaluate("one => one.getBoundingClientRect().right")
+
+    panel = "[class*=mantine-Paper-root][style*='position: absolute']"
+    for width in (1280, 1000):
+        page.set_viewport_size({"width": width, "height": 720})
+        wait_for(lambda: right_of("#root canvas") < page.viewport_size["width"] - 300, "room for the controls")
+        wait_for(lambda: right_of(panel) <= right_of("#root canvas"), f"the panel to fit a window of {width} px")

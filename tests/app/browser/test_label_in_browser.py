@@ -311,7 +311,8 @@ def test_a_click_where_no_circle_fits_asks_and_stores_nothing_until_a_radius_is_
     wait_for(lambda: labelling.work.asking, "the question")
     labelling.settle()
     labelling.window.screenshot("label-click-without-a-circle")
-    labelling.page.get_by_text("no circle fits here: drag to set the radius, or press X for absent").wait_for()
+    asked = labelling.page.get_by_text("no circle fits here: drag to set the radius, or press X for absent")
+    wait_for(lambda: asked.count() == 2, "it in the panel, and where the eyes are: in the line under the picture")
     assert not labelling.work.here.labels and labelling.mode._editor.writer.saved_at is None
     labelling.drag(labelling.screen(x, y), labelling.screen(x + 12.0, y))
     wait_for(lambda: labelling.label(BALL_US), "the drag to arrive")
@@ -350,9 +351,8 @@ def test_the_first_label_of_a_browser_asks_who_labels(window, wait_for, workspac
         if asked.count() and t_us not in mode._editor.labelling.here.labels:
             field.fill("")
             field.fill("Carla K")
-            window.page.wait_for_timeout(2000)
-            window.press("Label under this name")
-            window.page.wait_for_timeout(2000)
+            field.press("Enter")  # at once: what was typed last is taken all the same
+            window.page.wait_for_timeout(4000)
     wait_for(lambda: t_us in mode._editor.labelling.here.labels, "the label that was asked for first")
     assert mode._editor.labelling.here.labels[t_us].provenance.annotator == "carla-k"
     assert (workspace.labels / "last-annotator.txt").read_text() == "carla-k"

@@ -189,7 +189,8 @@ def test_labels_of_the_live_rally_belong_to_a_recording_that_it_is_frozen_into(l
     mode = live_window.session._modes["Label"]
     wait_for(lambda: mode._editor is not None and mode._pictures.shown is not None, "Label of the live rally")
     live_window.session.later(lambda: mode._use_name("lena"))
-    live_window.page.get_by_text("live: the first label freezes it into a recording").wait_for()
+    said = live_window.page.get_by_text("live: the first label freezes it into a recording")
+    wait_for(lambda: said.count() == 2, "it to be said in the panel and under the picture")
     live_window.screenshot("live-label")
     live_window.press("Pause")
     wait_for(lambda: not live_window.state.playhead.playing and mode._editor.labelling.on_screen, "the cursor to stand")

@@ -74,9 +74,18 @@ def test_labels_are_exported_and_the_detector_is_scored_against_them(window, wor
     wait_for(lambda: window.state.mode == "Tune", "Tune")
     page.get_by_text("The detector against your labels").wait_for(timeout=90_000)
     page.get_by_text("15 labels by anna").first.wait_for()
+    over = page.locator("[class*=mantine-Modal-content]")
+    wait_for(lambda: over.bounding_box()["width"] > 900, "room for the table and the picture")
+    right = max(box["x"] + box["width"] for box in (part.bounding_box() for part in over.locator("th, svg").all()))
+    assert right < over.bounding_box()["x"] + over.bounding_box()["width"], "nothing is cut off"
     window.screenshot("label-scored")
-    window.press("Close")
+    page.keyboard.press("Escape")
+    over.wait_for(state="detached")
     assert window.state.score_by is None and window.state.camera == "left"
+    window.press("Export")
+    wait_for(lambda: window.state.mode == "Export", "Export")
+    export = window.session._modes["Export"]
+    wait_for(lambda: export._plan.plan.annotator == "anna", "the labels that are there to be part of a Rerun file")
 
 
 def test_a_recording_is_streamed_to_the_viewer_of_the_command_line(

@@ -125,6 +125,24 @@ def test_a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, w
     wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 17, "the loaded config")
 
 
+def test_a_number_is_judged_when_it_is_complete(tune, wait_for) -> None:
+    """The 5 of 500 is outside of the bounds: no complaint, and the box shows what is used."""
+    page, window = tune.page, tune.field("window [µs]")
+
+    def shown() -> int:
+        return int(window.input_value())
+
+    def used() -> int:
+        return tune.state.config.window.window_us
+
+    for typed, key, expected in (("500", "Tab", 500), ("5", "Enter", 50), ("800", "Tab", 800), ("60", "Enter", 60)):
+        window.dblclick()
+        page.keyboard.type(typed)
+        page.keyboard.press(key)
+        wait_for(lambda expected=expected: used() == expected == shown(), f"{typed} and {key} to give {expected}")
+    assert page.get_by_text("Out of range").count() == 0
+
+
 def test_following_the_ball_is_offered_only_where_it_does_something(tune, wait_for) -> None:
     assert tune.page.get_by_role("button", name="Follow the ball: zoom in first").is_disabled()
     tune.field("Zoom").fill("8")

@@ -4,11 +4,13 @@ import types
 import pytest
 
 from app.cli import bench, main
+from app.cli.engine_arguments import EngineArguments
 from core.bench.partial_rows import tell_rows
 
 
 def arguments(*, json: bool) -> bench.BenchArguments:
-    return bench.BenchArguments(name="detection", **dict.fromkeys(bench.OPTIONS), json=json)  # type: ignore[arg-type]
+    engine = EngineArguments(jobs=None, cluster=None)
+    return bench.BenchArguments(name="detection", **dict.fromkeys(bench.OPTIONS), engine=engine, json=json)  # type: ignore[arg-type]
 
 
 def test_json_is_what_the_bench_returns(monkeypatch, capsys) -> None:
@@ -52,3 +54,17 @@ def test_a_count_is_for_benches_that_have_one(arguments, capsys) -> None:
     assert main(["bench", *arguments]) == 2
     error = capsys.readouterr().err
     assert "--count" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("flag", [("--jobs", "2"), ("--cluster", "tcp://127.0.0.1:8786")])
+def test_a_bench_that_is_not_many_pieces_takes_no_engine(flag: tuple[str, str], capsys) -> None:
+    assert main(["bench", "detection", *flag]) == 2
+    assert f"`bench detection` has no such option; got {flag[0]}" in capsys.readouterr().err
+
+
+def test_a_plain_cluster_beyond_this_machine_is_refused_in_one_line(capsys) -> None:
+    assert main(["bench", "learning", "--cluster", "tcp://10.0.0.7:8786"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "needs certificates" in error and "tls://" in error
+    assert main(["bench", "learning", "--cluster", "tcp://127.0.0.1:8786", "--jobs", "2"]) == 2
+    assert "not both" in capsys.readouterr().err

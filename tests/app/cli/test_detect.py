@@ -1,5 +1,6 @@
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,27 @@ def test_the_table_has_a_row_per_detection_with_the_columns_of_the_contract(reco
     assert all(0 <= float(row["u_px"]) < 1280 and 0 <= float(row["v_px"]) < 720 for row in rows)
     assert summary["score"]["precision"] > 0.9 and summary["score"]["recall"] > 0.9
     assert summary["method"] == "auto" and summary["camera"] == "left" and summary["window_us"] == 2000
+
+
+def test_several_recordings_make_a_folder_of_the_same_tables_in_their_order(recording, tmp_path, capsys) -> None:
+    second = tmp_path / "second.h5"
+    shutil.copy(recording, second)
+    one, several = tmp_path / "one.csv", tmp_path / "tables"
+    assert detect(recording, one, "--camera", "left", "--json") == 0
+    alone = json.loads(capsys.readouterr().out)
+    arguments = ["detect", str(second), str(recording), "--camera", "left", "--jobs", "2", "--out", str(several)]
+    assert main([*arguments, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["recordings"]
+    assert [summary["recording"] for summary in found] == [str(second), str(recording)]
+    assert [summary["out"] for summary in found] == [str(several / "second.csv"), str(several / "flight.csv")]
+    assert (several / "second.csv").read_bytes() == (several / "flight.csv").read_bytes() == one.read_bytes()
+    assert found[1] == alone | {"out": str(several / "flight.csv")}
+    assert main(["detect", str(recording), str(second), "--out", str(one), "--camera", "left"]) == 2
+    assert "several recordings need a folder" in capsys.readouterr().err
+    assert main(["detect", str(recording), str(recording), "--out", str(several)]) == 2
+    assert "two recordings of one name would have one table; got flight.csv" in capsys.readouterr().err
+    assert main(["detect", str(recording), str(tmp_path / "none.h5"), "--out", str(several)]) == 2
+    assert "none.h5: no such file" in capsys.readouterr().err
 
 
 def test_refined_says_more_as_json_and_the_same_in_the_table(recording, tmp_path, capsys) -> None:

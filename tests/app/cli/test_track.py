@@ -1,5 +1,6 @@
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,16 @@ def test_the_table_has_a_row_per_point_in_space(serve_recording: Path, tmp_path,
     assert summary["error_mm"]["median"] < 8 and summary["residual_px"]["median"] < 2
     assert summary["method"] == "auto" and summary["window_us"] == 2000
     assert summary["seen_by_all_cameras"] >= summary["points"]
+
+
+def test_several_recordings_make_a_folder_of_the_same_tables(serve_recording: Path, tmp_path, capsys) -> None:
+    second, tables = tmp_path / "second.h5", tmp_path / "tables"
+    shutil.copy(serve_recording, second)
+    arguments = ["track", str(serve_recording), str(second), "--out", str(tables), "--jobs", "2"]
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.count("points in") == 2
+    first, other = ((tables / f"{path.stem}.csv").read_bytes() for path in (serve_recording, second))
+    assert first == other and first.count(b"\n") > 100
 
 
 def test_the_refined_detector_is_asked_twice_as_often_and_is_within_a_millimetre(

@@ -56,6 +56,9 @@ def test_one_export_at_a_time_and_a_cancelled_one_leaves_nothing(tmp_path) -> No
 
     exporter.start("a", ".rrd", slow)
     wait(lambda: exporter.state().share == 0.5)
+    of_another_server = Exporter(Workspace(tmp_path))
+    with pytest.raises(CommandError, match=r"another server on this folder exports; .*wait for it"):
+        of_another_server.start("a", ".rrd", write)
     assert exporter.files() == (), "what is unfinished is not in the list"
     with pytest.raises(CommandError, match="another export runs"):
         exporter.start("b", ".rrd", write)
@@ -63,6 +66,26 @@ def test_one_export_at_a_time_and_a_cancelled_one_leaves_nothing(tmp_path) -> No
     go.set()
     assert exporter.state().message == "cancelled"
     wait(lambda: not list((tmp_path / "exports").iterdir()))
+
+    def begin() -> bool:
+        try:
+            return of_another_server.start("a", ".rrd", write) == "a-1.rrd"
+        except CommandError:  # the thread of the first one has not ended yet
+            return False
+
+    wait(begin)
+    wait(lambda: not of_another_server.state().running)
+
+
+def test_a_file_that_another_program_made_meanwhile_is_not_replaced(tmp_path) -> None:
+    def export() -> None:
+        with unfinished_file(tmp_path / "a.rrd", overwrite=False) as unfinished:
+            unfinished.write_bytes(b"ours")
+            (tmp_path / "a.rrd").write_bytes(b"theirs")
+
+    with pytest.raises(CommandError, match=r"a\.rrd: exists already"):
+        export()
+    assert (tmp_path / "a.rrd").read_bytes() == b"theirs" and [path.name for path in tmp_path.iterdir()] == ["a.rrd"]
 
 
 def test_what_went_wrong_is_said(tmp_path) -> None:

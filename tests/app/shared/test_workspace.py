@@ -1,7 +1,10 @@
+import subprocess
+import sys
+
 import pytest
 
 from app.shared.workspace import Workspace, slug_from
-from core.config import replace_setting, save_config
+from core.config import load_config, replace_setting
 from core.detection import DetectorConfig
 from core.errors import CommandError
 
@@ -41,16 +44,58 @@ def test_only_plain_names_are_offered(tmp_path) -> None:
 def test_a_config_is_never_saved_over_another_one(tmp_path) -> None:
     workspace, config = Workspace(tmp_path), DetectorConfig()
     other = replace_setting(config, ("localise", "radius_max_px"), 17.0)
-    first = workspace.free_config_path("Mine", config)
-    assert first.name == "mine.toml"
-    save_config(config, first)
-    assert workspace.free_config_path("mine", config) == first  # the same may be saved again
-    second = workspace.free_config_path("mine", other)
-    assert second.name == "mine-2.toml"
-    save_config(other, second)
-    assert workspace.free_config_path("mine", other) == second
+    first = workspace.keep_config("Mine", config)
+    assert first.name == "mine.toml" and load_config(DetectorConfig, first) == config
+    assert workspace.keep_config("mine", config) == first  # the same may be saved again
+    second = workspace.keep_config("mine", other)
+    assert second.name == "mine-2.toml" and load_config(DetectorConfig, second) == other
+    assert workspace.keep_config("mine", other) == second
     second.write_text("not a config")
-    assert workspace.free_config_path("mine", other).name == "mine-3.toml"
+    assert workspace.keep_config("mine", other).name == "mine-3.toml"
+    assert sorted(path.name for path in workspace.configs.iterdir()) == ["mine-2.toml", "mine-3.toml", "mine.toml"]
+
+
+SAVES = """
+import sys
+from pathlib import Path
+from app.shared.workspace import Workspace
+from core.config import replace_setting
+from core.detection import DetectorConfig
+workspace, number = Workspace(Path(sys.argv[1])), int(sys.argv[2])
+configs = [replace_setting(DetectorConfig(), ("localise", "radius_max_px"), 10.0 + number + k / 64) for k in range(15)]
+print(1, flush=True)
+sys.stdin.readline()
+for config in configs:
+    workspace.keep_config("mine", config)
+"""
+
+
+def test_servers_on_one_folder_that_save_under_one_name_lose_no_config_and_double_none(tmp_path) -> None:
+    command = [sys.executable, "-c", SAVES, str(tmp_path)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    servers = [subprocess.Popen([*command, str(number)], **pipes) for number in range(3)]
+    for server in servers:
+        server.stdout.readline()
+    for server in servers:
+        server.stdin.write("go\n")
+        server.stdin.flush()
+    assert [server.wait(120) for server in servers] == [0, 0, 0]
+    for server in servers:
+        server.stdin.close()
+        server.stdout.close()
+    workspace = Workspace(tmp_path)
+    kept = [load_config(DetectorConfig, workspace.config_path(name)) for name in workspace.config_names()]
+    assert sorted(config.localise.radius_max_px for config in kept) == sorted(
+        10.0 + number + k / 64 for number in range(3) for k in range(15)
+    )
+
+
+def test_a_config_that_cannot_be_kept_is_one_clear_line(tmp_path) -> None:
+    workspace = Workspace(tmp_path)
+    workspace.configs.rmdir()
+    (tmp_path / "configs").write_text("a file in the way")
+    with pytest.raises(CommandError, match="cannot use the workspace folder"):
+        workspace.keep_config("mine", DetectorConfig())
 
 
 def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path) -> None:

@@ -1,6 +1,7 @@
 """What is kept for a browser: it comes back as it was, and a damaged file is as if there were none."""
 
 import json
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -122,3 +123,25 @@ def test_a_damaged_file_of_what_was_seen_does_no_harm(tmp_path: Path) -> None:
     assert len(memory.seen(BROWSER)) <= browser_memory.MOST_SEEN
     memory.note_seen(BROWSER, "tour")
     assert memory.knows(BROWSER)
+
+
+def test_what_two_servers_note_of_one_browser_is_both_kept(tmp_path: Path) -> None:
+    one, other = BrowserMemory(Workspace(tmp_path)), BrowserMemory(Workspace(tmp_path))
+    threads = [
+        threading.Thread(target=memory.note_seen, args=(BROWSER, f"{name}-{k}"))
+        for k in range(10)
+        for name, memory in (("one", one), ("other", other))
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert one.seen(BROWSER) == other.seen(BROWSER) == {f"{name}-{k}" for name in ("one", "other") for k in range(10)}
+
+
+def test_what_was_seen_grows_no_file_without_end(tmp_path: Path) -> None:
+    memory = BrowserMemory(Workspace(tmp_path))
+    for number in range(600):
+        memory.note_seen(BROWSER, f"thing-{number:04d}")
+    assert (tmp_path / "browsers" / f"{BROWSER}.seen").stat().st_size < 2 * browser_memory.MOST_SEEN_BYTES
+    assert 0 < len(memory.seen(BROWSER)) <= browser_memory.MOST_SEEN

@@ -110,6 +110,9 @@ def test_a_camera_with_impossible_values_is_refused() -> None:
         {"distortion": np.zeros(4)},
         {"distortion": np.full(5, np.inf)},
         {"T_world_camera": np.diag([1.0, 1, 2, 1])},
+        {"K": K * [[1e12], [1], [1]]},
+        {"distortion": np.full(5, 1e12)},
+        {"T_world_camera": np.eye(4) + np.eye(4)[:, [1, 2, 3, 0]] * [0, 0, 0, -1e300]},
     ]
     for change in wrong:
         with pytest.raises(CalibrationError):

@@ -1,7 +1,9 @@
+import itertools
+
 import numpy as np
 import pytest
 
-from core.events import Events, SensorSize, assess_health
+from core.events import Events, SensorSize, assess_health, sample_spans
 from core.events.health import Gap, find_gaps
 
 SENSOR = SensorSize(64, 48)
@@ -30,6 +32,27 @@ def test_something_that_passes_is_not_a_hot_pixel() -> None:
     passing = noise(rng, 0, 20_000, 200, (7, 9))
     quiet = [noise(rng, 100_000 * n, 20_000, 200, None) for n in range(1, 20)]
     assert len(assess_health(np.full(2000, 10), 2_000_000, [passing, *quiet], SENSOR).hot_pixels_xy) == 0
+
+
+@pytest.mark.parametrize("duration_us", [0, 1, 30, 50_001, 799_999, 800_000, 60_000_000])
+def test_samples_never_overlap_and_lie_inside(duration_us: int) -> None:
+    spans = sample_spans(duration_us)
+    assert all(end <= start for (_, end), (start, _) in itertools.pairwise(spans))
+    assert spans[0][0] == 0 and spans[-1][1] <= max(duration_us, 1)
+    assert all(0 < end - start <= 20_000 for start, end in spans)
+    assert len(spans) == 40 or duration_us < 40
+
+
+def test_something_that_runs_round_in_a_short_recording_is_not_hot_pixels_but_a_hot_pixel_there_is() -> None:
+    """A dot that needs 50 ms for its round, in a recording of 50 ms, and a pixel that fires every millisecond."""
+    t = np.arange(0, 50_000, 5)
+    angle = 2 * np.pi * t / 50_000
+    x, y = (32 + 20 * np.cos(angle)).astype(int), (24 + 20 * np.sin(angle)).astype(int)
+    x[::100], y[::100] = 3, 5
+    events = Events.from_columns(t, x, y, np.ones(len(t), np.bool_), SENSOR)
+    samples = [events.between(*span) for span in sample_spans(50_000)]
+    health = assess_health(np.full(50, 200), 50_000, samples, SENSOR)
+    assert health.hot_pixels_xy.tolist() == [[3, 5]]
 
 
 def test_a_silence_in_a_busy_stream_is_a_gap() -> None:

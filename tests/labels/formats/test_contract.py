@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.files import PREFIX
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelFormat, LabelSet
 from labels.model import Label, LabelState, Provenance
 from labels.trials.damage import damage_and_read
@@ -96,7 +97,7 @@ def test_the_same_labels_give_the_same_bytes(kind: LabelFormat, odd: LabelSet, t
     kind.write(odd, first, ExportOptions())
     kind.write(odd, second, ExportOptions())
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
-    assert not any(name.endswith(".part") for name in contents(tmp_path / "a"))
+    assert not any(PREFIX in name for name in contents(tmp_path / "a"))
 
 
 def test_no_labels_at_all_are_a_legal_export(

@@ -81,7 +81,7 @@ class AcceptSegment:
         residual_px = _stereo_residual_px(labelling, here.proposals)
         rows = steady_segment(here.proposals, labelling.t_us, stereo_residual_px=residual_px)
         if not len(rows):
-            text = "The proposals round here do not agree with each other."
+            text = "The proposals round here do not agree with each other. Look at each: space accepts, R rejects."
             return LabelStep(labelling, note=Note("Not at once", text, "yellow"))
         first_us, last_us = here.proposals.t_us[rows[[0, -1]]].tolist()
         picture = replace(labelling.judged_picture(wall_s), time_spent_ms=0)

@@ -415,6 +415,11 @@ def test_the_queue_leads_to_the_label_that_is_wrong(bench: Bench) -> None:
     bench.assistant.next_suspicious()
     bench.wait(lambda: bench.assistant.reason)
     assert bench.work.t_us == wrong and "neighbours" in bench.assistant.reason
+    doubted = bench.work.here.labels[wrong]
+    assert bench.assistant.reason_for(doubted) == bench.assistant.reason
+    bench.press("up_more")
+    corrected = bench.work.here.labels[wrong]
+    assert corrected != doubted and bench.assistant.reason_for(corrected) == "", "it spoke of the label before"
 
 
 def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:

@@ -1,11 +1,22 @@
 import io
+import itertools
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from app.modes.label.label_picture import BoxMark, CircleMark, LineMark, PictureKey, draw_label_picture
-from app.modes.label.label_strip import HEIGHT_PX, STATUS_PX, STRIP_PX, WIDTH_PX, StripData, draw_strip, strip_time
+from app.modes.label.label_strip import (
+    HEIGHT_PX,
+    STATUS_PX,
+    STRIP_PX,
+    WIDTH_PX,
+    StripData,
+    draw_strip,
+    status_texts,
+    strip_time,
+)
+from app.modes.label.plan import busiest_place
 from app.pictures.canvas import Region
 from app.pictures.palette import Ink, palette
 from core.events import Events, SensorSize
@@ -74,7 +85,7 @@ def test_a_region_beyond_the_sensor_is_shown_as_outside() -> None:
 def test_the_strip_shows_every_state_the_proposals_and_the_cursor() -> None:
     t_us = np.arange(5) * 10_000
     states = np.array([STATES.index(state) for state in LabelState], np.uint8)
-    data = StripData(0, 100_000, t_us, states, np.array([90_000]), (70_000,), (("all saved", Ink.LABEL),))
+    data = StripData(0, 100_000, t_us, states, np.array([90_000]), (70_000,))
     image = draw_strip(data, 60_000, 2_000)
     assert image.shape == (HEIGHT_PX, WIDTH_PX)
     strip = image[STATUS_PX:]
@@ -83,7 +94,32 @@ def test_the_strip_shows_every_state_the_proposals_and_the_cursor() -> None:
     at = [round(t / 100_000 * (WIDTH_PX - 1)) for t in (60_000, 70_000, 90_000)]
     assert strip[2, at[0]] == Ink.CURSOR and strip[2, at[1]] == Ink.EPIPOLAR
     assert strip[2, at[2]] == Ink.UNCHECKED and strip[STRIP_PX - 2, at[2]] == Ink.DRAFT
-    assert (image[:STATUS_PX] == Ink.LABEL).sum() > 200
+    assert (image[:STATUS_PX] == Ink.BACKGROUND).all(), "room for the line of text"
+
+
+def test_the_line_above_the_strip_is_real_letters_side_by_side_on_the_sheet() -> None:
+    none = np.array([], np.int64)
+    words = (("NOT SAVED", Ink.HULL_REJECTED), ("12 of 51", Ink.TEXT), ("visible, partly occluded", Ink.LABEL))
+    data = StripData(0, 100_000, none, np.array([], np.uint8), none, (), (*words, ("anna", Ink.NO_BALL)))
+    texts = status_texts(data, 500.0, "orange / blue")
+    assert [one.text for one in texts] == ["NOT SAVED", "12 of 51", "visible, partly occluded", "anna"]
+    assert {one.y for one in texts} == {500.0} and all(one.is_title for one in texts), "none gives way"
+    css = "#{:02x}{:02x}{:02x}".format(*palette("orange / blue")[Ink.HULL_REJECTED])
+    assert texts[0].colour == css
+    sheet_px_for_css_px = WIDTH_PX / 480  # in a window of 1000 pixels
+    for one, following in itertools.pairwise(texts):
+        assert following.x - one.x > 6.2 * sheet_px_for_css_px * len(one.text), "12 px letters beside each other"
+    assert texts[-1].x < WIDTH_PX - 100
+
+
+def test_a_zoomed_picture_of_which_nothing_is_known_shows_where_the_events_are() -> None:
+    rng = np.random.default_rng(1)
+    x = np.concatenate([rng.normal(47, 2, 300), rng.uniform(0, 63, 40)]).clip(0, 63).astype(np.uint16)
+    y = np.concatenate([rng.normal(9, 2, 300), rng.uniform(0, 35, 40)]).clip(0, 35).astype(np.uint16)
+    events = Events(np.arange(340, dtype=np.int64), x, y, np.ones(340, np.bool_), SIZE)
+    place = busiest_place(events)
+    assert place is not None and abs(place[0] - 47) < 3 and abs(place[1] - 9) < 3
+    assert busiest_place(Events.empty(SIZE)) is None
 
 
 def test_a_place_on_the_strip_is_a_time() -> None:

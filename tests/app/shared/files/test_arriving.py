@@ -1,12 +1,16 @@
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from app.shared.files import bring_in, clear_abandoned, incoming_folder
+from app.shared.files import bring_in, incoming_folder
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from core.errors import RecordingError
+from core.files import clear_unfinished, end_unfinished
 from tests.app.shared.files.event_files import write_csv, write_npz
 
 
@@ -76,10 +80,23 @@ def test_nothing_is_left_of_one_that_is_cancelled_or_has_no_room(workspace, libr
     assert not left_in(workspace)
 
 
-def test_what_a_killed_app_left_goes_when_it_is_old(workspace) -> None:
-    folder = incoming_folder(workspace)
-    (folder / "half.raw").write_bytes(b"x")
-    clear_abandoned(workspace)
-    assert folder.is_dir(), "somebody may still be sending it"
-    clear_abandoned(workspace, older_than_s=-1.0)
-    assert not folder.exists()
+def test_what_a_killed_app_left_goes_and_what_is_being_sent_stays_whatever_the_clock_says(workspace) -> None:
+    code = "import sys, time; from pathlib import Path; from app.shared.files import incoming_folder; " + (
+        "from app.shared.workspace import Workspace; folder = incoming_folder(Workspace(Path(sys.argv[1]))); "
+        "(folder / 'half.raw').write_bytes(b'x'); print(folder, flush=True); time.sleep(60)"
+    )
+    command = [sys.executable, "-c", code, str(workspace.root)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout is not None
+        theirs, ours = Path(other.stdout.readline().strip()), incoming_folder(workspace)
+        for folder in (theirs, ours):
+            (folder / "half.raw").write_bytes(b"x")
+            for path in (folder / "half.raw", folder):
+                os.utime(path, (1e9, 1e9))
+        clear_unfinished(workspace.recordings)
+        assert theirs.is_dir() and ours.is_dir(), "both are being sent, however long ago the clock says that was"
+        other.kill()
+    incoming_folder(workspace)
+    assert not theirs.exists() and (ours / "half.raw").exists()
+    end_unfinished(ours)
+    assert not ours.exists()

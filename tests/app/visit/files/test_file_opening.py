@@ -14,6 +14,7 @@ from app.shared.files import incoming_folder
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.visit.files import FileOpening
+from core.files import PREFIX
 from tests.app.shared.files.event_files import write_csv, write_npz
 
 
@@ -124,7 +125,7 @@ def test_a_bad_file_is_one_line_with_its_own_name_and_leaves_nothing(opening, pa
     page.take(path)
     page.run_until(lambda: page.state.get("state") == "failed")
     said = str(page.state["problem"])
-    assert "format is not recognised" in said and "\n" not in said and ".incoming" not in said
+    assert "format is not recognised" in said and "\n" not in said and PREFIX not in said
     assert page.state["file"] == "evil.raw" and not left_in(services) and not page.opened
 
 

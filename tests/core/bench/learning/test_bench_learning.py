@@ -13,6 +13,7 @@ from core.bench.learning.event_runs import PlayedSeed, load_event_seeds, play_ev
 from core.bench.learning.plan import EXPLORATIONS, RIVALS, Counts, counts_of, plan, rival_training
 from core.bench.learning.targets import TARGETS
 from core.bench.learning.verdicts import CLAIMS
+from core.jobs import ALONE
 from core.metrics.intervals import binomial_interval
 
 TINY = Counts(seeds=2, minor_seeds=1, balls=10, shorten=50, event_seeds=0)
@@ -22,7 +23,7 @@ def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monke
     wanted = tuple(e for e in plan(TINY) if e.name.startswith(("reward-4", "replay", "model-5", "rival-5-matched-td3")))
     monkeypatch.setattr(bench_learning, "plan", lambda counts: wanted)
     shares: list[float] = []
-    where = {"folder": tmp_path / "runs", "report": tmp_path / "docs" / "report.md", "counts": TINY}
+    where = {"folder": tmp_path / "runs", "report": tmp_path / "docs" / "report.md", "counts": TINY, "engine": ALONE}
     first = bench_learning.run(shares.append, **where)  # type: ignore[arg-type]
     assert shares == sorted(shares) and shares[-1] == pytest.approx(1)
     rows = first["rows"]

@@ -51,6 +51,11 @@ def test_the_racket_speed_is_read_off_the_arriving_ball() -> None:
             "policy for",
         ),
         ({"format": FORMAT, "hidden": "relu", "output": "tanh", "sees_racket_speed": False}, {"nan": 8}, "not finite"),
+        (
+            {"format": FORMAT, "hidden": "relu", "output": "tanh", "sees_racket_speed": False},
+            {"huge": 8},
+            "no training gives",
+        ),
     ],
 )
 def test_a_file_that_does_not_fit_is_refused(
@@ -58,7 +63,7 @@ def test_a_file_that_does_not_fit_is_refused(
 ) -> None:
     arrays = {"incoming_mps": np.ones(1, np.float32), "racket_mps": np.ones(1, np.float32)}
     for kind, inputs in tensors.items():
-        arrays["weight_0"] = np.full((inputs, 3), np.nan if kind == "nan" else 0.0, np.float32)
+        arrays["weight_0"] = np.full((inputs, 3), {"nan": np.nan, "huge": 3e37}.get(kind, 0.0), np.float32)
         arrays["bias_0"] = np.zeros(3, np.float32)
     save_file(arrays, tmp_path / "policy", {"about": json.dumps(about)})
     with pytest.raises(ConfigError, match=told):

@@ -13,6 +13,7 @@ import pytest
 from core.cameras import stereo_preset
 from core.errors import RecordingError
 from core.events import SensorSize
+from core.jobs import Engine
 from core.rally.data_sets import CARD, MANIFEST, DataSetPlan, plan_data_set, preset_plan, read_manifest, run_data_set
 from core.rally.data_sets.facts import read_facts
 from core.rally.data_sets.make import make_recording, partial_path
@@ -36,7 +37,7 @@ def digests(folder: Path) -> dict[str, str]:
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("data") / "set"
     shares: list[float] = []
-    done = run_data_set(PLAN, folder, jobs=1, progress=shares.append)
+    done = run_data_set(PLAN, folder, engine=Engine(jobs=1), progress=shares.append)
     assert done.made == ("ball-8mps-side-1", "ball-9mps-side-1") and done.kept == ()
     assert shares == sorted(shares) and shares[-1] == pytest.approx(1.0)
     return folder
@@ -44,7 +45,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_files_are_the_same_byte_for_byte_whatever_the_number_of_jobs(made: Path, tmp_path: Path) -> None:
     shares: list[float] = []
-    done = run_data_set(PLAN, tmp_path, jobs=2, progress=shares.append)
+    done = run_data_set(PLAN, tmp_path, engine=Engine(jobs=2), progress=shares.append)
     assert len(done.made) == 2 and shares[-1] == 1.0
     assert digests(tmp_path) == digests(made)
     assert set(digests(made)) == {"ball-8mps-side-1.h5", "ball-9mps-side-1.h5", MANIFEST, CARD, LOCK}
@@ -85,7 +86,7 @@ def test_a_second_run_makes_what_is_missing_and_leaves_the_rest(made: Path, tmp_
     (folder / name).write_bytes((made / name).read_bytes())
     (folder / ".ball-8mps-side-1.partial.h5").write_bytes(b"what a killed run left")
     before = (folder / name).stat()
-    done = run_data_set(PLAN, folder, jobs=1)
+    done = run_data_set(PLAN, folder, engine=Engine(jobs=1))
     after = (folder / name).stat()
     assert done.made == ("ball-8mps-side-1",) and done.kept == ("ball-9mps-side-1",)
     assert (before.st_ino, before.st_mtime_ns) == (after.st_ino, after.st_mtime_ns)
@@ -126,7 +127,7 @@ def test_a_recording_that_fails_leaves_no_trace_and_the_others_stay(tmp_path: Pa
     good, bad = WITHOUT.recordings[0], dataclasses.replace(WITHOUT.recordings[0], name="ball/nowhere")
     plan = DataSetPlan("two", 0, (good, dataclasses.replace(good, name="second"), bad))
     with pytest.raises(RecordingError):
-        run_data_set(plan, tmp_path, jobs=jobs)
+        run_data_set(plan, tmp_path, engine=Engine(jobs=jobs))
     names = {path.name for path in tmp_path.iterdir()}
     assert not [name for name in names if "partial" in name]
     manifest = json.loads((tmp_path / MANIFEST).read_text())
@@ -175,7 +176,7 @@ def test_two_runs_do_not_work_in_one_folder(tmp_path: Path) -> None:
 def test_the_papers_seven_can_be_made_small(tmp_path: Path) -> None:
     plan = preset_plan("paper7", 2, Making(sensor=SensorSize(64, 36), frames=FrameConfig(rate_hz=5.0)))
     short = tuple(dataclasses.replace(planned, speeds_mps=planned.speeds_mps[:1]) for planned in plan.recordings)
-    manifest = run_data_set(dataclasses.replace(plan, recordings=short), tmp_path, jobs=1).manifest
+    manifest = run_data_set(dataclasses.replace(plan, recordings=short), tmp_path, engine=Engine(jobs=1)).manifest
     total = manifest["total"]
     assert isinstance(total, dict) and total["recordings"] == 7 and total["frames"] > 40 and total["events"] > 1000
     assert manifest["placements"] == ["side", "ceiling", "behind"]

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from core.errors import LinkError
-from core.rally.link.address import is_loopback, split_address
+from core.rally.link.address import split_address
 from core.rally.link.guard import check_reach
 from core.rally.link.keys import make_keys, read_client_keys, read_server_keys
+from core.text.host import is_loopback
 
 
 def test_keys_that_were_made_fit_each_other(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Tables of pages."""
 
-from core.markdown import markdown_table
+from core.text.markdown_table import markdown_table
 
 
 def test_numbers_are_written_as_their_column_asks_and_stand_on_the_right() -> None:

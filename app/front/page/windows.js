@@ -1,0 +1,30 @@
+// viser's windows over the page close by their buttons only. Enter in a field is the first of them, Escape the last: each
+// window of ours has what it asks for first, and the way out last.
+{
+  const SENT_MS = 150; // viser sends what is typed up to 50 ms later, and a click within those would replace it
+  let pressing = null;
+
+  const buttonsOf = (over) => [...over.querySelectorAll("button")].filter((button) => button.offsetParent && !button.disabled);
+  // viser's own know Escape: a picture in large has a cross, and Share has a name.
+  const isOurs = (over) =>
+    !over.querySelector("[class*=mantine-Modal-close]") && over.querySelector("[class*=mantine-Modal-title]")?.textContent !== "Share";
+
+  const press = (button) => {
+    pressing = null;
+    if (button.isConnected) button.click();
+  };
+
+  addEventListener("keydown", (event) => {
+    if (event.isComposing || event.ctrlKey || event.metaKey || event.altKey) return;
+    const over = [...document.querySelectorAll("[class*=mantine-Modal-content]")].at(-1);
+    if (!over || !isOurs(over)) return;
+    const isTyping = over.contains(event.target) && event.target.matches("input");
+    const number = event.key === "Escape" ? -1 : event.key === "Enter" && isTyping ? 0 : null;
+    const button = number === null ? null : buttonsOf(over).at(number);
+    if (!button) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    clearTimeout(pressing);
+    pressing = setTimeout(press, number === 0 ? SENT_MS : 0, button);
+  }, true);
+}

@@ -1,0 +1,218 @@
+"""The workers of a Dask cluster as a `concurrent.futures` executor. Nothing else of ours knows Dask."""
+
+from __future__ import annotations
+
+import logging
+import time
+import uuid
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import dask.config
+from distributed import Client, KilledWorker, Security, get_worker
+
+from core.errors import JobsError
+from core.jobs.control import PiecesStoppedError
+from core.jobs.threads import use_one_thread
+from core.jobs.versions import Versions, check_versions, versions_here
+
+CONNECT_S: Final = 10.0
+"""Within this time a scheduler takes a connection, or is not there."""
+ANSWER_S: Final = 60.0
+"""A busy one may take as long to answer."""
+LOOK_EVERY_S: Final = 2.0
+"""How often it is asked for its workers."""
+NO_WORKER_S: Final = 60.0
+"""So long there may be no worker: the first one is being started, or the last one again."""
+TELL_EVERY_S: Final = 0.5
+"""Of a piece that tells how far it is."""
+CERTIFICATES: Final = {
+    "tls_ca_file": "DASK_DISTRIBUTED__COMM__TLS__CA_FILE",
+    "tls_client_cert": "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT",
+    "tls_client_key": "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY",
+}
+GONE: Final = "run it again when the scheduler is back; what is done stays"
+
+R = TypeVar("R")
+
+
+class ClusterExecutor(Executor):
+    """Connected to a scheduler: checks that its workers are as we are, and notices when it is gone.
+
+    Raises:
+        JobsError: if there is no such scheduler, certificates are missing, or workers have other versions.
+    """
+
+    blames_one: Final = False  # the scheduler suspects all that waited at a worker that died
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._topic = f"rallyscope-{uuid.uuid4().hex}"
+        self._shares: dict[int, float] = {}
+        self._submitted = 0
+        self._looked_s = self._had_workers_s = time.monotonic()
+        self._client: Any = _connect(address)
+        try:
+            self._check_workers()
+            self._client.subscribe_topic(self._topic, self._hear)
+            self._executor = self._client.get_executor(pure=False)
+        except BaseException:
+            self._client.close(timeout=CONNECT_S)
+            raise
+
+    def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
+        """Call `fn(*args, control)` on a worker, where `control` is a `PieceControl`."""
+        number, self._submitted = self._submitted, self._submitted + 1
+        task = _Task(fn, number, self._topic, versions_here())
+        future = self._executor.submit(task, *args, **kwargs)
+        future.add_done_callback(lambda ended: self._shares.pop(number, None))
+        return future
+
+    def shares(self) -> float:
+        """Of the pieces that are worked on, the sum of what is done of each."""
+        return sum(list(self._shares.values()))
+
+    def is_lost(self, error: BaseException) -> bool:
+        """Whether the workers of a piece died, as often as the scheduler lets them."""
+        return isinstance(error, KilledWorker | MemoryError)
+
+    def check(self) -> None:
+        """Raises JobsError if the scheduler is gone, or there has been no worker for a while."""
+        if self._client.status not in ("running", "connecting"):
+            raise JobsError("the cluster's scheduler is gone", where=self._address, remedy=GONE)
+        now = time.monotonic()
+        if now - self._looked_s < LOOK_EVERY_S:
+            return
+        self._looked_s = now
+        if self._workers():
+            self._had_workers_s = now
+        elif now - self._had_workers_s > NO_WORKER_S:
+            remedy = f"start some: `dask worker {self._address} --nthreads 1 --nworkers auto`"
+            raise JobsError("the cluster has no workers", where=self._address, remedy=remedy)
+
+    def check_file(self, path: Path) -> None:
+        """Raises JobsError if a worker does not see a file, or sees another one of that name."""
+        size = path.stat().st_size
+        sizes: dict[str, int | None] = self._client.run(_size, str(path))
+        if blind := [worker for worker, found in sizes.items() if found != size]:
+            remedy = "use a folder that all machines of the cluster share, under the same path"
+            raise JobsError("a worker does not see this file", where=path, got=blind[0], remedy=remedy)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Leave the cluster. With `cancel_futures` nothing of ours goes on there."""
+        with suppress(Exception):  # the scheduler may be gone, and there is nothing left to do then
+            if self._client.status == "running":
+                self._executor.shutdown(wait=wait and not cancel_futures)
+        self._client.close(timeout=CONNECT_S)
+
+    def _workers(self) -> dict[str, int]:
+        """Threads of each worker by its address."""
+        try:
+            return self._client.sync(self._client.scheduler.ncores, callback_timeout=ANSWER_S)
+        except (OSError, TimeoutError) as error:
+            raise JobsError("the cluster's scheduler is gone", where=self._address, remedy=GONE) from error
+
+    def _check_workers(self) -> None:
+        """Of those that are there already; each looks again before it begins a piece."""
+        if not self._workers():
+            return
+        found = self._client.run(_worker_facts, on_error="return")
+        for worker, facts in found.items():
+            if isinstance(facts, ImportError):
+                remedy = "install the same version on all machines of the cluster"
+                raise JobsError("a worker has no rallyscope", where=worker, got=facts, remedy=remedy)
+            if isinstance(facts, BaseException):
+                raise facts
+            check_worker(versions_here(), facts[0], facts[1], worker)
+
+    def _hear(self, event: tuple[float, Any]) -> None:
+        number, share = event[1]
+        self._shares[number] = share
+
+
+class _Task:
+    """A piece's function on its way to a worker."""
+
+    def __init__(self, fn: Callable[..., Any], number: int, topic: str, versions: Versions) -> None:
+        self._fn, self._number, self._topic, self._versions = fn, number, topic, versions
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        worker = get_worker()
+        check_worker(self._versions, *_worker_facts(worker), worker.address)
+        use_one_thread()
+        return self._fn(*args, _WorkerControl(worker, self._number, self._topic), **kwargs)
+
+
+class _WorkerControl:
+    """Of a piece on a worker, which keeps its threads going when nobody wants their answer: the piece has to ask."""
+
+    def __init__(self, worker: Any, number: int, topic: str) -> None:
+        self._worker, self._number, self._topic = worker, number, topic
+        self._key = worker.get_current_task()
+        self._told_s = 0.0
+
+    def __call__(self, share: float) -> None:
+        now = time.monotonic()
+        if now - self._told_s < TELL_EVERY_S:
+            return
+        self._told_s = now
+        if self.stopped():
+            raise PiecesStoppedError
+        self._worker.log_event(self._topic, (self._number, share))
+
+    def stopped(self) -> bool:
+        task = self._worker.state.tasks.get(self._key)
+        return task is None or task.state not in ("executing", "long-running")
+
+
+def _connect(address: str) -> Client:
+    _be_quiet()
+    security = _certificates() if address.startswith("tls:") else None
+    try:
+        return Client(address, security=security, timeout=CONNECT_S, set_as_default=False, name="rallyscope")
+    except (OSError, TimeoutError, ValueError) as error:
+        remedy = "is `dask scheduler` running there, and this its address?"
+        raise JobsError("no scheduler of a cluster answers", where=address, remedy=remedy) from error
+
+
+def _certificates() -> Security:
+    security = Security(require_encryption=True)
+    for name, variable in CERTIFICATES.items():
+        path = getattr(security, name)
+        if path is None or not Path(path).is_file():
+            remedy = f"set {', '.join(CERTIFICATES.values())}"
+            raise JobsError("certificates are missing", expected=f"a file in {variable}", got=path, remedy=remedy)
+    return security
+
+
+def _be_quiet() -> None:
+    """What becomes of the connection is said by our errors."""
+    for name in ["distributed", *logging.root.manager.loggerDict]:
+        if name.split(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+    dask.config.set({"distributed.comm.timeouts.connect": f"{CONNECT_S:g}s"})
+
+
+def _worker_facts(dask_worker: Any) -> tuple[dict[str, str], int]:
+    """Of the worker that runs it: its versions, and how many pieces it would work on at a time."""
+    return versions_here(), dask_worker.state.nthreads
+
+
+def check_worker(expected: Versions, got: Versions, threads: int, worker: str) -> None:
+    """Raises JobsError unless a worker has our versions, and one thread: a piece's memory and threads are its own."""
+    check_versions(expected, got, f"worker {worker}")
+    if threads != 1:
+        remedy = "start more workers instead: `dask worker --nthreads 1 --nworkers N`"
+        raise JobsError(
+            "a worker has several threads", expected="1", got=threads, where=f"worker {worker}", remedy=remedy
+        )
+
+
+def _size(path: str) -> int | None:
+    try:
+        return Path(path).stat().st_size
+    except OSError:
+        return None

@@ -1,0 +1,148 @@
+"""Processes of this machine as a `concurrent.futures` executor that outlives the death of any of them.
+
+Each process is a pool of its own, so that it is known which piece a process that died was working on; that piece is
+tried again in a new one, and the others hear nothing of it.
+"""
+
+from __future__ import annotations
+
+import logging
+import multiprocessing
+import signal
+import threading
+from collections.abc import Callable
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any, Final, TypeVar
+
+from core.files import end_with_parent
+from core.jobs.control import CallbackControl, PieceControl, PieceLostError
+from core.jobs.threads import use_one_thread
+
+logger = logging.getLogger(__name__)
+
+R = TypeVar("R")
+TRIES: Final = 3
+"""Of a piece whose process died: by a kill, or for want of memory."""
+
+
+class LocalExecutor(Executor):
+    """So many processes, each working on one piece at a time; they are started when they are first needed."""
+
+    blames_one: Final = True
+
+    def __init__(self, processes: int) -> None:
+        self._slots = [_Slot() for _ in range(processes)]
+        self._free: SimpleQueue[_Slot] = SimpleQueue()
+        for slot in self._slots:
+            self._free.put(slot)
+        self._threads = ThreadPoolExecutor(processes, thread_name_prefix="piece")
+
+    def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
+        """Call `fn(*args, control)` in one of the processes, where `control` is a `PieceControl`.
+
+        The future raises PieceLostError if as many processes as `TRIES` have died over it.
+        """
+        return self._threads.submit(self._run, fn, *args, **kwargs)
+
+    def shares(self) -> float:
+        """Of the pieces that are worked on, the sum of what is done of each."""
+        return sum(slot.share.value for slot in self._slots)
+
+    def check(self) -> None:
+        """Nothing that could be gone: a process that died is replaced."""
+
+    def is_lost(self, error: BaseException) -> bool:
+        """Whether the processes of a piece died."""
+        return isinstance(error, PieceLostError)
+
+    def check_file(self, path: Path) -> None:
+        """All processes of a machine see the same."""
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End it. With `cancel_futures` the processes are killed, whatever they are doing."""
+        if cancel_futures:
+            for slot in self._slots:
+                slot.kill()
+        self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)
+        for slot in self._slots:
+            slot.end(wait=wait)
+
+    def _run(self, fn: Callable[..., R], *args: Any, **kwargs: Any) -> R:
+        slot = self._free.get()
+        try:
+            for attempt in range(1, TRIES + 1):
+                try:
+                    return slot.submit(fn, *args, **kwargs).result()
+                except (BrokenProcessPool, MemoryError):
+                    if slot.killed:
+                        raise CancelledError from None
+                    if attempt < TRIES:
+                        logger.warning(
+                            "a process died at its work, which is tried again (%d of %d)", attempt + 1, TRIES
+                        )
+            raise PieceLostError
+        finally:
+            slot.share.value = 0.0
+            self._free.put(slot)
+
+
+class _Slot:
+    """One process, or the one after it."""
+
+    def __init__(self) -> None:
+        self._context = multiprocessing.get_context("spawn")  # a fork would copy the threads' locks
+        self.share = self._context.Value("d", 0.0, lock=False)
+        self.killed = False
+        self._lock = threading.Lock()
+        self._pool: ProcessPoolExecutor | None = None
+
+    def submit(self, fn: Callable[..., R], *args: Any, **kwargs: Any) -> Future[R]:
+        with self._lock:  # a process that is being started is known to `kill`
+            if self.killed:
+                raise CancelledError
+            if self._pool is not None:
+                with suppress(BrokenProcessPool):
+                    return self._pool.submit(_work, fn, *args, **kwargs)
+                self._pool.shutdown(wait=True)
+            self._pool = ProcessPoolExecutor(
+                1, mp_context=self._context, initializer=_start_process, initargs=(self.share,)
+            )
+            return self._pool.submit(_work, fn, *args, **kwargs)
+
+    def kill(self) -> None:
+        """At once: a process that hangs, or was stopped, would not hear anything politer."""
+        with self._lock:
+            self.killed = True
+            processes = {} if self._pool is None else self._pool._processes  # as `kill_workers` of Python 3.14 does
+            for process in list((processes or {}).values()):
+                process.kill()
+
+    def end(self, *, wait: bool) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=wait, cancel_futures=True)
+
+
+_control: PieceControl | None = None
+"""Of a process: how far its piece is, seen by the parent."""
+
+
+def _start_process(share: Any) -> None:
+    """A process leaves Ctrl-C to its parent, and ends when that has ended, even killed in the middle of a piece."""
+    global _control
+
+    def tell(value: float) -> None:
+        share.value = value
+
+    _control = CallbackControl(tell, lambda: False)  # who does not want it any more kills it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    end_with_parent()
+    use_one_thread()
+
+
+def _work(fn: Callable[..., R], *args: Any, **kwargs: Any) -> R:
+    assert _control is not None
+    return fn(*args, _control, **kwargs)

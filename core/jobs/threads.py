@@ -1,0 +1,26 @@
+"""One thread for each process that works on pieces: there is a process for every core already."""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+from typing import Final
+
+from threadpoolctl import threadpool_limits
+
+VARIABLES: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
+"""Read by libraries when they are loaded."""
+
+
+@functools.cache
+def use_one_thread() -> None:
+    """From now on BLAS, OpenMP, torch and numba compute with one thread in this process, loaded already or later."""
+    os.environ.update(dict.fromkeys(VARIABLES, "1"))
+    if "numba" not in sys.modules:
+        os.environ["NUMBA_NUM_THREADS"] = "1"
+    else:
+        sys.modules["numba"].set_num_threads(1)
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)
+    threadpool_limits(1)

@@ -1,0 +1,112 @@
+"""Real Dask clusters on loopback, gone at the end whatever happens, and the module of pieces for all processes."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from core.text.json_text import parse_json
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[2]
+DEADLINE_S = 60
+
+
+def wait_until(condition: Callable[[], object], seconds: float = DEADLINE_S) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it took too long"
+        time.sleep(0.02)
+
+
+@dataclass
+class DaskCluster:
+    """A scheduler and workers as a user starts them."""
+
+    folder: Path
+    processes: list[subprocess.Popen] = field(default_factory=list)
+    address: str = ""
+
+    def start(self, workers: int, *more: str, **environment: str) -> None:
+        place = self.folder / "scheduler.json"
+        host = ("--host", "127.0.0.1", "--no-dashboard")
+        self._run("scheduler", *host, "--port", "0", "--scheduler-file", str(place), **environment)
+        wait_until(lambda: place.exists() and place.read_text().endswith("}"))
+        self.address = parse_json(place.read_text())["address"]
+        for _ in range(workers):
+            self.add_worker(*more, **environment)
+
+    def add_worker(self, *more: str, **environment: str) -> subprocess.Popen:
+        place = ("--local-directory", str(self.folder), "--host", "127.0.0.1", "--no-dashboard")
+        return self._run("worker", self.address, "--nthreads", "1", *place, *more, **environment)
+
+    def end(self) -> None:
+        for process in reversed(self.processes):
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait(DEADLINE_S)
+
+    def _run(self, *arguments: str, **environment: str) -> subprocess.Popen:
+        path = os.pathsep.join(map(str, (ROOT, HERE)))
+        log = (self.folder / f"{arguments[0]}-{len(self.processes)}.log").open("wb")
+        with log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "dask", *arguments],
+                env=os.environ | {"PYTHONPATH": path} | environment,
+                stdout=log,
+                stderr=log,
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,  # a nanny's worker goes with it
+            )
+        self.processes.append(process)
+        return process
+
+
+@pytest.fixture(name="wait_until")
+def _wait_until() -> Callable[..., None]:
+    return wait_until
+
+
+@pytest.fixture
+def free_port() -> int:
+    """Where nobody listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture(autouse=True)
+def _pieces_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(HERE)
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskCluster]:
+    """Two workers that nobody harms."""
+    pytest.importorskip("distributed")
+    found = DaskCluster(tmp_path_factory.mktemp("cluster"))
+    try:
+        found.start(2, "--no-nanny")
+        yield found
+    finally:
+        found.end()
+
+
+@pytest.fixture
+def own_cluster(tmp_path: Path) -> Iterator[DaskCluster]:
+    """One to be started, and harmed."""
+    pytest.importorskip("distributed")
+    (folder := tmp_path / "cluster").mkdir()
+    found = DaskCluster(folder)
+    try:
+        yield found
+    finally:
+        found.end()

@@ -1,0 +1,68 @@
+"""What the verbs send to a cluster comes back as if it had been done here."""
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from app.cli import main
+from core.bench.learning.plan import Counts, plan
+from core.bench.learning.runs import train_seed
+from core.errors import JobsError
+from core.events import SensorSize
+from core.jobs import ALONE, Engine, open_jobs
+from core.rally.data_sets import plan_data_set, run_data_set
+from core.rally.data_sets.plan import Making
+from core.rally.data_sets.run import LOCK
+
+pytest.importorskip("distributed")
+SMALL = Making(sensor=SensorSize(48, 32))
+PLAN = plan_data_set(speeds_mps=(8, 9), serves=1, robot=False, making=SMALL)
+
+
+def digests(folder: Path) -> dict[str, str]:
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir() if path.name != LOCK}
+
+
+def test_a_data_set_is_the_same_byte_for_byte_and_goes_on_wherever_it_was_begun(cluster, tmp_path: Path) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    engine = Engine(cluster=cluster.address)
+    run_data_set(PLAN, here, engine=ALONE)
+    begun = replace(PLAN, recordings=PLAN.recordings[:1])
+    assert run_data_set(begun, there, engine=ALONE).made == (PLAN.recordings[0].name,)
+    shares: list[float] = []
+    done = run_data_set(PLAN, there, engine=engine, progress=shares.append)
+    assert done.kept == (PLAN.recordings[0].name,) and done.made == (PLAN.recordings[1].name,)
+    assert digests(here) == digests(there) and len(digests(here)) == 4
+    assert shares == sorted(shares) and shares[-1] == 1.0
+
+
+def test_when_nobody_answers_the_data_set_stays_as_it_is(free_port: int, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("core.jobs.cluster.CONNECT_S", 0.5)
+    engine = Engine(cluster=f"tcp://127.0.0.1:{free_port}")
+    with pytest.raises(JobsError, match="no scheduler"):
+        run_data_set(PLAN, tmp_path, engine=engine)
+    assert not list(tmp_path.glob("*.h5")) and not list(tmp_path.glob(".*partial*"))
+
+
+def test_a_trained_seed_is_the_same_to_the_last_bit_but_for_its_time(cluster) -> None:
+    counts = Counts(seeds=2, minor_seeds=1, rival_seeds=1, balls=10, shorten=100)
+    experiment = next(one for one in plan(counts) if one.name == "model-5")
+    answers = []
+    for engine in (ALONE, Engine(cluster=cluster.address)):
+        with open_jobs(engine, 2) as jobs:
+            answers.append(jobs.run(train_seed, [(experiment, 0), (experiment, 1)]))
+    for answer in (*answers[0], *answers[1]):
+        assert answer.pop("cpu_s")
+    assert answers[0] == answers[1] and answers[0][0] != answers[0][1]
+
+
+def test_recordings_are_looked_at_by_the_workers_and_the_tables_are_written_here(cluster, tmp_path: Path) -> None:
+    made = tmp_path / "made"
+    run_data_set(PLAN, made, engine=ALONE)
+    recordings = sorted(map(str, made.glob("*.h5")))
+    arguments = ["detect", *recordings, "--camera", "left"]
+    assert main([*arguments, "--out", str(tmp_path / "here"), "--jobs", "1"]) == 0
+    assert main([*arguments, "--out", str(tmp_path / "there"), "--cluster", cluster.address]) == 0
+    assert digests(tmp_path / "here") == digests(tmp_path / "there") and len(recordings) == 2

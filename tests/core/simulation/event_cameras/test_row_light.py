@@ -1,0 +1,77 @@
+"""Rows of pixels against one pixel at a time."""
+
+import numpy as np
+import pytest
+
+from core.cameras import stereo_preset
+from core.jit import njit
+from core.simulation.event_cameras.row_light import DEEP, GOAL, ROW, ROW_NUMBERS, light_row, read_row
+from core.simulation.flights.ball_path import BallStates, VisibleRange
+from core.simulation.scenes.background import LOG_LIGHT, NET_COVER, make_background
+from core.simulation.scenes.ball_view import ball_and_shadow_boxes, ball_shading_rows
+from core.simulation.scenes.block_view import view_numbers
+from core.simulation.scenes.racket_shape import RACKET_COLUMNS
+from core.simulation.scenes.scene import SceneConfig
+from core.simulation.scenes.shading import UNTOUCHED, Moving, deep_inside, pixel_light, pixel_seen
+from core.simulation.scenes.steps import BALL, SHADOW
+
+SCENE = SceneConfig()
+CAMERA = stereo_preset()["left"]
+NOBODY = np.empty((0, 8))
+NO_RACKET = (0.0,) * RACKET_COLUMNS
+
+
+@njit
+def one_by_one(maps, view, moving, light, deep):
+    """Compiled, so that rays have the precision that they have in the kernel."""
+    for pixel in range(len(light)):
+        seen = pixel_seen(maps, pixel)
+        light[pixel], deep[pixel] = pixel_light(seen, view, moving), deep_inside(seen, moving.ball)
+
+
+@pytest.fixture(scope="module")
+def maps() -> np.ndarray:
+    return make_background(CAMERA, SCENE)
+
+
+@pytest.mark.parametrize("part", [BALL, SHADOW])
+def test_a_row_sees_what_its_pixels_see(maps, part: int) -> None:
+    rng = np.random.default_rng(1)
+    ps = np.column_stack([rng.uniform(-1.2, 1.2, 12), rng.uniform(-0.6, 0.6, 12), rng.uniform(0.02, 0.8, 12)])
+    there = np.ones(12, np.bool_)
+    states = BallStates(np.zeros(12), ps, np.zeros((12, 3)), np.zeros((12, 3)), there)
+    # Some leave the launcher's mouth: a plane through them hides a part.
+    portals = VisibleRange(np.tile([1.0, 0.0, 0.0], (12, 1)), np.where(np.arange(12) % 3, -np.inf, ps[:, 0]))
+    portals.offset_m[np.isinf(portals.offset_m)] = -1e3
+    balls = ball_shading_rows(CAMERA, SCENE, states, portals)
+    boxes = np.zeros((12, 3, 4), np.int64)
+    ball_and_shadow_boxes(CAMERA, SCENE, states, boxes)
+    view, row, lit, deep = view_numbers(CAMERA), np.full(ROW_NUMBERS, np.nan), 0, 0
+    for ball, box in zip(balls, boxes[:, part], strict=True):
+        moving = Moving(tuple(ball.tolist()), NO_RACKET, part == BALL, part == SHADOW, False)
+        for y in range(box[1], box[3]):
+            for x in range(box[0], box[2], ROW):
+                first, wide = y * CAMERA.sensor.width_px + x, min(ROW, box[2] - x)
+                free = read_row(maps, NOBODY, first, wide, row)
+                assert free == (not maps[first : first + wide, NET_COVER].any())
+                if not free:
+                    continue
+                light_row(view, moving.ball, part == BALL, wide, row)
+                pixels = maps[first : first + wide]
+                light, inside = np.empty(wide), np.empty(wide, np.bool_)
+                one_by_one(pixels, view, moving, light, inside)
+                seen = light != UNTOUCHED
+                goal = row[GOAL : GOAL + wide]
+                assert goal[seen] == pytest.approx(np.log(light[seen]), rel=0, abs=1e-13)
+                assert np.array_equal(goal[~seen], pixels[~seen, LOG_LIGHT])
+                assert np.array_equal(row[DEEP : DEEP + wide] == 1.0, inside & (part == BALL))
+                lit, deep = lit + seen.sum(), deep + inside.sum()
+    assert lit > 500 and (deep > 100 or part == SHADOW)
+
+
+def test_a_row_with_a_body_in_it_is_not_taken(maps) -> None:
+    first = int(np.flatnonzero(maps[:-ROW, NET_COVER] == 0.0)[0])
+    layers, row = np.zeros((len(maps), 8)), np.empty(ROW_NUMBERS)
+    assert read_row(maps, layers, first, 5, row)
+    layers[first + 4, 0] = 0.2
+    assert not read_row(maps, layers, first, 5, row) and read_row(maps, layers, first, 4, row)
