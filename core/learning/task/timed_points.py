@@ -37,7 +37,7 @@ COVARIANCE_M2: Final = np.diag([0.13e-3, 0.34e-3, 0.21e-3]) ** 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TimedStates:
+class StatesInTime:
     """What is known of N balls at their decisions; zeros and NaN of one that was not predicted in time."""
 
     seen: NDArray[np.bool_]
@@ -52,20 +52,19 @@ class TimedStates:
 
 def observe_in_time(
     serves: Serves, arrivals: Arrivals, config: EnvironmentConfig, racket_speed_mps: float, rng: np.random.Generator
-) -> TimedStates:
+) -> StatesInTime:
     """Every ball up to its decision."""
     n = len(arrivals.t_s)
     timing = config.timing
     latest_s = float(np.nanmax(arrivals.t_s, initial=0.0))
-    t_s: Array = 1e-3 * timing.first_seen_ms + 1e-3 * timing.window_ms * np.arange(
-        max(0, int((latest_s - 1e-3 * timing.first_seen_ms) / (1e-3 * timing.window_ms)))
-    )
+    first_s, window_s = 1e-3 * timing.first_seen_ms, 1e-3 * timing.window_ms
+    t_s = first_s + window_s * np.arange(max(0, int((latest_s - first_s) / window_s)), dtype=np.float64)
     until_s = np.broadcast_to(t_s, (n, len(t_s)))
     truth_m = sample_serves(serves, arrivals, np.minimum(until_s, arrivals.t_s[:, None]), config.task)
     errors_m = timing.error_scale * MEASURED.draw(t_s, truth_m, arrivals.bounce_t_s, rng)
     # What the cameras do not see yet is no point.
     points_m = np.where(truth_m[..., :1] < timing.seen_from_x_m, truth_m + errors_m, np.nan)
-    found = TimedStates(
+    found = StatesInTime(
         np.zeros(n, np.bool_), np.zeros((n, 6)), np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan)
     )
     predictor = make_predictor(config)
@@ -96,7 +95,7 @@ def make_predictor(config: EnvironmentConfig) -> Predictor:
 
 
 def _watch(
-    found: TimedStates,
+    found: StatesInTime,
     i: int,
     t_s: Array,
     points_m: Array,
