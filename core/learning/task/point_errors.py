@@ -156,5 +156,5 @@ MEASURED: Final = PointErrors(
     drift_s=0.006,
     noise=np.array([[0.062, 0.081, 0.078], [0.057, 0.093, 0.062]]),
 )
-"""Of the chain with the detector `refined`, cameras of the `side` placement: a first fit, to about 25 serves at 3, 5 and
-9 m/s. `rallyscope bench state-errors` prints one to as many as it is told to."""
+"""Of the chain with the detector `refined`, cameras of the `side` placement: a first fit, to about 25 serves at 3, 5
+and 9 m/s. `rallyscope bench state-errors` prints one to as many as it is told to."""
