@@ -87,6 +87,8 @@ def test_keys_label_although_a_button_or_a_list_was_clicked_last(window, wait_fo
     wait_for(lambda: window.state.playhead.anchor_us == 104_000, "Space to go on")
     page.get_by_label("Label every").first.click()
     page.locator("div[role=option]").get_by_text("5 ms", exact=True).click()
+    mode = window.session._modes["Label"]
+    wait_for(lambda: mode._editor.labelling.step_us == 5000, "times 5 ms apart")
     page.keyboard.press("n")
     wait_for(lambda: window.state.playhead.anchor_us == 105_000, "the next time, 5 ms apart")
     assert page.get_by_label("Label every").first.input_value() == "5 ms", "nothing was typed into the list"
