@@ -34,6 +34,7 @@ BENCHES = {
     "paper-perception": "core.bench.perception.bench_paper_perception",
     "scenes": "core.bench.rally.bench_scenes",
     "learning": "core.bench.learning.bench_learning",
+    "state-errors": "core.bench.learning.bench_state_errors",
     "jobs": "core.bench.jobs.bench_jobs",
     "labels": "labels.bench_labels",
     "label-mode": "app.bench.bench_label_mode",
@@ -46,7 +47,7 @@ BENCHES = {
 """The module that measures each."""
 
 
-OPTIONS = ("count", "folder", "report", "chain", "balls", "speeds", "only", "soak")
+OPTIONS = ("count", "folder", "report", "chain", "balls", "speeds", "physics", "only", "soak")
 """That only some of them have."""
 
 
@@ -56,17 +57,21 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of each speed (perceived-prediction), flights (drawn-scenes, rivals), seeds (paper-perception), "
+        "balls of each speed (perceived-prediction, state-errors), flights (drawn-scenes, rivals), "
+        "seeds (paper-perception), seeds of both sides of every claim (learning), "
         "damages of each kind of file (damage), trials of each fault and job (faults), events (long), pieces (jobs)",
         "N",
     )
     folder: Path | None = flag(
-        "what is measured is kept here (learning, perceived-prediction, drawn-scenes, paper-perception)"
+        "what is measured is kept here (learning, state-errors, perceived-prediction, drawn-scenes, paper-perception)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
-    chain: Literal["filter", "fit", "paper"] | None = flag("which chain plays (rally)", "filter|fit|paper", "all three")
+    chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
+        "which chain plays (rally)", "filter|fit|paper|auto|known", "the first three"
+    )
     balls: PositiveInt | None = flag("of each chain and speed (rally)", "N", 20)
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
+    physics: Literal["paper", "real"] | None = flag("of the balls (rally)", "paper|real", "paper")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag("a fault, or a job (faults)", "NAME", "all")
     engine: EngineArguments

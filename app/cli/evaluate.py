@@ -56,7 +56,13 @@ def _lines(row: dict[str, object]) -> list[dict[str, object]]:
     error, baselines = row["error_mm"], row["baselines"]
     assert isinstance(error, dict) and isinstance(baselines, dict)
     lines: list[dict[str, object]] = [
-        {"m/s": speed, "policy": f"this run ({row['seeds']} seeds)", "returned": row["returned"], **_millimetres(error)}
+        {
+            "m/s": speed,
+            "policy": f"this run ({row['seeds']} seeds)",
+            "returned": row["returned"],
+            "missed": row["missed"],
+            **_millimetres(error),
+        }
     ]
     for name, score in baselines.items():
         lines.append(
@@ -64,6 +70,7 @@ def _lines(row: dict[str, object]) -> list[dict[str, object]]:
                 "m/s": speed,
                 "policy": name.replace("_", " "),
                 "returned": score.get("returned"),
+                "missed": None,
                 **_millimetres({"mean": score["error_mm"]}),
             }
         )

@@ -15,7 +15,7 @@ from core.physics.task import TaskConfig, hard_serves, task_profile
 from core.table import NET_HEIGHT_M, TABLE_LENGTH_M
 
 AgentName = Literal["ddpg", "landing-model", "ppo", "a2c", "trpo", "td3", "sac"]
-StateSource = Literal["predicted", "truth", "truth+noise", "events"]
+StateSource = Literal["predicted", "truth", "truth+noise", "timed", "events"]
 ReplayRule = Literal["threshold", "discard", "retain"]
 RewardKind = Literal["cdta", "case", "simple"]
 
@@ -43,18 +43,44 @@ class GoalConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TimingConfig:
+    """When a ball is seen and the stroke decided, and how its points err: as before event cameras, not rendered."""
+
+    predictor: Literal["filter", "paper"] = "filter"
+    """The chain's filter, or the paper's five points; both detect the bounce."""
+    window_ms: float = setting(2.0, 0.5, 10.0)
+    """A point in space every so often."""
+    block_ms: float = setting(10.0, 1.0, 50.0)
+    """Points are known at the end of such a block: the delay of perception."""
+    lead_ms: float = setting(50.0, 10.0, 200.0)
+    """The stroke is decided at the first block after which less is left until the ball is there."""
+    first_seen_ms: float = setting(18.0, 0.0, 200.0)
+    """Nothing is seen before so long after the launch (measured, as what follows: `rallyscope bench state-errors`)."""
+    seen_from_x_m: float = setting(1.12, -1.4, 3.0)
+    """Nor farther away from the robot than here, where the cameras do not look."""
+    error_scale: float = setting(1.0, 0.0, 50.0)
+    """Times the measured errors of points (`point_errors.MEASURED`)."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EnvironmentConfig:
     """One episode: one serve, seen somehow, one racket orientation, one outcome."""
 
     task: TaskConfig = field(default_factory=TaskConfig)
     goal: GoalConfig = field(default_factory=GoalConfig)
     state_source: StateSource = "predicted"
-    """How the learner gets p_c and v_c: the paper's five-point prediction, the truth, the truth with noise, or the
-    whole chain of event cameras. Except for `truth`, the racket goes where the ball is expected and may miss it."""
+    """How the learner gets p_c and v_c: the paper's five-point prediction, the truth, the truth with noise, points that
+    err as those of event cameras until the decision, or the whole chain of event cameras. Except for `truth`, the
+    racket goes where the ball is expected and may miss it."""
     position_noise_m: float = setting(0.005, 0.0, 0.1)
     """Standard deviation per axis of `truth+noise`."""
     velocity_noise: float = setting(0.01, 0.0, 0.2)
     """Standard deviation per axis of `truth+noise`, as a share of the speed."""
+    timing: TimingConfig = field(default_factory=TimingConfig)
+    """Of `timed`."""
     actuator_error_deg: float = setting(0.0, 0.0, 5.0)
     """Standard deviation of each angle that the racket really takes, anew per stroke; the learner does not see it."""
     actuator_bias_deg: float = setting(0.0, -5.0, 5.0)

@@ -3,7 +3,7 @@
 from core.trajectory.config import PaperPredictorConfig, predictor_for
 from core.trajectory.continuation import predict_arrivals
 from core.trajectory.filter import FilterPredictor
-from core.trajectory.filter_config import FilterConfig, filter_for
+from core.trajectory.filter_config import FilterConfig, filter_for, with_physics
 from core.trajectory.prediction import HitPlane, Prediction, Predictor, TablePoint
 from core.trajectory.predictor import PaperPredictor
 
@@ -19,4 +19,5 @@ __all__ = [
     "filter_for",
     "predict_arrivals",
     "predictor_for",
+    "with_physics",
 ]

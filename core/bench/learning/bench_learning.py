@@ -9,7 +9,8 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from core.bench.learning.plan import Counts, Experiment, is_minor, plan
+from core.bench.learning.event_runs import load_event_seeds, play_event_seed
+from core.bench.learning.plan import Counts, Experiment, counts_of, is_minor, plan
 from core.bench.learning.report import write_learning_report
 from core.bench.learning.runs import (
     Results,
@@ -23,15 +24,15 @@ from core.bench.learning.runs import (
 from core.bench.machine import describe_machine
 from core.jobs import ALONE, HERE, Engine, open_jobs
 from core.learning.runs.summary import rounded_number, spread_of
-from core.text.json_text import parse_json
 
 Progress = Callable[[float], None]
 
 FOLDER = Path("rallyscope-data/bench-learning")
 REPORT = Path("docs/measured/learning-report.md")
-CHAIN = "events.json"
 CLOCK = "processor time of one thread"
 SEEDS_AT_A_TIME = 5
+EVENT_BALL = 200
+"""Episodes in closed form that take as long as a ball before event cameras, about."""
 
 
 def run(
@@ -39,18 +40,24 @@ def run(
     *,
     folder: Path = FOLDER,
     report: Path = REPORT,
+    count: int | None = None,
     counts: Counts | None = None,
     engine: Engine = HERE,
 ) -> dict[str, object]:
-    """A row per training, the report's place, and the machine. Seeds are sent to the engine, evaluations come back."""
-    counts = counts or Counts()
+    """A row per training, the report's place, and the machine. Seeds are sent to the engine, evaluations come back.
+
+    `count`: seeds of everything that is compared.
+    """
+    counts = counts or (Counts() if count is None else counts_of(count))
     experiments = plan(counts)
     machine = describe_machine("numpy", "torch", "numba", clock=CLOCK)
+    event_seed = EVENT_BALL * (counts.event_episodes + counts.event_balls)
     total = sum(experiment.config.episodes * experiment.config.seeds for experiment in experiments)
+    total += event_seed * counts.event_seeds
     done = 0
 
     def write(results: Results) -> None:
-        write_learning_report(report, experiments, results, counts, machine, read_chain(folder))
+        write_learning_report(report, experiments, results, counts, machine, load_event_seeds(counts, folder))
 
     wanted = batches(experiments)
     missing = [missing_seeds(batch, folder) for batch in wanted]
@@ -72,6 +79,11 @@ def run(
                 write(load_results(experiments, folder))
     results = load_results(experiments, folder)
     write(results)
+    for seed in range(counts.event_seeds):
+        if play_event_seed(counts, folder, seed):
+            write(results)
+        done += event_seed
+        progress(done / total)
     return {
         "rows": [_row(experiment, results[experiment.name]) for experiment in experiments],
         "report": str(report),
@@ -94,16 +106,6 @@ def batches(experiments: Sequence[Experiment]) -> list[list[tuple[Experiment, in
             batch = math.inf if k >= SEEDS_AT_A_TIME and is_minor(experiment) else k // SEEDS_AT_A_TIME
             found.setdefault(batch, []).append((experiment, experiment.config.first_seed + k))
     return [found[batch] for batch in sorted(found)]
-
-
-def read_chain(folder: Path) -> list[dict[str, object]]:
-    """What `rallyscope evaluate --json` said of a run with event cameras, if somebody put it there.
-
-    Playing before cameras takes seconds a ball and needs the chain, which is built on top of this package.
-    """
-    path = folder / CHAIN
-    rows = parse_json(path.read_text(encoding="utf-8")) if path.is_file() else []
-    return [dict(row) for row in rows]
 
 
 def _row(experiment: Experiment, results: list[SeedResult]) -> dict[str, object]:

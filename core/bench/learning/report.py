@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from core.bench.learning.beyond import event_cameras, landing_model, timings
+from core.bench.learning.beyond import event_cameras, landing_model, timings, tried
 from core.bench.learning.charts import CHARTS, draw_learning_charts
-from core.bench.learning.contests import against_rivals, variants
+from core.bench.learning.contests import against_rivals, both_timings, variants
+from core.bench.learning.event_runs import PlayedSeed
 from core.bench.learning.plan import REWARDS, RULES, Counts, Experiment
 from core.bench.learning.runs import Results, values_at
 from core.bench.learning.tables import at, five_best, paired
@@ -34,14 +35,15 @@ HEADER = """# Learning to return: what was measured
 
 Made by `rallyscope bench learning`. One episode is one serve and one racket orientation. Every policy is evaluated
 without noise on the same {balls} balls per speed, which no training sees; the landing error is the distance to the
-target of the landing extrapolated to the table's plane, over all balls that the racket met. Figures are the *last*
-policy of each seed: mean ± standard deviation over seeds [95 % interval of the mean]; *five best* is the mean of the
-five lowest of a seed's evaluations every 50 episodes, as the paper shows its figures. Up to {seeds} seeds, {minor} for
-variants and {rivals} for rivals; the tables say how many there are. Seeds have the same balls in every training, so
-differences are paired. Agents called paper perceive by the five-point prediction, all others know the true state. (With
-the exact positions that the simulator gives, and gravity alone, five points after the bounce determine the state: the
-prediction then *is* the truth, and both give the same figures. The rows called noisy show what errors cost.) The racket
-stands upright at action zero and has one speed per serve speed.
+target of the landing extrapolated to the table's plane, over all balls, where one that the racket did not meet counts
+2.74 m, the table's length. Figures are the *last* policy of each seed: mean ± standard deviation over seeds [95 %
+interval of the mean]; *five best* is the mean of the five lowest of a seed's evaluations every 50 episodes, as the
+paper shows its figures. Up to {seeds} seeds, rivals included, and {minor} for variants that nothing is claimed of;
+the tables say how many there are. Seeds have the same balls in every training, so differences are paired, and what
+has not the same seeds is not compared. Agents called paper perceive by the five-point prediction, all others know the
+true state. (With the exact positions that the simulator gives, and gravity alone, five points after the bounce
+determine the state: the prediction then *is* the truth, and both give the same figures. The rows called noisy show
+what errors cost.) The racket stands upright at action zero and has one speed per serve speed.
 
 Machine: {machine}.
 
@@ -56,17 +58,13 @@ def write_learning_report(
     results: Results,
     counts: Counts,
     machine: Mapping[str, object],
-    chain: Sequence[Mapping[str, object]] = (),
+    played: Sequence[PlayedSeed] = (),
 ) -> None:
-    """Write the report and its charts with whatever results there are; `chain`: rows of `rallyscope evaluate --json`
-    for runs whose states come from event cameras.
-    """
+    """Write the report and its charts with whatever results there are; `played`: seeds before event cameras."""
     path.parent.mkdir(parents=True, exist_ok=True)
     about = ", ".join(f"{name} {value}" for name, value in machine.items() if name != "load")
     parts = [
-        HEADER.format(
-            balls=counts.balls, seeds=counts.seeds, rivals=counts.rival_seeds, minor=counts.minor_seeds, machine=about
-        ),
+        HEADER.format(balls=counts.balls, seeds=counts.seeds, minor=counts.minor_seeds, machine=about),
         "## The figures aimed at\n",
         targets_table(results),
         noise_floor(counts.balls),
@@ -75,10 +73,12 @@ def write_learning_report(
         _baselines(counts),
         _rewards(results),
         _replay(results),
+        both_timings(results),
         against_rivals(results),
         variants(results),
         landing_model(results),
-        event_cameras(chain),
+        tried(results),
+        event_cameras(played, counts),
         timings(experiments, results),
         "## Curves\n\nMean over seeds with its 95 % interval.\n",
         *(f"![{name}](images/learning-{name}.svg)\n" for name in CHARTS),

@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import Final
 
 import tomli_w
 
@@ -31,7 +32,10 @@ class Evaluation:
     speed_mps: float
     returned: float
     error_mm: float
+    """Over all balls, a missed one as the table's length."""
     error_returned_mm: float
+    missed: float
+    """Share of balls that the racket did not meet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,8 @@ class SeedResult:
         return five_best_mm([e.error_mm for e in self.evaluations if e.speed_mps == speed_mps])
 
 
+COUNTED: Final = "missed balls count 2740 mm"
+"""Results that were counted otherwise are others."""
 Results = defaultdict[str, list[SeedResult]]
 """The seeds of every training, by its name; none of one that was not trained."""
 
@@ -107,7 +113,9 @@ def _train_seed(experiment: Experiment, seed: int, run: Path, control: PieceCont
     for name, environment in experiment.transfers:
         speed = config.curriculum.speeds_mps[-1]
         score = PolicyEvaluator(environment, config.evaluation_balls).score(policy, speed)
-        found = Evaluation(config.episodes, speed, score.return_rate, score.error_mm, score.error_returned_mm)
+        found = Evaluation(
+            config.episodes, speed, score.return_rate, score.error_mm, score.error_returned_mm, score.missed
+        )
         transfers[name] = asdict(found)
     return {"evaluations": lines, "transfers": transfers, "cpu_s": cpu_s}
 
@@ -118,8 +126,8 @@ def _path(experiment: Experiment, folder: Path, seed: int) -> Path:
 
 
 def fingerprint(config: RunConfig) -> str:
-    """A hash of everything but the seeds."""
-    text = tomli_w.dumps(config_to_mapping(replace(config, seeds=1, first_seed=0)))
+    """A hash of everything but the seeds, and of how results are counted."""
+    text = COUNTED + tomli_w.dumps(config_to_mapping(replace(config, seeds=1, first_seed=0)))
     return hashlib.sha256(text.encode()).hexdigest()[:10]
 
 

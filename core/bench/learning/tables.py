@@ -6,7 +6,9 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from core.bench.learning.runs import Results, SeedResult, values_at, values_at_end
-from core.learning.runs.summary import SeedSpread, spread_of
+from core.errors import ConfigError
+from core.learning.runs.summary import spread_of
+from core.metrics.paired import pair_by_seed, paired_difference
 from core.text.markdown_table import markdown_table
 
 Column = Callable[[Sequence[SeedResult]], str]
@@ -23,7 +25,7 @@ def table_of_trainings(
 
 
 def at(episode: int, what: str) -> Column:
-    """The figure after so many episodes; what: returned, error_mm or error_returned_mm."""
+    """The figure after so many episodes; what: returned, error_mm, error_returned_mm or missed."""
     return lambda found: shown(what, values_at(found, episode, what))
 
 
@@ -42,9 +44,10 @@ def shown(what: str, values: Sequence[float]) -> str:
 
     The interval ends where percentages do, and no distance is negative; there is no interval of one.
     """
-    scale, most = (100, 100.0) if what == "returned" else (1, math.inf)
+    is_share = what in ("returned", "missed")
+    scale, most = (100, 100.0) if is_share else (1, math.inf)
     spread = spread_of([scale * value for value in values])
-    digits = 0 if what != "returned" and spread.mean >= 30 else 1
+    digits = 0 if not is_share and spread.mean >= 30 else 1
     if spread.count < 2:
         return f"{spread.mean:.{digits}f}" if spread.count else "-"
     low, high = max(spread.low, 0.0), min(spread.high, most)
@@ -52,21 +55,14 @@ def shown(what: str, values: Sequence[float]) -> str:
 
 
 def paired(a: Sequence[SeedResult], b: Sequence[SeedResult], episode: int, what: str) -> str:
-    """Mean difference a - b over the seeds that both have (same balls), and whether its interval holds zero."""
-    spread = paired_spread(a, b, episode, what)
-    if spread.count < 2:
-        return "-"
-    verdict = "no difference shown" if spread.low <= 0 <= spread.high else "differs"
-    return f"{difference(spread)}, {verdict}"
-
-
-def difference(spread: SeedSpread) -> str:
-    """A difference with its interval."""
-    return f"{spread.mean:+.1f} [{spread.low:+.1f}, {spread.high:+.1f}]"
-
-
-def paired_spread(a: Sequence[SeedResult], b: Sequence[SeedResult], episode: int, what: str) -> SeedSpread:
-    """Differences a - b over the seeds that both have, in percentage points or millimetres."""
-    pairs = [(one.at(episode), other.at(episode)) for one in a for other in b if one.seed == other.seed]
+    """Mean difference a - b with its 95 % interval, in percentage points or millimetres; whether a claim holds is said
+    where all claims are. Where the seeds of the two are not the same, that, and no number.
+    """
     scale = 100 if what == "returned" else 1
-    return spread_of([scale * (getattr(x, what) - getattr(y, what)) for x, y in pairs if x and y])
+    sides = [{r.seed: scale * getattr(e, what) for r in found if (e := r.at(episode)) is not None} for found in (a, b)]
+    try:
+        _, ours, theirs = pair_by_seed(*sides, where=f"@{episode}")
+    except ConfigError as error:
+        return str(error)
+    found = paired_difference(ours, theirs)
+    return f"{found.estimate:+.1f} [{found.low:+.1f}, {found.high:+.1f}]" if found.count > 1 else "-"

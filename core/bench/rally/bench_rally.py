@@ -1,10 +1,11 @@
 """The rally through perception: how exactly the ball is seen, how many balls come back, how long a step takes.
 
 Balls of one speed follow one another in a simulated world with two cameras of the `side` placement and the racket in
-their picture; the built-in controller plays. Three chains: `filter` is the live rally's; `fit` has its detector, and
-gravity through twelve points; `paper` has nothing that the paper has not. The world goes on in blocks of 10 ms and
-waits for the chain: that block is the delay of perception, and how busy the machine is changes no outcome. Seeds are
-fixed.
+their picture; the built-in controller plays. Chains: `filter` is the live rally's; `fit` has its detector, and gravity
+through twelve points; `paper` has nothing that the paper has not; on request `auto`, the filter with the detector
+`auto`, and `known`: no cameras, the controller is told at the launch exactly what will arrive. The world goes on in
+blocks of 10 ms and waits for the chain: that block is the delay of perception, and how busy the machine is changes no
+outcome. Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -15,20 +16,22 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal, get_args
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.bench.machine import describe_machine
 from core.bench.partial_rows import tell_rows
+from core.bench.rally.known_balls import measure_known_balls
 from core.bench.rally.rally_report import write_rally_report
 from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720
 from core.events import SensorSize
 from core.files import replace_file
+from core.physics.config import Profile
 from core.physics.episode import Case
-from core.physics.task import STAGE_SPEEDS_MPS
+from core.physics.task import STAGE_SPEEDS_MPS, task_profile
 from core.rally.chain.config import ChainConfig, published_chain
 from core.rally.chain.follow import true_positions
 from core.rally.control.controller import BuiltInController
@@ -39,8 +42,9 @@ from core.recordings import BallTruth
 
 Array = NDArray[np.float64]
 
-ChainName = Literal["filter", "fit", "paper"]
-CHAINS: Final[tuple[ChainName, ...]] = get_args(ChainName)
+ChainName = Literal["filter", "fit", "paper", "auto", "known"]
+CHAINS: Final[tuple[ChainName, ...]] = ("filter", "fit", "paper")
+"""Measured if none is named."""
 BALLS: Final = 20
 """Per chain and speed."""
 SEED: Final = 2026
@@ -77,9 +81,13 @@ class Watched:
         return errors[np.isfinite(errors)]
 
 
-def chain_named(name: ChainName) -> ChainConfig:
-    """`filter`: the live rally's; `fit`: its detector, gravity through twelve points; `paper`: as published."""
+def chain_named(name: Literal["filter", "fit", "paper", "auto"]) -> ChainConfig:
+    """`filter`: the live rally's; `fit`: its detector, gravity through twelve points; `paper`: as published; `auto`:
+    the filter with what the detector `auto` sees.
+    """
     match name:
+        case "auto":
+            return ChainConfig.of_method("auto")
         case "filter":
             return ChainConfig()
         case "fit":
@@ -94,27 +102,40 @@ def run(
     chain: ChainName | None = None,
     balls: int = BALLS,
     speeds: tuple[float, ...] = STAGE_SPEEDS_MPS,
+    physics: Profile = "paper",
     report: Path | None = None,
 ) -> dict[str, object]:
-    """A row per chain and speed, and the machine; by default all chains. `report` is a page for the rows."""
+    """A row per chain and speed, and the machine; by default three chains. `report` is a page for the rows."""
     chains: tuple[ChainName, ...] = CHAINS if chain is None else (chain,)
     cases: list[tuple[ChainName, float]] = [(name, speed) for name in chains for speed in speeds]
     rows: list[dict[str, object]] = []
     for name, speed in cases:
-        rows.append({"chain": name} | measure_rally(SENSOR_720, speed, balls, chain=chain_named(name)))
+        task = task_profile(physics)
+        if name == "known":
+            row = measure_known_balls(task, speed, balls, SEED)
+        else:
+            row = measure_rally(SENSOR_720, speed, balls, chain=chain_named(name), world=WorldConfig(task=task))
+        rows.append({"chain": name} | row)
         tell_rows(progress, rows[-1:], len(rows) / len(cases))
     clock = "wall time per step of chain and controller; `chain_cores` is time of steps per simulated time"
     machine = describe_machine("numba", "numpy", "mujoco", clock=clock)
     if report is not None:
-        replace_file(report, write_rally_report(rows, machine, SEED).encode(), durable=False)
+        replace_file(report, write_rally_report(rows, machine, SEED, physics).encode(), durable=False)
     return {"rows": rows, "machine": machine}
 
 
 def measure_rally(
-    sensor: SensorSize, speed_mps: float, balls: int, *, seed: int = SEED, chain: ChainConfig | None = None
+    sensor: SensorSize,
+    speed_mps: float,
+    balls: int,
+    *,
+    seed: int = SEED,
+    chain: ChainConfig | None = None,
+    world: WorldConfig | None = None,
 ) -> dict[str, object]:
-    """One row; `chain` may have settings of its own, such as another prediction."""
-    world, controller = WorldConfig(), BuiltInController()
+    """One row; `chain` may have settings of its own, such as another prediction. Both are told the world's physics."""
+    world = world or WorldConfig()
+    controller = BuiltInController(world.task)
     loop = ClosedLoop(
         world, stereo_preset(sensor=sensor), seed=seed, chain=chain, controller=controller, window_us=WINDOW_US
     )

@@ -13,8 +13,10 @@ CHAINS: Final = {
     "filter": "the live rally's: detector `refined`, every point counts",
     "fit": "the same detector, gravity through twelve points 4 ms apart, friction at the table",
     "paper": "the paper's detector; five points 10 ms apart, one factor at the table, five new ones after the bounce",
+    "auto": "the live rally's filter, with what the detector `auto` sees",
+    "known": "no cameras: told at the launch exactly what will arrive",
 }
-ABOUT: Final = """Two 1280x720 cameras of the `side` placement, noise 0.1 events/s/pixel, physics `paper`, serves
+ABOUT: Final = """Two 1280x720 cameras of the `side` placement, noise 0.1 events/s/pixel, physics `{physics}`, serves
 without spin, built-in controller aimed at (0.8, 0) m, racket in the picture, windows of 2 ms. The world waits for the
 chain, so the load of the machine changes no outcome; the delay is a block of 10 ms. Landing: from where a returned ball
 lands to the goal. Intervals are Wilson's. A step is wall time of chain and controller beside whatever else ran."""
@@ -24,13 +26,15 @@ TITLES: Final = (
 )  # fmt: skip
 
 
-def write_rally_report(rows: Sequence[Mapping[str, object]], machine: Mapping[str, object], seed: int) -> str:
+def write_rally_report(
+    rows: Sequence[Mapping[str, object]], machine: Mapping[str, object], seed: int, physics: str
+) -> str:
     """The page as Markdown."""
     parts = [
         "# Balls returned through perception",
         f"Made by `rallyscope bench rally --report docs/measured/rally-report.md` (seed {seed};"
         f" {machine_words(machine)}).",
-        ABOUT,
+        ABOUT.format(physics=physics),
     ]
     for chain, words in CHAINS.items():
         mine = [row for row in rows if row["chain"] == chain]
@@ -50,7 +54,7 @@ def _cells(row: Mapping[str, object]) -> list[str]:
         "/".join(str(row[case]) for case in ("net", "out", "own_half", "missed")),
         _pair(row, "landing_mm"),
         _pair(row, "point_mm"),
-        f"{row['step_ms_p50']:.2f} / {row['step_ms_p99']:.2f}",
+        "-" if row["step_ms_p50"] is None else f"{row['step_ms_p50']:.2f} / {row['step_ms_p99']:.2f}",
     ]
 
 

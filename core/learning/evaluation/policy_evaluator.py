@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +12,17 @@ from numpy.typing import NDArray
 from core.learning.agents.policy import ActionSource
 from core.learning.config import EnvironmentConfig
 from core.learning.evaluation.episode_record import landing_errors_mm
-from core.learning.task.environment import Deliveries, evaluation_balls, play
+from core.learning.task.environment import Deliveries, evaluation_balls, play, validation_balls
 from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend, observe_all
+from core.table import TABLE_LENGTH_M
 
 Array = NDArray[np.float64]
 BEST = 5
 """The paper shows each method by the five best of its evaluations."""
+MISSED_MM: Final = 1000 * TABLE_LENGTH_M
+"""What a ball counts that the racket did not meet (choice): as far off as the table is long, no miss is free."""
+BallSet = Literal["test", "validation"]
+"""What figures are reported on, and what the best policy of a run is chosen by."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,14 +36,24 @@ class PolicyScore:
     """(N,) landing extrapolated to the table's plane; NaN where the racket missed."""
 
     @property
+    def missed(self) -> float:
+        """Share of balls that the racket did not meet."""
+        return float(np.isnan(self.errors_mm).mean())
+
+    @property
+    def counted_mm(self) -> Array:
+        """(N,) the errors with `MISSED_MM` for balls that the racket did not meet."""
+        return np.where(np.isnan(self.errors_mm), MISSED_MM, self.errors_mm)
+
+    @property
     def return_rate(self) -> float:
         """Share of balls that are returned, 0 to 1."""
         return float(self.returned.mean())
 
     @property
     def error_mm(self) -> float:
-        """Mean over every ball that the racket met."""
-        return float(np.nanmean(self.errors_mm)) if np.isfinite(self.errors_mm).any() else float("nan")
+        """Mean over every ball, a missed one as `MISSED_MM`."""
+        return float(self.counted_mm.mean())
 
     @property
     def error_returned_mm(self) -> float:
@@ -53,25 +69,26 @@ class PolicyEvaluator:
         self._config = config
         self._backend = backend or ClosedFormBackend(config)
         self._count = balls
-        self._balls: dict[float, Deliveries] = {}
+        self._balls: dict[tuple[BallSet, float], Deliveries] = {}
 
-    def balls(self, speed_mps: float) -> Deliveries:
-        """The fixed balls of a speed."""
-        if speed_mps not in self._balls:
-            balls = evaluation_balls(speed_mps, self._count, self._config)
-            self._balls[speed_mps] = (
+    def balls(self, speed_mps: float, which: BallSet = "test") -> Deliveries:
+        """The fixed balls of a speed: what figures are reported on, or as many others to choose a policy by."""
+        if (which, speed_mps) not in self._balls:
+            deal = evaluation_balls if which == "test" else validation_balls
+            balls = deal(speed_mps, self._count, self._config)
+            self._balls[which, speed_mps] = (
                 observe_all(self._backend, balls) if self._config.state_source == "events" else balls
             )
-        return self._balls[speed_mps]
+        return self._balls[which, speed_mps]
 
-    def score(self, controller: ActionSource, speed_mps: float) -> PolicyScore:
+    def score(self, controller: ActionSource, speed_mps: float, which: BallSet = "test") -> PolicyScore:
         """A policy on them, without noise on the action."""
-        balls = self.balls(speed_mps)
-        return self.score_actions(controller(balls.states, balls.racket_speeds_mps, balls.goals_m), speed_mps)
+        balls = self.balls(speed_mps, which)
+        return self.score_actions(controller(balls.states, balls.racket_speeds_mps, balls.goals_m), speed_mps, which)
 
-    def score_actions(self, actions: Array, speed_mps: float) -> PolicyScore:
+    def score_actions(self, actions: Array, speed_mps: float, which: BallSet = "test") -> PolicyScore:
         """Given actions (N, 3) on them."""
-        balls = self.balls(speed_mps)
+        balls = self.balls(speed_mps, which)
         outcomes = play(balls, actions, self._config)
         return PolicyScore(speed_mps, outcomes.returned, landing_errors_mm(outcomes, balls.goals_m))
 

@@ -8,7 +8,7 @@ runs/<name>/config.toml       the whole configuration
                      evaluations.jsonl  one line per checkpoint: the policy on the fixed balls
                      checkpoint.safetensors   everything to go on from, bit for bit
                      policies/<episode>.safetensors   the policy at each checkpoint
-                     policy.safetensors, best.safetensors   the last, and the best of the evaluations
+                     policy.safetensors, best.safetensors   the last, and the best by other balls than the evaluations'
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class SeedFiles:
 
     @property
     def best(self) -> Path:
-        """The best of the evaluations at the last speed."""
+        """The best at the last speed, by validation balls."""
         return self.folder / "best.safetensors"
 
     def policy_at(self, episode: int) -> Path:

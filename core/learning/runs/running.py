@@ -157,8 +157,12 @@ class RunProcess:
         return True
 
     def evaluate(self, policy: Policy, episode: int, speed_mps: float, files: SeedFiles, writer: SeedWriter) -> None:
-        """Score the policy on the fixed balls of this speed and keep it: as a checkpoint, last, perhaps best."""
+        """Score the policy on the fixed balls of this speed and keep it: as a checkpoint, last, perhaps best.
+
+        Which one is best is decided on balls of its own, never on those that figures are reported on.
+        """
         score = self.evaluator.score(policy, speed_mps)
+        chosen_by = self.evaluator.score(policy, speed_mps, "validation")
         line = {
             "episode": episode,
             "speed_mps": speed_mps,
@@ -166,13 +170,16 @@ class RunProcess:
             "returned": round(score.return_rate, 6),
             "error_mm": _number(score.error_mm),
             "error_returned_mm": _number(score.error_returned_mm),
+            "missed": round(score.missed, 6),
+            "validation_mm": _number(chosen_by.error_mm),
         }
-        before = [line["error_mm"] for line in read_lines(files.evaluations)[0] if line["speed_mps"] == speed_mps]
+        lines, _ = read_lines(files.evaluations)
+        before = [line.get("validation_mm") for line in lines if line["speed_mps"] == speed_mps]
         writer.evaluation(line)
         save_policy(policy, files.policy_at(episode))
         save_policy(policy, files.policy)
         known = [float(error) for error in before if isinstance(error, (int, float))]
-        if not known or score.error_mm < min(known):
+        if not known or chosen_by.error_mm < min(known):
             save_policy(policy, files.best)
 
     def _checkpoint(self, training: Training, files: SeedFiles, writer: SeedWriter) -> None:

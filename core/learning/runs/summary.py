@@ -102,14 +102,14 @@ def evaluate_run(
 
 def summarise_scores(scores: Sequence[PolicyScore]) -> dict[str, object]:
     """One score per seed at one speed -> balls of all seeds together, and the spread over seeds."""
-    errors = np.concatenate([score.errors_mm for score in scores])
+    errors = np.concatenate([score.counted_mm for score in scores])
     returned = np.concatenate([score.returned for score in scores])
     return {
         "speed_mps": scores[0].speed_mps,
         "balls": len(scores[0].returned),
         "seeds": len(scores),
         "returned": float(returned.mean()),
-        "missed": float(np.isnan(errors).mean()),
+        "missed": float(np.mean([score.missed for score in scores])),
         "error_mm": _distribution(errors),
         "error_returned_mm": _distribution(errors[returned]),
         "seeds_returned": _spread_row(spread_of([score.return_rate for score in scores])),

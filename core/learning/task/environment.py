@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from core.learning.config import EnvironmentConfig, GoalConfig
 from core.learning.task.perception import perceive
+from core.learning.task.timed_points import turned_share
 from core.physics.episode import Arrivals, Outcomes, Serves, Strokes, strokes_from_actions
 from core.simulation.episodes.closed_form import fly_serves, return_balls
 from core.simulation.episodes.serve import draw_serves
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 
 EVALUATION_SEED = 20260404
 """Of the fixed balls that every policy is evaluated on; training seeds never meet it."""
+VALIDATION_SEED = 20260405
+"""Of the balls by which the best policy of a run is chosen: others than it is then evaluated on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,6 +45,8 @@ class Deliveries:
     """(N, 2)."""
     action_errors: Array
     """(N, 3) what the actuator adds, in units of the action."""
+    turn_s: Array | None = None
+    """(N,) left for the racket to turn after the decision; None: as much as it needs."""
 
     def __len__(self) -> int:
         return len(self.states)
@@ -59,6 +64,7 @@ class Deliveries:
             self.racket_speeds_mps[which],
             self.goals_m[which],
             self.action_errors[which],
+            None if self.turn_s is None else self.turn_s[which],
         )
 
 
@@ -70,7 +76,8 @@ def deliver(speed_mps: float, count: int, config: EnvironmentConfig, rng: np.ran
     """
     serves = draw_serves(speed_mps, count, config.task, rng)
     arrivals = fly_serves(serves, config.task)
-    perceived = perceive(serves, arrivals, config, rng)
+    racket_speed_mps = config.task.stroke.racket_speed.at(speed_mps)
+    perceived = perceive(serves, arrivals, config, rng, racket_speed_mps=racket_speed_mps)
     limit_deg = config.task.stroke.action_limit_deg
     errors_deg = config.actuator_bias_deg + config.actuator_error_deg * rng.standard_normal((count, 3))
     return Deliveries(
@@ -81,9 +88,10 @@ def deliver(speed_mps: float, count: int, config: EnvironmentConfig, rng: np.ran
         perceived.states,
         perceived.aim_ps_m,
         perceived.aim_t_s,
-        np.full(count, config.task.stroke.racket_speed.at(speed_mps)),
+        np.full(count, racket_speed_mps),
         draw_goals(count, config.goal, rng),
         errors_deg / limit_deg,
+        perceived.turn_s,
     )
 
 
@@ -106,8 +114,11 @@ def play(deliveries: Deliveries, actions: Array, config: EnvironmentConfig) -> O
 
 
 def strokes_of(deliveries: Deliveries, actions: Array, config: EnvironmentConfig) -> Strokes:
-    """The strokes that actions (N, 3) become: clipped, with the actuator's error."""
+    """The strokes that actions (N, 3) become: clipped, with the actuator's error, as far as there is time to turn."""
     real = np.clip(actions, -1, 1) + deliveries.action_errors
+    if deliveries.turn_s is not None:
+        angles_rad = np.radians(config.task.stroke.action_limit_deg) * real
+        real = real * turned_share(angles_rad, np.nan_to_num(deliveries.turn_s))[:, None]
     return strokes_from_actions(
         real,
         deliveries.racket_speeds_mps,
@@ -120,4 +131,10 @@ def strokes_of(deliveries: Deliveries, actions: Array, config: EnvironmentConfig
 def evaluation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> Deliveries:
     """The fixed balls of a speed that policies are compared on."""
     rng = np.random.default_rng([EVALUATION_SEED, round(1000 * speed_mps)])
+    return deliver(speed_mps, count, config, rng)
+
+
+def validation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> Deliveries:
+    """The fixed balls of a speed by which one of a run's policies is chosen."""
+    rng = np.random.default_rng([VALIDATION_SEED, round(1000 * speed_mps)])
     return deliver(speed_mps, count, config, rng)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from core.learning.config import EnvironmentConfig
 from core.learning.task.five_points import predict_serves
+from core.learning.task.timed_points import observe_in_time
 from core.physics.episode import Arrivals, Serves
 
 Array = NDArray[np.float64]
@@ -26,10 +27,17 @@ class PerceivedArrivals:
     """(N, 3) where the racket goes; None: it meets every ball in the middle."""
     aim_t_s: Array | None
     """(N,) when it is there."""
+    turn_s: Array | None = None
+    """(N,) left for the racket to turn after the decision; None: as much as it needs."""
 
 
 def perceive(
-    serves: Serves, arrivals: Arrivals, config: EnvironmentConfig, rng: np.random.Generator
+    serves: Serves,
+    arrivals: Arrivals,
+    config: EnvironmentConfig,
+    rng: np.random.Generator,
+    *,
+    racket_speed_mps: float,
 ) -> PerceivedArrivals:
     """The arriving balls through the configured source; of `events` nothing is known before cameras have seen them."""
     truth = arrivals.observations
@@ -45,6 +53,10 @@ def perceive(
         late_s = (states[:, 0] - truth[:, 0]) / np.abs(truth[:, 3])
         states[:, 0] = truth[:, 0]
         return PerceivedArrivals(np.ones(n, np.bool_), states, states[:, :3].copy(), arrivals.t_s + late_s)
+    if config.state_source == "timed":
+        found = observe_in_time(serves, arrivals, config, racket_speed_mps, rng)
+        left_s = found.aim_t_s - found.decided_t_s
+        return PerceivedArrivals(found.seen, found.states, found.aim_ps_m, found.aim_t_s, left_s)
     if config.state_source == "predicted":
         states, t_s = predict_serves(serves, arrivals, config.step_s, config.task)
         seen = np.isfinite(t_s)

@@ -16,9 +16,9 @@ from core.trajectory import (
     PaperPredictor,
     PaperPredictorConfig,
     Predictor,
-    filter_for,
 )
 from core.trajectory.config import published_predictor
+from core.trajectory.stereo_filters import chain_filter, refined_filter
 
 TABLE_FRICTION: Final = 0.15
 """Of the simulated table (choice), and what a chain expects of one."""
@@ -32,37 +32,6 @@ def chain_predictor() -> PaperPredictorConfig:
     `PaperPredictorConfig()` is the paper's own.
     """
     return PaperPredictorConfig(friction=TABLE_FRICTION, observations=12, spacing_ms=4.0)
-
-
-def chain_filter() -> FilterConfig:
-    """The filter for stereo points of windows of 2 ms, by their errors on simulated serves of 3 to 9 m/s. It finds out
-    whether a ball flies as in the physics `paper` or `real`.
-
-    Along the flight they are systematic, 10 mm ahead to 5 mm behind, and change slowly; across it they hardly change
-    from one window to the next, which an estimate of the noise from point to point would take for certainty. A window
-    that holds both sides of a bounce gives a circle that is up to 13 mm off.
-    """
-    return dataclasses.replace(
-        filter_for("paper"),
-        noise_m=0.002,
-        adapt_points=0,
-        ahead_m=0.008,
-        ahead_s=0.3,
-        air_noise=0.03,
-        restless_odds=0.0,
-        perhaps_real=True,
-        bounce_guard_ms=3.0,
-        table_sigma_m=0.001,
-    )
-
-
-def refined_filter() -> FilterConfig:
-    """The filter for the points of the method `refined`, by their errors on simulated serves of 3 to 9 m/s.
-
-    From one to the next these hardly err; but a ball lit from above is seen up to a millimetre too high all the way.
-    How far they lie ahead follows from a sensor's delay, which is taken as known to 50 us.
-    """
-    return dataclasses.replace(chain_filter(), noise_m=0.0001, bias_m=0.00085, ahead_m=0.0003, air_noise=0.002)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

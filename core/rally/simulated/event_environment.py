@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -24,7 +24,7 @@ from core.learning.gym_environment import OneStepReturn
 from core.learning.task.environment import Deliveries, strokes_of
 from core.physics.episode import Outcomes
 from core.rally.chain.block_windows import block_windows
-from core.rally.chain.chain import RallyChain
+from core.rally.chain.chain import ChainState, RallyChain
 from core.rally.chain.config import ChainConfig
 from core.rally.chain.physics import chain_for_physics
 from core.rally.simulated.outcomes import outcomes_of
@@ -64,8 +64,12 @@ class EventCameraBackend:
         cameras: Mapping[str, Camera] | None = None,
         config: EventCourtConfig | None = None,
         world: WorldConfig | None = None,
+        heard: Callable[[ChainState, float], None] | None = None,
     ) -> None:
-        """The task of `world` is replaced by the environment's."""
+        """The task of `world` is replaced by the environment's. `heard` is told every step of the chain, and when the
+        ball was served.
+        """
+        self._heard = heard
         self._environment = environment
         self._config = config or EventCourtConfig()
         self._cameras = cameras = stereo_preset() if cameras is None else cameras
@@ -137,6 +141,8 @@ class EventCameraBackend:
         found = None
         for windows in block_windows(block.events, block.start_us, block.end_us, window_us):
             state = self._chain.step(windows)
+            if self._heard is not None:
+                self._heard(state, self._served_s)
             if state.is_new and state.prediction is not None and state.prediction.hit_plane is not None:
                 found = state.prediction.hit_plane
         return found

@@ -1,23 +1,22 @@
 """The bench of learning with tiny counts: the same code, resumed rather than repeated, and a whole report."""
 
-import json
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from core.bench.learning import bench_learning
 from core.bench.learning import runs as learning_runs
 from core.bench.learning.beyond import event_cameras
-from core.bench.learning.plan import EXPLORATIONS, RIVALS, Counts, plan, rival_training
-from core.bench.learning.tables import paired
+from core.bench.learning.event_runs import PlayedSeed, load_event_seeds, play_event_seed
+from core.bench.learning.plan import EXPLORATIONS, RIVALS, Counts, counts_of, plan, rival_training
 from core.bench.learning.targets import TARGETS
-from core.bench.learning.verdicts import CLAIMS, judge
+from core.bench.learning.verdicts import CLAIMS
 from core.jobs import ALONE
-from core.learning.runs.summary import SeedSpread
 from core.metrics.intervals import binomial_interval
 
-TINY = Counts(seeds=2, minor_seeds=1, rival_seeds=1, balls=10, shorten=50)
+TINY = Counts(seeds=2, minor_seeds=1, balls=10, shorten=50, event_seeds=0)
 
 
 def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -30,7 +29,14 @@ def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monke
     rows = first["rows"]
     assert isinstance(rows, list) and [row["training"] for row in rows] == [e.name for e in wanted]
     text = (tmp_path / "docs" / "report.md").read_text()
-    for heading in ("three rewards", "Replay rules", "Against PPO", "Beyond", "Without learning"):
+    for heading in (
+        "three rewards",
+        "Replay rules",
+        "Against PPO",
+        "Beyond",
+        "Without learning",
+        "figure that is missed",
+    ):
         assert heading in text
     for chart in sorted((tmp_path / "docs" / "images").glob("learning-*.svg")):
         ElementTree.fromstring(chart.read_text())
@@ -46,7 +52,7 @@ def test_a_batch_holds_a_few_seeds_of_every_training_and_all_batches_every_seed_
     experiments = plan(Counts())
     found = bench_learning.batches(experiments)
     assert {e.name for e, _ in found[0]} == {e.name for e in experiments}
-    assert {seed for _, seed in found[0]} == set(range(bench_learning.SEEDS_AT_A_TIME))
+    assert {s - e.config.first_seed for e, s in found[0]} == set(range(bench_learning.SEEDS_AT_A_TIME))
     flat = [(e.name, seed) for batch in found for e, seed in batch]
     assert len(flat) == len(set(flat)) == sum(e.config.seeds for e in experiments)
 
@@ -70,19 +76,8 @@ def test_every_figure_aimed_at_is_the_episode_of_an_evaluation_of_a_planned_trai
 def test_names_are_unique_and_a_changed_setting_is_another_result() -> None:
     experiments = plan(Counts())
     assert len({e.name for e in experiments}) == len(experiments)
-    configs = [learning_runs.fingerprint(e.config) for e in experiments]
+    configs = [(learning_runs.fingerprint(e.config), e.config.first_seed) for e in experiments]
     assert len(set(configs)) >= len(configs) - 1  # one variant may be the default written out
-
-
-def test_paired_differences_use_the_seeds_that_both_have() -> None:
-    def result(seed: int, error: float) -> learning_runs.SeedResult:
-        evaluation = learning_runs.Evaluation(100, 5.0, 1.0, error, error)
-        return learning_runs.SeedResult(seed, (evaluation,), {}, 1.0)
-
-    a = [result(0, 10.0), result(1, 21.0), result(2, 30.0)]
-    b = [result(0, 15.0), result(1, 26.0), result(3, 99.0)]
-    assert paired(a, b, 100, "error_mm").startswith("-5.0 [-5.0, -5.0], differs")
-    assert paired(a, b, 200, "error_mm") == "-"
 
 
 def test_the_interval_of_fifty_balls_is_wilson_s() -> None:
@@ -90,21 +85,32 @@ def test_the_interval_of_fifty_balls_is_wilson_s() -> None:
     assert (round(low, 3), round(high, 3)) == (0.895, 0.996)
 
 
-def test_a_claim_holds_only_if_the_whole_interval_is_on_its_side() -> None:
-    nearer, farther, unsure = SeedSpread(-9, 1, -12, -6, 5), SeedSpread(9, 1, 6, 12, 5), SeedSpread(-1, 3, -4, 2, 5)
-    assert judge(nearer, more_is_better=False) == judge(farther, more_is_better=True) == "holds"
-    assert judge(nearer, more_is_better=True) == judge(farther, more_is_better=False) == "**contradicted**"
-    assert judge(unsure, more_is_better=True) == judge(unsure, more_is_better=False) == "not shown"
-    assert judge(SeedSpread(1, 1, 1, 1, 1), more_is_better=True) == "-"
+def test_what_was_played_before_cameras_stands_in_the_report() -> None:
+    assert event_cameras([], Counts()) == ""
+    played = [
+        PlayedSeed(seed, np.array([True, True, True, False]), np.array([10.0, 20.0, 30.0 + 4 * seed, np.nan]))
+        for seed in range(2)
+    ]
+    text = event_cameras(played, Counts(event_episodes=7, event_balls=4))
+    # (10 + 20 + 30 + 2740) / 4 = 700 and 701; a missed ball of four.
+    assert (
+        "| 5 | 2 | 7 | 4 | 75.0 ± 0.0 [75.0, 75.0] | 25.0 ± 0.0 [25.0, 25.0] | 700 ± 1 [694, 707] | 25 | 2740 |" in text
+    )
 
 
-def test_what_was_evaluated_before_cameras_stands_in_the_report(tmp_path: Path) -> None:
-    assert bench_learning.read_chain(tmp_path) == [] and event_cameras([]) == ""
-    row = {"speed_mps": 5.0, "balls": 200, "seeds": 3, "episodes": 150, "returned": 0.985}
-    row |= {"error_mm": {"mean": 30.4, "median": 21.0, "p95": 80.0}, "seeds_error_mm": {"std": 2.0}}
-    (tmp_path / bench_learning.CHAIN).write_text(json.dumps([row]))
-    text = event_cameras(bench_learning.read_chain(tmp_path))
-    assert "| 5 | 3 | 150 | 200 | 98.5 | 30 ± 2 | 21 | 80 |" in text
+def test_the_bench_itself_plays_the_event_seeds_once_and_keeps_them(tmp_path: Path) -> None:
+    counts = Counts(event_seeds=1, event_balls=1, event_episodes=1)
+    assert play_event_seed(counts, tmp_path, 0)
+    assert not play_event_seed(counts, tmp_path, 0), "played again"
+    (played,) = load_event_seeds(counts, tmp_path)
+    assert len(played.returned) == len(played.errors_mm) == 1
+    assert not list(tmp_path.rglob("*.run")), "the run itself is not kept"
+    more = Counts(event_seeds=1, event_balls=2, event_episodes=1)
+    assert load_event_seeds(more, tmp_path) == [], "another number of balls is another result"
+
+
+def test_the_full_event_row_has_five_seeds_of_two_hundred_balls() -> None:
+    assert (Counts().event_seeds, Counts().event_balls) == (5, 200)
 
 
 def test_every_claim_names_two_planned_trainings_and_an_evaluated_episode() -> None:
@@ -112,3 +118,26 @@ def test_every_claim_names_two_planned_trainings_and_an_evaluated_episode() -> N
     for claim in CLAIMS:
         for name in (claim.better, claim.worse):
             assert claim.episode % planned[name].checkpoint_every == 0 and claim.episode <= planned[name].episodes
+
+
+@pytest.mark.parametrize("counts", [Counts(), counts_of(3), Counts(seeds=4, minor_seeds=2)])
+def test_both_sides_of_every_claim_are_planned_with_the_same_seeds(counts: Counts) -> None:
+    planned = {e.name: e.config for e in plan(counts)}
+    for claim in CLAIMS:
+        ours, theirs = planned[claim.better], planned[claim.worse]
+        assert (ours.first_seed, ours.seeds) == (theirs.first_seed, theirs.seeds) == (0, counts.seeds), claim.text
+
+
+def test_what_was_tried_for_a_figure_has_other_seeds_than_the_figure() -> None:
+    planned = {e.name: e.config for e in plan(Counts())}
+    scored = planned["model-hard-noisy-9"]
+    tried = [config for name, config in planned.items() if name.startswith("tried-")]
+    assert len(tried) == 8
+    for config in tried:
+        assert config.first_seed >= scored.first_seed + scored.seeds
+
+
+def test_the_number_of_seeds_is_set_for_both_sides_at_once() -> None:
+    counts = counts_of(3)
+    assert (counts.seeds, counts.minor_seeds, counts.event_seeds) == (3, 3, 3)
+    assert (counts_of(20), counts_of(40).minor_seeds) == (Counts(), 10)

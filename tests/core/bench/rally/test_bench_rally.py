@@ -51,3 +51,13 @@ def test_errors_are_distances_to_the_truth_at_the_points_own_times() -> None:
     watched.t_us, watched.ps_world_m = [1250, 9000], [np.array([0.005, 0.003, 0.0]), np.zeros(3)]
     assert watched.errors_m() == pytest.approx([0.003])  # nobody knows of the second one
     assert len(Watched().errors_m()) == 0
+
+
+def test_balls_that_are_told_at_the_launch_come_back_in_real_physics_and_have_a_page(tmp_path) -> None:
+    page = tmp_path / "known.md"
+    found = run(lambda share: None, chain="known", balls=4, speeds=(5.0,), physics="real", report=page)
+    (row,) = found["rows"]  # type: ignore[misc]
+    assert row["returned"] == 1.0 and row["landing_mm_p95"] < 1.0
+    assert sum(row[name] for name in ("own_half", "net", "out", "missed")) == 0
+    text = page.read_text()
+    assert "physics `real`" in text and "## `known`" in text and "| 5 | 4 | 100 (51-100) |" in text

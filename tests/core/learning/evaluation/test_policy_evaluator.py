@@ -31,9 +31,14 @@ def test_the_oracle_takes_a_known_actuator_error_back() -> None:
     assert np.median(difference) == pytest.approx(0.1, abs=0.02)
 
 
-def test_a_missed_ball_has_no_landing_but_counts_as_not_returned() -> None:
+def test_a_missed_ball_is_not_returned_and_counts_as_far_off_as_the_table_is_long() -> None:
     score = PolicyScore(5.0, np.array([True, False, False]), np.array([10.0, 30.0, math.nan]))
-    assert (score.return_rate, score.error_mm, score.error_returned_mm) == (pytest.approx(1 / 3), 20.0, 10.0)
+    assert (score.return_rate, score.missed, score.error_returned_mm) == (
+        pytest.approx(1 / 3),
+        pytest.approx(1 / 3),
+        10,
+    )
+    assert score.error_mm == pytest.approx((10 + 30 + 2740) / 3)
     row = summarise_scores([score, score])
     assert row["missed"] == pytest.approx(1 / 3) and row["seeds"] == 2 and row["balls"] == 3
 
@@ -51,18 +56,24 @@ def test_a_row_has_the_distribution_of_all_balls_and_of_the_returned_ones() -> N
     row = summarise_scores([one, other])
     assert (row["speed_mps"], row["balls"], row["seeds"], row["returned"], row["missed"]) == (5.0, 4, 2, 3 / 8, 3 / 8)
     errors = row["error_mm"]
-    assert errors == {"mean": 44.0, "std": pytest.approx(28.7054), "median": 40.0, "p95": pytest.approx(84.0)}
+    counted = [10, 20, 90, 2740, 40, 60, 2740, 2740]
+    assert errors == {
+        "mean": pytest.approx(np.mean(counted)),
+        "std": pytest.approx(np.std(counted)),
+        "median": pytest.approx(75.0),
+        "p95": pytest.approx(2740.0),
+    }
     assert row["error_returned_mm"]["median"] == 20.0  # type: ignore[index]
     assert row["seeds_returned"]["mean"] == pytest.approx(0.375)  # type: ignore[index]
-    assert row["seeds_error_mm"]["mean"] == pytest.approx((40 + 50) / 2)  # type: ignore[index]
+    assert row["seeds_error_mm"]["mean"] == pytest.approx(np.mean(counted))  # type: ignore[index]
 
 
-def test_where_nothing_is_known_a_row_says_null_and_no_number() -> None:
+def test_where_every_ball_is_missed_there_is_no_error_of_returned_balls() -> None:
     missed = PolicyScore(5.0, np.zeros(3, np.bool_), np.full(3, math.nan))
     row = summarise_scores([missed])
-    nothing = {"mean": None, "std": None, "median": None, "p95": None}
-    assert row["error_mm"] == nothing == row["error_returned_mm"]
-    assert row["seeds_error_mm"] == {"mean": None, "std": None, "interval95": [None, None]}
+    assert row["error_returned_mm"] == {"mean": None, "std": None, "median": None, "p95": None}
+    assert row["error_mm"] == {"mean": 2740.0, "std": 0.0, "median": 2740.0, "p95": 2740.0}
+    assert row["seeds_error_mm"] == {"mean": 2740.0, "std": None, "interval95": [None, None]}
     assert row["seeds_returned"] == {"mean": 0.0, "std": None, "interval95": [None, None]} and row["missed"] == 1.0
 
 
@@ -77,3 +88,12 @@ def test_the_interval_of_a_mean_is_student_s() -> None:
     assert spread.std == pytest.approx(1.29099, abs=1e-5)
     assert spread.high - spread.mean == pytest.approx(3.18245 * 1.29099 / 2, abs=1e-4)
     assert math.isnan(spread_of([]).mean) and math.isnan(spread_of([1.0]).std)
+
+
+def test_validation_balls_are_others_than_the_test_balls_and_always_the_same() -> None:
+    evaluator = PolicyEvaluator(TRUTH, 50)
+    test, validation = evaluator.balls(5.0), evaluator.balls(5.0, "validation")
+    assert not np.isin(validation.states[:, 1], test.states[:, 1]).any()
+    assert not np.isin(validation.goals_m[:, 0], test.goals_m[:, 0]).any()
+    again = PolicyEvaluator(TRUTH, 50).balls(5.0, "validation")
+    np.testing.assert_array_equal(again.states, validation.states)

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 
 from core.errors import ConfigError
 from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig
+from core.learning.evaluation.policy_evaluator import PolicyEvaluator
 from core.learning.runs.checkpoints import load_checkpoint
 from core.learning.runs.control import Control, hold_run, read_control, read_status, write_control
 from core.learning.runs.run_files import create_run, load_policy, read_lines, read_run, seed_files
@@ -53,6 +55,24 @@ def wait_for_episode(run: Path, episode: int) -> None:
             return
         time.sleep(0.01)
     raise AssertionError("the training does not move")
+
+
+def test_the_best_policy_is_chosen_by_validation_balls_and_never_by_the_test_balls(tmp_path: Path) -> None:
+    run = train(tmp_path / "run", replace(CONFIG, checkpoint_every=5))
+    files = seed_files(run, 0)
+    lines = [line for line in read_lines(files.evaluations)[0] if line["speed_mps"] == 5.0]
+    by_validation, by_test = (
+        min(lines, key=lambda line: float(str(line[name])))["episode"] for name in ("validation_mm", "error_mm")
+    )
+    assert by_validation != by_test, "this run cannot tell the two apart"
+    chosen, other = (files.policy_at(int(str(episode))).read_bytes() for episode in (by_validation, by_test))
+    assert files.best.read_bytes() == chosen != other
+    # What stands in the lines is what these balls say.
+    policy = load_policy(run, 0, "best")
+    evaluator = PolicyEvaluator(CONFIG.environment, CONFIG.evaluation_balls)
+    line = next(line for line in lines if line["episode"] == by_validation)
+    assert line["validation_mm"] == pytest.approx(evaluator.score(policy, 5.0, "validation").error_mm, abs=1e-3)
+    assert line["error_mm"] == pytest.approx(evaluator.score(policy, 5.0).error_mm, abs=1e-3)
 
 
 def test_a_killed_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
