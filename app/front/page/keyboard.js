@@ -22,9 +22,11 @@
     return field.readOnly && field.getAttribute("aria-expanded") !== "true" && !MEANT.has(event.key);
   };
 
-  const leaveList = () => {
+  const leaveList = (after, tries = 25) => { // it closes when the page is drawn again, and may take the focus once more
     const field = document.activeElement;
+    if (clicked !== after || !tries) return;
     if (field.matches("[aria-haspopup=listbox]") && field.getAttribute("aria-expanded") !== "true") field.blur();
+    else setTimeout(leaveList, 20, after, tries - 1);
   };
 
   const leaveNumber = (event) => {
@@ -50,10 +52,10 @@
       if (button && button !== clicked) event.stopPropagation();
     });
     document.body.addEventListener("click", (event) => {
-      if (clicked && event.target.closest("[role=option]")) setTimeout(leaveList);
+      if (clicked && event.target.closest("[role=option]")) setTimeout(leaveList, 0, clicked);
     });
     document.body.addEventListener("keydown", (event) => {
-      if (clicked && event.key === "Escape") setTimeout(leaveList);
+      if (clicked && event.key === "Escape") setTimeout(leaveList, 0, clicked);
     });
   });
 }
