@@ -98,7 +98,7 @@ def test_keys_label_although_a_button_or_a_list_was_clicked_last(window, wait_fo
     page.get_by_label("Label every").first.click()
     page.locator("div[role=option]").get_by_text("5 ms", exact=True).click()
     wait_for(lambda: labelling_of(window).step_us == 5000, "times 5 ms apart")
-    page.wait_for_function("document.activeElement === document.body")  # the list gives the focus back when it is closed
+    page.wait_for_function("document.activeElement === document.body")  # given back by the closed list
     page.keyboard.press("n")
     wait_for(lambda: window.state.playhead.anchor_us == 105_000, "the next time, 5 ms apart")
     assert page.get_by_label("Label every").first.input_value() == "5 ms", "nothing was typed into the list"
