@@ -119,7 +119,8 @@ class Window:
         field.press("Enter")
         field.blur()
         wait_for(lambda: self.state.playhead.anchor_us == t_us, f"the cursor to reach {t_us} us")
-        self.page.wait_for_function("t => +document.getElementById('rallyscope-time').value === t", arg=t_us)
+        told = "t => +document.getElementById('rallyscope-line').getAttribute('aria-valuenow') === t"
+        self.page.wait_for_function(told, arg=t_us)
 
     def screenshot(self, name: str) -> np.ndarray:
         """(720, 1280, 3) RGB of the window, also kept as a file to look at."""
