@@ -1,10 +1,12 @@
-"""One thread for each process that works on pieces: there is a process for every core already."""
+"""One thread for each process that works on pieces, and for a while of torch: every core has its process already."""
 
 from __future__ import annotations
 
 import functools
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Final
 
 from threadpoolctl import threadpool_limits
@@ -24,3 +26,15 @@ def use_one_thread() -> None:
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)
     threadpool_limits(1)
+
+
+@contextmanager
+def one_torch_thread() -> Iterator[None]:
+    """Inside, torch (loaded by whoever uses it) computes in the calling thread: sums in one order, all time counted."""
+    torch = sys.modules["torch"]
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)

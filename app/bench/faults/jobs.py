@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -234,6 +234,30 @@ def _tune_lost(inputs: Path, out: Path, said: str) -> int:
     return int("the config:" in said and not (out / "found.toml").exists())
 
 
+DATA_SET: Final = FaultJob(
+    name="data set",
+    prepare=_prepare_data_set,
+    work=_data_set,
+    again=_data_set,
+    lost=_differ("set", ".h5"),
+    whole=_same("set"),
+)
+TUNE: Final = FaultJob(
+    name="tune",
+    prepare=_prepare_recording,
+    work=_tune,
+    again=_tune,
+    lost=_tune_lost,
+    whole=lambda inputs, out: _tune_lost(inputs, out, "the config:") == 0,
+)
+
+
+def _in_parallel(job: FaultJob, act: Callable[..., int]) -> FaultJob:
+    """The same by two workers."""
+    by_two = partial(act, jobs=2)
+    return replace(job, name=f"{job.name} in parallel", work=by_two, again=by_two, workers=True)
+
+
 JOBS: Final = {
     job.name: job
     for job in (
@@ -278,40 +302,10 @@ JOBS: Final = {
             lost=_differ("tables"),
             whole=_same("tables"),
         ),
-        FaultJob(
-            name="data set",
-            prepare=_prepare_data_set,
-            work=_data_set,
-            again=_data_set,
-            lost=_differ("set", ".h5"),
-            whole=_same("set"),
-        ),
-        FaultJob(
-            name="tune",
-            prepare=_prepare_recording,
-            work=_tune,
-            again=_tune,
-            lost=_tune_lost,
-            whole=lambda inputs, out: _tune_lost(inputs, out, "the config:") == 0,
-        ),
-        FaultJob(
-            name="data set in parallel",
-            prepare=_prepare_data_set,
-            work=partial(_data_set, jobs=2),
-            again=partial(_data_set, jobs=2),
-            lost=_differ("set", ".h5"),
-            whole=_same("set"),
-            workers=True,
-        ),
-        FaultJob(
-            name="tune in parallel",
-            prepare=_prepare_recording,
-            work=partial(_tune, jobs=2),
-            again=partial(_tune, jobs=2),
-            lost=_tune_lost,
-            whole=lambda inputs, out: _tune_lost(inputs, out, "the config:") == 0,
-            workers=True,
-        ),
+        DATA_SET,
+        TUNE,
+        _in_parallel(DATA_SET, _data_set),
+        _in_parallel(TUNE, _tune),
     )
 }
 

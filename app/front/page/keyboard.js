@@ -47,15 +47,13 @@
 
   addEventListener("DOMContentLoaded", () => {
     document.body.addEventListener("keydown", (event) => {
+      if (clicked && event.key === "Escape") setTimeout(leaveList, 0, clicked);
       if (event.key !== "Enter" && event.key !== " ") return;
       const button = event.target.closest(BUTTONS);
       if (button && button !== clicked) event.stopPropagation();
     });
     document.body.addEventListener("click", (event) => {
       if (clicked && event.target.closest("[role=option]")) setTimeout(leaveList, 0, clicked);
-    });
-    document.body.addEventListener("keydown", (event) => {
-      if (clicked && event.key === "Escape") setTimeout(leaveList, 0, clicked);
     });
   });
 }

@@ -12,8 +12,9 @@ from core.bench.detection.bench_rivals import ANY_SPEED
 from core.bench.perception.measure import LoadedRecording, one_thread
 from core.bench.perception.recovery import recovery_times_ms
 from core.bench.perception.results import PerceptionResult, rounded
-from core.detection.yolo.detector import YoloDetector, one_torch_thread
+from core.detection.yolo.detector import YoloDetector
 from core.detection.yolo.weights import SHIPPED, YoloWeights, load_weights
+from core.jobs.threads import one_torch_thread
 from core.metrics.grid_score import GridScore, score_on_grid
 from core.metrics.run import run_on_frames
 from core.metrics.timed import TimedDetector

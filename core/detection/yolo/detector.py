@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Final
 
 import numpy as np
@@ -70,14 +68,3 @@ def find_circles(
         if 0 <= u <= image.shape[1] - 1 and 0 <= v <= image.shape[0] - 1:
             found.append((u, v, r, sure))
     return np.array(found, np.float64).reshape(-1, 4)
-
-
-@contextmanager
-def one_torch_thread() -> Iterator[None]:
-    """Keep torch to the calling thread: what it computes in threads of its own would not be counted."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import torch
@@ -15,17 +14,6 @@ Arrays = dict[str, NDArray[np.generic]]
 
 LAST_LAYER = 3e-3
 """Half the range of the last layer's initial parameters: a new actor acts near zero, a new critic knows nothing."""
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Inside, torch computes with one thread: the matrices are small, and the sums are always in the same order."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
 
 
 def mlp(inputs: int, outputs: int, hidden: int, rng: np.random.Generator) -> nn.Sequential:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from core.errors import ConfigError
-from core.learning.agents.networks import one_thread
+from core.jobs.threads import one_torch_thread
 from core.learning.agents.policy import Policy, save_policy
 from core.learning.config import RunConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
@@ -51,7 +51,7 @@ def run_training(
         ConfigError: if there is no such run, another process trains it, or it cannot be written.
     """
     config = read_run(run)
-    with hold_run(run), one_thread():
+    with hold_run(run), one_torch_thread():
         if read_control(run).command != "run":
             try:
                 write_control(run, replace(read_control(run), command="run"))

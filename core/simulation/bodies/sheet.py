@@ -14,7 +14,7 @@ import numpy as np
 from core.jit import njit
 from core.simulation.bodies.parts import BLADE
 from core.simulation.scenes.racket_shape import racket_gap
-from core.simulation.scenes.shading import smooth_step
+from core.simulation.scenes.shading import smooth_step, smooth_step_in_lanes
 
 SHEET = 64
 """Pixels at once. A sheet is an array of 6 SHEET numbers, of each pixel x / z and y / z of its ray and the squared
@@ -64,10 +64,7 @@ def _draw_rod(row, sheet, edge, ambient, view):
         reach = radius + 0.5 * width
         inner = radius - 0.5 * width
         inner2 = inner * inner if inner > 0.0 else -1.0
-        step = (radius - math.sqrt(gap2 if gap2 > 0.0 else 0.0)) / width + 0.5
-        step = step if step > 0.0 else 0.0
-        step = step if step < 1.0 else 1.0
-        cover = step * step * (3.0 - 2.0 * step)
+        cover = smooth_step_in_lanes((radius - math.sqrt(gap2 if gap2 > 0.0 else 0.0)) / width + 0.5)
         cover = 1.0 if gap2 <= inner2 else cover
         cover = cover if gap2 < reach * reach else 0.0
         depth2 = radius * radius - gap2

@@ -15,6 +15,7 @@ from core.jit import njit
 from core.simulation.bodies.shading import FAR_COVER, NEAR_COVER
 from core.simulation.scenes.background import DEPTH_M, LIGHT, LOG_LIGHT, NET_COVER, RAY_X, RAY_Y
 from core.simulation.scenes.scene import LIGHT_SIZE
+from core.simulation.scenes.shading import smooth_step_in_lanes
 from core.table import BALL_RADIUS_M
 
 ROW = 32
@@ -67,11 +68,11 @@ def _light_ball(view, ball, count, row):
         row[DEEP + index] = 1.0 if met2 > ball[16] * length2 else 0.0
         inside = along * along / length2 - ball[3]
         gap2 = radius2 - inside
-        cover = _smooth((BALL_RADIUS_M - math.sqrt(gap2 if gap2 > 0.0 else 0.0)) / edge + 0.5)
+        cover = smooth_step_in_lanes((BALL_RADIUS_M - math.sqrt(gap2 if gap2 > 0.0 else 0.0)) / edge + 0.5)
         half2 = inside * length2
         near = (along - math.sqrt(half2 if half2 > 0.0 else 0.0)) / length2
         px, py, pz = near * x, near * y, near
-        cover *= _smooth((ball[5] * px + ball[6] * py + ball[7] * pz - ball[8]) / edge)
+        cover *= smooth_step_in_lanes((ball[5] * px + ball[6] * py + ball[7] * pz - ball[8]) / edge)
         cover = cover if met2 > ball[15] * length2 else 0.0
         cover = cover if near < row[DEPTH + index] else 0.0
         facing = ((px - ball[0]) * view[12] + (py - ball[1]) * view[13] + (pz - ball[2]) * view[14]) / BALL_RADIUS_M
@@ -94,7 +95,7 @@ def _light_shadow(view, ball, count, row):
         width = lights + ball[4]
         reach = BALL_RADIUS_M + 0.5 * width
         gap2 = sx * sx + sy * sy + sz * sz - toward * toward
-        cover = _smooth((BALL_RADIUS_M - math.sqrt(gap2 if gap2 > 0.0 else 0.0)) / width + 0.5)
+        cover = smooth_step_in_lanes((BALL_RADIUS_M - math.sqrt(gap2 if gap2 > 0.0 else 0.0)) / width + 0.5)
         hidden = 2.0 * BALL_RADIUS_M / lights
         hidden = hidden if lights > 2.0 * BALL_RADIUS_M else 1.0
         darkness = ball[12] * cover * hidden * hidden
@@ -103,14 +104,6 @@ def _light_shadow(view, ball, count, row):
         light = _log((1.0 - darkness) * row[BEHIND + index])
         row[GOAL + index] = light if darkness > 0.0 else row[STATIC + index]
         row[DEEP + index] = 0.0
-
-
-@njit(inline="always", error_model="numpy")
-def _smooth(share):
-    """`smooth_step` without a branch."""
-    share = share if share > 0.0 else 0.0
-    share = share if share < 1.0 else 1.0
-    return share * share * (3.0 - 2.0 * share)
 
 
 @njit(inline="always", error_model="numpy")

@@ -11,9 +11,9 @@ import pytest
 
 from core.detection.window import windows_between
 from core.detection.yolo.config import YoloConfig
-from core.detection.yolo.detector import one_torch_thread
 from core.detection.yolo.weights import YoloWeights
 from core.events import CameraFrame, Events, SensorSize, Window
+from core.jobs.threads import one_torch_thread
 from core.learning.detector_training.config import DetectorTrainingConfig
 from core.learning.detector_training.pool import TrainingPictures
 from core.learning.detector_training.rooms import LabelledPictures

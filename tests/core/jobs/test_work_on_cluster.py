@@ -47,7 +47,7 @@ def test_when_nobody_answers_the_data_set_stays_as_it_is(free_port: int, tmp_pat
 
 
 def test_a_trained_seed_is_the_same_to_the_last_bit_but_for_its_time(cluster) -> None:
-    counts = Counts(seeds=2, minor_seeds=1, rival_seeds=1, balls=10, shorten=100)
+    counts = Counts(seeds=2, minor_seeds=1, balls=10, shorten=100)
     experiment = next(one for one in plan(counts) if one.name == "model-5")
     answers = []
     for engine in (ALONE, Engine(cluster=cluster.address)):

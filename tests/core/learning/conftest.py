@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from core.learning.agents.networks import one_thread
+from core.jobs.threads import one_torch_thread
 
 
 @pytest.fixture(autouse=True, scope="session")
 def _one_thread() -> Iterator[None]:
-    with one_thread():
+    with one_torch_thread():
         yield

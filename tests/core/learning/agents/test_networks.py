@@ -10,7 +10,6 @@ from core.learning.agents.networks import (
     layers_of,
     mlp,
     network_to_arrays,
-    one_thread,
     restore_network,
     soft_update,
 )
@@ -87,10 +86,3 @@ def test_another_network_s_arrays_do_not_fit() -> None:
         restore_network(arrays, "net", mlp(3, 2, 16, np.random.default_rng(0)))
     with pytest.raises(KeyError):
         restore_network(arrays, "other", mlp(3, 2, 8, np.random.default_rng(0)))
-
-
-def test_one_thread_is_given_back() -> None:
-    before = torch.get_num_threads()
-    with one_thread():
-        assert torch.get_num_threads() == 1
-    assert torch.get_num_threads() == before

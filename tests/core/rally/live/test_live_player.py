@@ -190,17 +190,16 @@ def test_what_it_cannot_follow_is_dropped_and_nobody_waits_for_it(rally) -> None
     """A listener holds the player up for 30 blocks at every prediction; link and simulation go on."""
     client, player, _ = rally
     wait_for(lambda: player.snapshot.phase == "idle")
-    dropped, behind_us = player.snapshot.health.blocks_dropped, []
+    dropped, went_on = player.snapshot.health.blocks_dropped, []
 
     def hold(*_: object) -> None:
         t_us = client.state.t_us
-        time.sleep(0.3 / SLOW)
-        behind_us.append(client.state.t_us - t_us)
+        wait_for(lambda: client.state.t_us - t_us > 300_000)
+        went_on.append(True)
 
     player.add_listener(hold)
     client.serve(5.0)
-    wait_for(lambda: behind_us)
+    wait_for(lambda: went_on)
     player.remove_listener(hold)
     wait_for(lambda: player.snapshot.health.blocks_dropped > dropped + 10)
-    assert behind_us[0] > 150_000, "the simulation went on"
     wait_for(lambda: client.state.t_us - player.snapshot.t_us <= 30_000)
