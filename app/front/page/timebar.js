@@ -264,6 +264,7 @@
     else ask("seek", toTime(event.offsetX));
     drag = null;
   });
+  canvas.addEventListener("pointercancel", () => { drag = null; draw(); });
   canvas.addEventListener("pointerleave", () => { hover = null; tip.hidden = true; draw(); });
   canvas.addEventListener("wheel", (event) => { // a closer look at the time line
     if (!now || now.live) return;

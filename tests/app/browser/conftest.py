@@ -5,9 +5,10 @@ import re
 import secrets
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from weakref import WeakSet
 
 import numpy as np
 import pytest
@@ -45,10 +46,26 @@ FEW_FRAMES = (
     "window.cancelAnimationFrame = clearTimeout;"
 )
 """As on a slow display: a scene that moves would be drawn as often as the processor can, beside what is tested."""
+PLACES = """() => ["#root canvas", "#rallyscope-line", "#rallyscope-bar .row", "#root [role=tab]"].map(one => {
+    const { x, y, width, height } = document.querySelector(one)?.getBoundingClientRect() || {};
+    return `${one}: ${width} x ${height} at ${x}, ${y}`; })"""
+FOCUS = "() => document.activeElement.outerHTML.slice(0, 200)"
 PATIENCE_S = 90.0
 """How long a test waits before it fails: on a machine that does other things, and draws without a graphics card."""
 CANVAS = (slice(0, 495), slice(0, 870))
 """Rows and columns of a 1280x720 window that the pictures fill."""
+
+WINDOWS: "WeakSet[Window]" = WeakSet()
+"""Whose state is printed where a test fails."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    if report.when == "call" and report.failed:
+        for number, window in enumerate(WINDOWS):
+            report.sections.append((f"window {number}", window.describe()))
+    return report
 
 
 @pytest.fixture(scope="session")
@@ -68,7 +85,7 @@ class Window:
     def __init__(
         self, page: Page, lab: App, *, in_space: bool = False, dpr: float = 1, first_time: bool = False
     ) -> None:
-        self.page = page
+        self.page, self.lab = page, lab
         before = set(lab.sessions)
         page.set_default_timeout(1e3 * PATIENCE_S)
         page.add_init_script(FEW_FRAMES)
@@ -84,6 +101,25 @@ class Window:
             self.session.send(ShowSpace(False))
             self.session.send(SetZoom(1.0))  # Tune opens zoomed on the ball
             wait_for(lambda: self.session.sheet.pictures, "the first picture")
+        self.wait_until_still()
+        WINDOWS.add(self)
+
+    def wait_until_still(self) -> None:
+        """Return once what can be clicked stays where it is: panels and bars arrive after the first picture."""
+        deadline, before = time.monotonic() + PATIENCE_S, None
+        while (places := self.page.evaluate(PLACES)) != before:
+            assert time.monotonic() < deadline, f"the page does not come to rest: {places}"
+            before = places
+            self.page.wait_for_timeout(200)
+
+    def describe(self) -> str:
+        """How things stand, for whoever reads why a test failed."""
+        if self.page.is_closed():
+            return "a window that is closed"
+        state, there = self.session.state, self.session in self.lab.sessions
+        told = f"the session is {'one of' if there else 'none of'} {len(self.lab.sessions)}"
+        held = None if state is None else (state.mode, state.recording, state.playhead)
+        return f"{told}: {held}; on the page {self.page.evaluate(PLACES)}, focus on {self.page.evaluate(FOCUS)}"
 
     @property
     def state(self):
