@@ -12,13 +12,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.events import SensorSize
 from core.rally import true_positions
+from core.rally.data_sets import plan_data_set, run_data_set
+from core.rally.data_sets.plan import Making
 from core.recordings import open_recording
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
 PAGE = (ROOT / "docs" / "use" / "python-api.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+DATA_SET_PAGE = (ROOT / "docs" / "use" / "data-sets.md").read_text(encoding="utf-8")
+BLOCKS, DATA_SET_BLOCKS = (re.findall(r"```python\n(.*?)```", page, re.DOTALL) for page in (PAGE, DATA_SET_PAGE))
 
 
 def run_script(script: Path, *arguments: object, folder: Path | None = None) -> str:
@@ -151,7 +155,18 @@ def test_the_code_of_the_page_runs(serve_recording: Path, tmp_path: Path) -> Non
     assert re.search(r"^\d+ pre [\d.]+ \[-1\.42 ", said, re.MULTILINE)
 
 
-@pytest.mark.parametrize("code", [*(path.read_text() for path in EXAMPLES.glob("*.py")), *BLOCKS])
+def test_a_network_could_be_trained_on_a_data_set_as_its_page_says(tmp_path: Path) -> None:
+    making = Making(sensor=SensorSize(640, 360))
+    plan = plan_data_set(speeds_mps=(8, 9), recordings_per=2, serves=1, robot=False, making=making)
+    run_data_set(plan, tmp_path / "sets" / "speeds")
+    script = tmp_path / "page.py"
+    script.write_text("\n".join(DATA_SET_BLOCKS), encoding="utf-8")
+    said = run_script(script, folder=tmp_path)
+    batches = re.findall(r"^torch.Size\(\[32, 2, 360, 640\]\) tensor\(\[ *(\d+\.\d+), ", said, re.MULTILINE)
+    assert len(batches) >= 5 and all(0 <= float(u) < 640 for u in batches)
+
+
+@pytest.mark.parametrize("code", [*(path.read_text() for path in EXAMPLES.glob("*.py")), *BLOCKS, *DATA_SET_BLOCKS])
 def test_nothing_is_imported_from_deeper_than_a_room(code: str) -> None:
     for node in ast.walk(ast.parse(code)):
         if isinstance(node, ast.ImportFrom):

@@ -13,6 +13,7 @@ from core.errors import RecordingError
 from core.files import replace_file
 from core.rally.data_sets.checked_manifest import check_manifest
 from core.rally.data_sets.facts import RecordingFacts
+from core.rally.data_sets.index import write_index
 from core.rally.data_sets.plan import DataSetPlan, PlannedRecording
 from core.text.json_text import parse_json
 from core.text.markdown_table import markdown_table
@@ -25,10 +26,11 @@ Json = dict[str, object]
 
 
 def write_card(folder: Path, plan: DataSetPlan, facts: Mapping[str, RecordingFacts]) -> Json:
-    """Write manifest and card of the recordings that are there; returns the manifest."""
+    """Write manifest, card and index of the recordings that are there; returns the manifest."""
     manifest = make_manifest(plan, facts)
     for name, text in ((MANIFEST, json.dumps(manifest, indent=2) + "\n"), (CARD, make_card(manifest))):
         replace_file(folder / name, text.encode(), durable=True)
+    write_index(folder, manifest)
     return manifest
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +41,8 @@ class RecordingFacts:
 
     name: str
     uuid: str
+    sha256: str
+    """Of the file's bytes, as it was made."""
     duration_us: int
     bytes: int
     cameras: dict[str, CameraFacts]
@@ -52,8 +55,8 @@ class RecordingFacts:
     racket_poses: int
 
 
-def read_facts(path: Path, planned: PlannedRecording) -> RecordingFacts:
-    """Count what is in a recording.
+def read_facts(path: Path, planned: PlannedRecording, sha256: str = "") -> RecordingFacts:
+    """Count what is in a recording; its digest is computed unless it is known.
 
     Raises:
         RecordingError: if it was made with other settings than those planned, or cannot be read.
@@ -68,6 +71,7 @@ def read_facts(path: Path, planned: PlannedRecording) -> RecordingFacts:
         return RecordingFacts(
             name=planned.name,
             uuid=recording.uuid,
+            sha256=sha256 or file_sha256(path),
             duration_us=recording.duration_us,
             bytes=path.stat().st_size,
             cameras=cameras,
@@ -77,6 +81,12 @@ def read_facts(path: Path, planned: PlannedRecording) -> RecordingFacts:
             returned=0 if rows is None else int((rows["case"] == Case.RETURNED).sum()),
             racket_poses=0 if racket is None else len(racket["t_us"]),
         )
+
+
+def file_sha256(path: Path) -> str:
+    """Hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _camera_facts(recording: FileRecording, name: str) -> CameraFacts:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -11,12 +12,14 @@ from typing import Final
 from core.errors import RecordingError
 from core.files import hold
 from core.jobs import ALONE, HERE, Engine, PieceControl, open_jobs
-from core.rally.data_sets.card import write_card
-from core.rally.data_sets.facts import RecordingFacts, read_facts
+from core.rally.data_sets.card import read_manifest, write_card
+from core.rally.data_sets.facts import RecordingFacts, file_sha256, read_facts
 from core.rally.data_sets.make import make_recording, recording_path, remove_partials
 from core.rally.data_sets.plan import DataSetPlan, PlannedRecording
 
 LOCK: Final = ".data-set.lock"
+CARD_SHARE: Final = 0.05
+"""Of the time may go into the card: that of thousands of recordings is not written anew after each of them."""
 Progress = Callable[[float], None]
 
 
@@ -40,7 +43,7 @@ def run_data_set(
     overwrite: bool = False,
     progress: Progress = lambda share: None,
 ) -> DataSetRun:
-    """Make the recordings of the plan that are not there yet, and write the card after each.
+    """Make the recordings of the plan that are not there yet, and keep the card up to date.
 
     What is there stays, if it was made with the same settings. The recordings do not depend on the `engine` that makes
     them; all of it has to see the folder. Ending this process, however it is done, ends the work, and no unfinished
@@ -54,26 +57,60 @@ def run_data_set(
     with _locked(folder), _told_in_one_line(folder):
         remove_partials(folder)
         facts: dict[str, RecordingFacts] = {}
+        digests = _known_digests(folder)
         for planned in plan.recordings:
             path = recording_path(folder, planned)
             if path.exists() and not overwrite:
-                facts[planned.name] = read_facts(path, planned)
+                known = digests.get((planned.uuid, path.stat().st_size), "")
+                facts[planned.name] = read_facts(path, planned, known)
         kept = tuple(facts)
         missing = [planned for planned in plan.recordings if planned.name not in facts]
-        manifest = write_card(folder, plan, facts)
+        card = _CardKeeper(folder, plan, facts)
+        card.write()
 
-        def done(planned: PlannedRecording) -> None:
-            nonlocal manifest
-            facts[planned.name] = read_facts(recording_path(folder, planned), planned)
-            manifest = write_card(folder, plan, facts)
+        def done(number: int, sha256: str) -> None:
+            planned = missing[number]
+            facts[planned.name] = read_facts(recording_path(folder, planned), planned, sha256)
+            card.write_if_due()
 
         try:
             with open_jobs(engine if missing else ALONE, len(missing)) as jobs:
                 work = MakePiece(jobs.share_folder(folder))
-                jobs.run(work, missing, name=_name, done=lambda number, _: done(missing[number]), progress=progress)
+                jobs.run(work, missing, name=_name, done=done, progress=progress)
         finally:
             remove_partials(folder)
+            manifest = card.write()
         return DataSetRun(folder, tuple(planned.name for planned in missing), kept, manifest)
+
+
+class _CardKeeper:
+    """Writes the card of what is there, seldom enough."""
+
+    def __init__(self, folder: Path, plan: DataSetPlan, facts: dict[str, RecordingFacts]) -> None:
+        self._folder, self._plan, self._facts = folder, plan, facts
+        self._due_s = 0.0
+
+    def write(self) -> dict[str, object]:
+        """Returns the manifest."""
+        began_s = time.monotonic()
+        manifest = write_card(self._folder, self._plan, self._facts)
+        ended_s = time.monotonic()
+        self._due_s = ended_s + (ended_s - began_s) / CARD_SHARE
+        return manifest
+
+    def write_if_due(self) -> None:
+        """Unless it would take more than its share of the time."""
+        if time.monotonic() >= self._due_s:
+            self.write()
+
+
+def _known_digests(folder: Path) -> dict[tuple[str, int], str]:
+    """By uuid and size, from the manifest of an earlier run; without a whole one they are computed again."""
+    with suppress(RecordingError):
+        entries = read_manifest(folder)["recordings"]
+        assert isinstance(entries, list)
+        return {(one.get("uuid", ""), one["bytes"]): str(one.get("sha256", "")) for one in entries}
+    return {}
 
 
 def _name(planned: PlannedRecording) -> str:
@@ -107,6 +144,7 @@ class MakePiece:
 
     folder: Path
 
-    def __call__(self, planned: PlannedRecording, control: PieceControl) -> None:
-        """Simulate it on one thread."""
+    def __call__(self, planned: PlannedRecording, control: PieceControl) -> str:
+        """Simulate it on one thread; returns the file's digest."""
         make_recording(planned, self.folder, control)
+        return file_sha256(recording_path(self.folder, planned))

@@ -16,6 +16,7 @@ from core.events import SensorSize
 from core.jobs import Engine
 from core.rally.data_sets import CARD, MANIFEST, DataSetPlan, plan_data_set, preset_plan, read_manifest, run_data_set
 from core.rally.data_sets.facts import read_facts
+from core.rally.data_sets.index import INDEX
 from core.rally.data_sets.make import make_recording, partial_path
 from core.rally.data_sets.plan import Making
 from core.rally.data_sets.run import LOCK
@@ -48,7 +49,7 @@ def test_files_are_the_same_byte_for_byte_whatever_the_number_of_jobs(made: Path
     done = run_data_set(PLAN, tmp_path, engine=Engine(jobs=2), progress=shares.append)
     assert len(done.made) == 2 and shares[-1] == 1.0
     assert digests(tmp_path) == digests(made)
-    assert set(digests(made)) == {"ball-8mps-side-1.h5", "ball-9mps-side-1.h5", MANIFEST, CARD, LOCK}
+    assert set(digests(made)) == {"ball-8mps-side-1.h5", "ball-9mps-side-1.h5", MANIFEST, CARD, INDEX, LOCK}
 
 
 def test_the_manifest_counts_what_is_in_the_files(made: Path) -> None:

@@ -1,0 +1,85 @@
+"""The index of a data set: one Parquet row per recording, for pandas, polars, DuckDB and whoever trains on it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import pyarrow as pa
+from pyarrow import parquet
+
+from core.errors import RecordingError
+from core.files import replace_file
+
+INDEX: Final = "index.parquet"
+CAMERA: Final = ("events", "centres", "frames", "frames_with_ball", "delayed", "dropped")
+SUMS: Final = ("events", "centres", "frames", "frames_with_ball")
+"""Of all cameras, as columns of their own."""
+SCHEMA: Final = pa.schema(
+    [
+        ("file", pa.string()),
+        ("uuid", pa.string()),
+        ("sha256", pa.string()),
+        ("bytes", pa.int64()),
+        ("duration_us", pa.int64()),
+        ("scene", pa.string()),
+        ("scene_changes", pa.map_(pa.string(), pa.float64())),
+        ("placement", pa.string()),
+        ("speeds_mps", pa.list_(pa.float64())),
+        ("robot", pa.bool_()),
+        ("seed", pa.int64()),
+        ("sensor", pa.string()),
+        ("noise_hz", pa.float64()),
+        ("physics", pa.string()),
+        ("events", pa.int64()),
+        ("centres", pa.int64()),
+        ("frames", pa.int64()),
+        ("frames_with_ball", pa.int64()),
+        ("points_3d", pa.int64()),
+        ("points_3d_seen", pa.int64()),
+        ("episodes", pa.int64()),
+        ("returned", pa.int64()),
+        ("racket_poses", pa.int64()),
+        ("cameras", pa.list_(pa.struct([("name", pa.string()), *((one, pa.int64()) for one in CAMERA)]))),
+    ]
+)
+
+
+def write_index(folder: Path, manifest: Mapping[str, object]) -> None:
+    """Write the index beside the manifest that it is made of; the same manifest gives the same bytes."""
+    entries = manifest["recordings"]
+    assert isinstance(entries, list)
+    table = pa.Table.from_pylist([_row(entry) for entry in entries], SCHEMA)
+    buffer = io.BytesIO()
+    parquet.write_table(table, buffer, compression="zstd")
+    replace_file(folder / INDEX, buffer.getvalue(), durable=True)
+
+
+def read_index(folder: Path) -> pa.Table:
+    """The rows of a data set, one per recording.
+
+    Raises:
+        RecordingError: if there is no index, it is damaged, or it lacks a column.
+    """
+    path = folder / INDEX
+    remedy = "the `simulate` command that made the data set writes it again, and makes no recording anew"
+    try:
+        with parquet.ParquetFile(path) as file:
+            table = file.read()
+    except (OSError, pa.ArrowException) as error:
+        raise RecordingError("not a data set", expected=f"a folder with {INDEX}", where=path, remedy=remedy) from error
+    try:
+        return table.select(SCHEMA.names).cast(SCHEMA)
+    except (KeyError, pa.ArrowException) as error:
+        raise RecordingError("not an index of a data set", where=path, got=f"{error!s:.120}", remedy=remedy) from error
+
+
+def _row(entry: Mapping) -> dict[str, object]:
+    settings, cameras = entry["settings"], entry["cameras"]
+    sums = {one: sum(camera[one] for camera in cameras.values()) for one in SUMS}
+    named = [{"name": name, **camera} for name, camera in cameras.items()]
+    row = {**settings, **entry, **sums, "cameras": named}
+    row["scene_changes"] = list(settings["scene_changes"].items())
+    return {name: row[name] for name in SCHEMA.names}
