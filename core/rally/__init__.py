@@ -1,15 +1,34 @@
-"""The chain from events to a racket: detect in every camera, triangulate, predict, decide."""
+"""The chain from events to a racket: detect in every camera, triangulate, predict, decide.
+
+What needs torch is looked up when it is first used.
+"""
+
+from typing import TYPE_CHECKING
 
 from core.rally.chain.chain import BallPoint, ChainState, RallyChain
 from core.rally.chain.config import ChainConfig
 from core.rally.chain.follow import Track, follow_recording, true_positions
 
+if TYPE_CHECKING:
+    from core.rally.data_sets.event_windows import EventWindows, collate_windows, count_pictures
+
 __all__ = [
     "BallPoint",
     "ChainConfig",
     "ChainState",
+    "EventWindows",
     "RallyChain",
     "Track",
+    "collate_windows",
+    "count_pictures",
     "follow_recording",
     "true_positions",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name in ("EventWindows", "collate_windows", "count_pictures"):
+        from core.rally.data_sets import event_windows
+
+        return getattr(event_windows, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,9 +12,8 @@ from torch.utils.data import DataLoader
 from core.errors import ConfigError, RecordingError
 from core.events import SensorSize
 from core.jobs import ALONE
-from core.learning import event_windows
-from core.learning.event_windows import EventWindows, collate_windows, count_pictures
-from core.rally.data_sets import plan_data_set, run_data_set
+from core.rally.data_sets import event_windows, plan_data_set, run_data_set
+from core.rally.data_sets.event_windows import EventWindows, collate_windows, count_pictures
 from core.rally.data_sets.plan import Making
 from core.recordings import open_recording
 
