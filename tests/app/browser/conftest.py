@@ -50,7 +50,7 @@ PLACES = """() => ["#root canvas", "#rallyscope-line", "#rallyscope-bar .row", "
     const { x, y, width, height } = document.querySelector(one)?.getBoundingClientRect() || {};
     return `${one}: ${width} x ${height} at ${x}, ${y}`; })"""
 FOCUS = "() => document.activeElement.outerHTML.slice(0, 200)"
-PATIENCE_S = 90.0
+PATIENCE_S = 150.0
 """How long a test waits before it fails: on a machine that does other things, and draws without a graphics card."""
 CANVAS = (slice(0, 495), slice(0, 870))
 """Rows and columns of a 1280x720 window that the pictures fill."""

@@ -58,9 +58,9 @@ def cold(tmp_path) -> Iterator[Started]:
 @pytest.mark.timeout(720)
 def test_the_first_start_shows_a_page_then_a_returned_ball(cold, chromium, tmp_path, save_screenshot) -> None:
     page = chromium.new_page(viewport={"width": 1280, "height": 720})
-    page.goto(cold.address(), timeout=60_000)
-    page.get_by_text("Compiling the simulation").wait_for(timeout=60_000)
-    page.get_by_text(re.compile(r"^\d+%$")).first.wait_for(timeout=60_000)
+    page.goto(cold.address(), timeout=90_000)
+    page.get_by_text("Compiling the simulation").wait_for(timeout=90_000)
+    page.get_by_text(re.compile(r"^\d+%$")).first.wait_for(timeout=90_000)
     save_screenshot(page, "cold-preparing")
     returned = page.get_by_text(re.compile(r"\b[1-9]\d* of \d+ returned"))
     while returned.count() == 0:

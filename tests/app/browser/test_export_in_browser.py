@@ -26,7 +26,7 @@ def test_a_part_of_a_recording_becomes_a_rerun_file_that_can_be_downloaded(windo
     page.get_by_role("button", name="Download").wait_for()
     page.get_by_text("serve-1.rrd:").wait_for()
     window.screenshot("export")
-    with page.expect_download(timeout=60_000) as waiting:
+    with page.expect_download(timeout=90_000) as waiting:
         page.get_by_role("button", name="Download").click()
     waiting.value.save_as(tmp_path / "down.rrd")
     assert (tmp_path / "down.rrd").read_bytes() == (workspace.exports / made.name).read_bytes()

@@ -133,11 +133,11 @@ def test_a_server_that_is_killed_and_started_again_has_the_open_page_back(
     page = chromium.new_page(viewport={"width": 1280, "height": 720})
     other = chromium.new_page()
     try:
-        wait_for(lambda: answers(port), "the server", 60)
+        wait_for(lambda: answers(port), "the server")
         page.add_init_script(FEW_FRAMES)
         page.goto(f"http://127.0.0.1:{port}/")
-        wait_for(lambda: "recording=serve" in address(page), "the recording to be open", 90)
-        page.get_by_role("button", name="Tune").first.click(timeout=30_000)
+        wait_for(lambda: "recording=serve" in address(page), "the recording to be open")
+        page.get_by_role("button", name="Tune").first.click(timeout=90_000)
         wait_for(lambda: "mode=Tune" in address(page), "the address to show the mode")
         other.bring_to_front()  # the page has not the focus
         server.send_signal(signal.SIGKILL)
@@ -146,7 +146,7 @@ def test_a_server_that_is_killed_and_started_again_has_the_open_page_back(
         save_screenshot(page, "server-gone")
         server = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         page.wait_for_event("domcontentloaded", timeout=90_000)
-        page.get_by_role("button", name="● Tune").wait_for(timeout=60_000)
+        page.get_by_role("button", name="● Tune").wait_for(timeout=90_000)
         assert page.locator("#rallyscope-banner").count() == 0 and "mode=Tune" in address(page)
     finally:
         server.kill()

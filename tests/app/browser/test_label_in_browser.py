@@ -251,7 +251,7 @@ def test_clicks_land_where_they_are_aimed_on_dense_screens(dense_window, wait_fo
 
 def test_proposals_are_accepted_by_key_and_by_segment(labelling, wait_for) -> None:
     labelling.keys("i")
-    wait_for(lambda: len(labelling.work.here.proposals or ()) > 20, "proposals", 60)
+    wait_for(lambda: len(labelling.work.here.proposals or ()) > 20, "proposals")
     labelling.keys("8")
     labelling.settle(BALL_US)
     labelling.window.screenshot("label-proposed")
@@ -293,14 +293,14 @@ def test_proposals_are_accepted_by_key_and_by_segment(labelling, wait_for) -> No
 def test_tune_scores_a_config_against_the_labels(labelling, wait_for) -> None:
     window = labelling.window
     labelling.keys("i")
-    wait_for(lambda: len(labelling.work.here.proposals or ()) > 60, "proposals", 60)
+    wait_for(lambda: len(labelling.work.here.proposals or ()) > 60, "proposals")
     labelling.settle(BALL_US)
     labelling.keys("Enter")
     wait_for(lambda: len(labelling.work.here.labels) > 20, "the segment")
     window.press("Tune")
     window.page.get_by_role("tab", name="Score").click()
     window.press("Score this config on the whole recording")
-    window.page.get_by_text("labels by").first.wait_for(timeout=60_000)
+    window.page.get_by_text("labels by").first.wait_for()
     window.page.wait_for_timeout(300)
     window.screenshot("tune-score-labels")
 

@@ -62,7 +62,7 @@ def is_above(position: np.ndarray) -> bool:
 
 def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for, count_like) -> None:
     rally = rally_of(live_lab)
-    wait_for(lambda: rally.player.snapshot.returned >= 2, "two balls to be returned through perception", 60)
+    wait_for(lambda: rally.player.snapshot.returned >= 2, "two balls to be returned through perception")
     assert live_window.state.playhead.following
     live_window.wait_for_pixels("live", lambda image: count_like(image, TABLE_RGB, 45) > 20_000, SPACE)
     spots = rally.history.at(rally.history.followed_us, {}).picture.spots
@@ -74,12 +74,12 @@ def test_a_browser_that_was_never_here_sees_a_bounce_in_slow_motion_and_then_the
 ) -> None:
     with open_window(live_lab, in_space=True, first_time=True) as window:
         opening, history = window.session._opening, rally_of(live_lab).history
-        wait_for(lambda: window.state.playhead.speed == SLOWEST, "the first bounce", 60)
+        wait_for(lambda: window.state.playhead.speed == SLOWEST, "the first bounce")
         bounce = opening._bounce
         window.screenshot("opening")  # to look at: how far it is by then is up to the machine
         picture = history.at(bounce.begin_us, {}).picture
         assert picture.ball is not None and len(picture.tube) and picture.racket is not None
-        wait_for(lambda: opening.over, "the return to be over", 60)
+        wait_for(lambda: opening.over, "the return to be over")
         wait_for(lambda: window.state.playhead.following and window.state.playhead.speed == 1.0, "it to go on live")
         card = window.page.get_by_role("dialog", name="A rally, seen by two event cameras")
         card.wait_for()
@@ -136,7 +136,7 @@ def test_what_is_recorded_opens_again_and_shows_the_same(live_window, live_lab, 
     wait_for(lambda: rally.recorded is not None, "the recording to begin")
     path = rally.recorded
     played = rally.player.snapshot.played
-    wait_for(lambda: rally.player.snapshot.played >= played + 2, "two more balls", 60)
+    wait_for(lambda: rally.player.snapshot.played >= played + 2, "two more balls")
     live_window.page.get_by_role("button", name="Stop recording").click()
     wait_for(lambda: rally.recorded is None, "the recording to end")
     recording = open_recording(path)
@@ -146,7 +146,7 @@ def test_what_is_recorded_opens_again_and_shows_the_same(live_window, live_lab, 
     live_window.session.open_recording(path.stem)
     wait_for(lambda: live_window.state.recording == path.stem, "it to open")
     following = live_lab.services.rallies.of(live_window.session.recording)
-    wait_for(lambda: following.followed == 1.0, "the chain to follow it", 60)
+    wait_for(lambda: following.followed == 1.0, "the chain to follow it")
     seen = [following.history.at(t, {}).picture for t in range(0, following.history.followed_us, 20_000)]
     assert any(picture.ball is not None for picture in seen)
     errors = [np.linalg.norm(p.ball - p.truth) for p in seen if p.ball is not None and p.truth is not None]
@@ -159,7 +159,7 @@ def test_two_browsers_look_from_where_each_likes(live_window, live_lab, open_win
         wait_for(lambda: other.session.world.visible, "the other 3D scene")
         other.session.later(lambda: other.session.world.look_from("Top"))
         wait_for(lambda: other.session.world.view == "Top", "the other view")
-        wait_for(lambda: is_above(other.session.client.camera.position), "the camera to be up there", 60)
+        wait_for(lambda: is_above(other.session.client.camera.position), "the camera to be up there")
         assert not is_above(live_window.session.client.camera.position)
         assert live_window.session.world.view == "Broadcast"
         other.screenshot("live-top")
@@ -173,7 +173,7 @@ def test_tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for
     live_window.page.get_by_text("refined has seen the 60 windows before").wait_for()
     live_window.page.get_by_text("Compare methods", exact=True).click()
     live_window.press("Compare over time")
-    live_window.page.get_by_text("against the truth").wait_for(timeout=60_000)
+    live_window.page.get_by_text("against the truth").wait_for()
     live_window.screenshot("live-compare")
     live_window.press("Watch")
     wait_for(lambda: live_window.session.world.visible, "the 3D scene again")
@@ -198,8 +198,8 @@ def test_labels_of_the_live_rally_belong_to_a_recording_that_it_is_frozen_into(l
     live_window.page.mouse.click(20, 600)  # beside the pictures
     live_window.page.keyboard.press("x")
     live_window.page.get_by_text("Freezing the live rally", exact=True).wait_for(state="attached")
-    wait_for(lambda: live_window.state.recording.startswith("live-"), "the frozen recording to open", 60)
-    wait_for(lambda: mode._editor is not None and len(mode._editor.labelling.here.labels) == 1, "the label in it", 60)
+    wait_for(lambda: live_window.state.recording.startswith("live-"), "the frozen recording to open")
+    wait_for(lambda: mode._editor is not None and len(mode._editor.labelling.here.labels) == 1, "the label in it")
     now = mode._editor.labelling
     (label,) = now.here.labels.values()
     assert label.state is LabelState.NO_BALL and now.recording.uuid != live_uuid
@@ -222,9 +222,9 @@ def test_the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(l
 
     live_window.page.get_by_label("Scene").first.click()
     live_window.page.get_by_role("option", name="two-persons").click()
-    wait_for(lambda: rally.state.scene == "two-persons", "the simulation to change the scene", 60)
+    wait_for(lambda: rally.state.scene == "two-persons", "the simulation to change the scene")
     since_us = rally.state.t_us
-    wait_for(lambda: median_events(since_us) > 400, "people's events: without them it is noise most of the time", 60)
+    wait_for(lambda: median_events(since_us) > 400, "people's events: without them it is noise most of the time")
     live_window.screenshot("live-two-persons")
     rally.client.set_scene("ball")
     wait_for(lambda: live_window.page.get_by_label("Scene").first.input_value() == "ball", "the choice of another")
@@ -236,7 +236,7 @@ def test_a_missed_ball_of_the_live_rally_is_frozen_and_looked_at_in_tune(live_wi
     t_us = rally.history.followed_us
     rally.history.add_outcome(Outcome(t_us, t_us - 100_000, 5.0, LandingSpot(0.0, 0.0, Case.MISSED)))
     live_window.press("Look at it in Tune")
-    wait_for(lambda: live_window.state.mode == "Tune", "Tune", 60)
+    wait_for(lambda: live_window.state.mode == "Tune", "Tune")
     assert live_window.state.recording.startswith("live-") and not live_window.state.playhead.playing
     assert live_window.session.recording.duration_us > live_window.state.playhead.position_us(0.0) > 0
     live_window.screenshot("live-missed-in-tune")
@@ -254,7 +254,7 @@ def test_a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live
     wait_for(lambda: rally.player.controller.name == "learned", "the policy to play")
     wait_for(lambda: live_window.state.mode == "Watch" and live_window.state.recording == LIVE, "Watch")
     assert live_window.state.playhead.following
-    wait_for(lambda: any(rate.conditions.controller == "learned" for rate in rally.returns.rates()), "its ball", 60)
+    wait_for(lambda: any(rate.conditions.controller == "learned" for rate in rally.returns.rates()), "its ball")
     live_window.page.get_by_text("learned · ball").wait_for()
     live_window.screenshot("live-returned")
     live_window.press("Count anew")

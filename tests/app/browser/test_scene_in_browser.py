@@ -41,7 +41,7 @@ def space(scene_lab, open_window, wait_for):
     with open_window(scene_lab, in_space=True) as window:
         wait_for(lambda: window.session.world.visible, "the 3D scene")
         rally = scene_lab.services.rallies.of(window.session.recording)
-        wait_for(lambda: rally.followed == 1.0, "the chain to have seen it", 60)
+        wait_for(lambda: rally.followed == 1.0, "the chain to have seen it")
         window.session.send(Seek(BALL_US))
         window.rally = rally
         yield window
@@ -82,7 +82,7 @@ def at_rest(window, wait_for) -> None:
         window.page.wait_for_timeout(300)
         return len(seen) > 6 and len(set(seen[-6:])) == 1
 
-    wait_for(still, "the camera to stand still", 60)
+    wait_for(still, "the camera to stand still")
 
 
 def is_like(image: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 14) -> np.ndarray:

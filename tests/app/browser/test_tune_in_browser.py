@@ -156,7 +156,7 @@ def test_following_the_ball_is_offered_only_where_it_does_something(tune, wait_f
 def test_a_config_is_scored_over_the_recording(tune) -> None:
     tune.page.get_by_role("tab", name="Score").click()
     tune.press("Score this config on the whole recording")
-    tune.page.get_by_text("serve, left, auto, config A").first.wait_for(timeout=60_000)
+    tune.page.get_by_text("serve, left, auto, config A").first.wait_for()
     tune.screenshot("score")
 
 
@@ -169,7 +169,7 @@ def test_thresholds_are_tuned_and_the_result_is_b_beside_a(tune, wait_for) -> No
     tune.screenshot("auto-tune-thresholds")
     start = tune.state.configs.present.a
     tune.press("Tune automatically")
-    tune.page.get_by_text("of 12 trials").wait_for(timeout=60_000)
+    tune.page.get_by_text("of 12 trials").wait_for()
     tune.screenshot("auto-tune-running")
     wait_for(lambda: tune.state.tune.compare, "the result", timeout_s=120)
     configs = tune.state.configs.present
@@ -188,7 +188,7 @@ def test_tuning_that_is_cancelled_changes_nothing_and_can_be_started_again(tune,
     before = tune.state.configs.present
     for _ in range(2):
         tune.press("Tune automatically")
-        tune.page.get_by_text("of 64 trials").wait_for(timeout=60_000)
+        tune.page.get_by_text("of 64 trials").wait_for()
         tune.press("Cancel tuning")
         tune.page.get_by_text("of 64 trials").wait_for(state="hidden")
     assert tune.state.configs.present == before and not tune.state.tune.compare
@@ -236,7 +236,7 @@ def test_methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_the
     wait_for(lambda: tune.state.tune.compared == ("auto", "paper", "refined"), "the third method")
     tune.screenshot("compare-form")
     tune.press("Compare over time")
-    tune.page.get_by_text("against the truth").wait_for(timeout=60_000)
+    tune.page.get_by_text("against the truth").wait_for()
     wait_for(lambda: tune.page.locator("canvas").count() >= 4, "three charts")
     tune.page.wait_for_timeout(1000)
     tune.screenshot("compare-over-time")
@@ -256,7 +256,7 @@ def test_methods_are_compared_over_the_recording_and_a_click_on_a_miss_jumps_the
     tune.field("fe-fusion").click()
     choose(tune, "Reference", "refined")
     tune.press("Compare over time")
-    tune.page.get_by_text("agreement with refined, not error").wait_for(timeout=60_000)
+    tune.page.get_by_text("agreement with refined, not error").wait_for()
     tune.page.wait_for_timeout(1000)
     tune.screenshot("compare-again")
     tune.field("Show the result").click()
@@ -268,7 +268,7 @@ def test_against_a_method_it_says_that_it_is_agreement(tune) -> None:
     choose(tune, "Reference", "fe-fusion")
     choose(tune, "Over", "0.4 s round the cursor")
     tune.press("Compare over time")
-    tune.page.get_by_text("agreement with fe-fusion, not error").wait_for(timeout=60_000)
+    tune.page.get_by_text("agreement with fe-fusion, not error").wait_for()
     tune.screenshot("compare-agreement")
 
 
