@@ -19,7 +19,7 @@ from app.modes.label.commands.step import LabelCommand
 from app.modes.label.editor import LabelCallbacks, LabelEditor
 from app.modes.label.first_label.annotator import annotator_from, last_annotator, remember_annotator
 from app.modes.label.first_label.annotator_prompt import AnnotatorPrompt
-from app.modes.label.held_keys import HeldKeys
+from app.modes.label.keyboard.held_keys import HeldKeys
 from app.modes.label.label_strip import strip_time
 from app.modes.label.labelling import begin_labelling
 from app.modes.label.panel import LabelPanel, PanelActions
