@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from labels.agreement import made_independently
 from labels.arrays import label_arrays
 from labels.conflicts import compare_layers, find_conflicts, how_settled, settled_by, settlement
 from labels.merging import merge_stores
@@ -104,3 +105,9 @@ def test_a_store_that_somebody_writes_is_read_with_what_is_not_in_the_file_yet(t
         assert list(read_store(store.path).layers[Layer(UUID, "left", "anna")]) == [1]
         store.put(ball(2, 10.0))
         assert list(read_store(store.path).layers[Layer(UUID, "left", "anna")]) == [1, 2]
+
+
+def test_agreement_is_measured_without_labels_that_settle_conflicts() -> None:
+    theirs = ball(2, 30.0, made_at_us=9)
+    mine = label_arrays([ball(1, 10.0), ball(2, 30.0, settles=settlement("bea", theirs, "theirs")), ball(3, 7.0)])
+    assert made_independently(mine).t_us.tolist() == [1, 3]

@@ -83,6 +83,10 @@ class LabelComparer:
         if wall_s - self._listed_s >= LIST_EVERY_S:
             self._listed_s = wall_s
             self._listing.submit((view.annotator, now.recording.uuid))
+        other = self.chosen
+        if isinstance(other, OtherLabels) and other.path is None and other.annotator == view.annotator:
+            self.choose("")  # the person goes on under that name
+            now = self._editor.labelling
         if now.compared is not self._given:  # a conflict is being settled, or another layer is labelled
             self._given, self._known = now.compared, None
         due_s = self._compared_s + (SOON_S if self._known is None else LOOK_EVERY_S)

@@ -261,6 +261,9 @@ def test_another_camera_or_annotator_is_compared_anew(desk: Desk) -> None:
     desk.editor.send(SetAnnotator("cleo"))
     desk.editor.send(ChangeView({"camera": "left"}))
     desk.wait(lambda: desk.counts == (0, 0) and len(desk.found.only_theirs_us) == len(THEIRS))
+    desk.editor.send(SetAnnotator("bea"))
+    desk.wait(lambda: desk.comparer.chosen is None)
+    assert desk.work.compared is None, "nobody is compared with oneself"
 
 
 def test_what_only_the_other_has_is_taken_over_as_it_is_and_given_back_in_one_step(desk: Desk) -> None:
