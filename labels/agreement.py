@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from labels.arrays import STATES, LabelArrays
+from labels.arrays import SOURCES, STATES, LabelArrays
+from labels.model import PositionSource
 
 Array = NDArray[np.float64]
 RESAMPLES = 1000
@@ -39,6 +40,11 @@ class Agreement:
     """Standard deviation of one annotator's coordinate, if both are equally exact: robust, and by both coordinates."""
     confusion: tuple[tuple[int, ...], ...]
     """[first][second] counts of states, in the order of `labels.arrays.STATES`."""
+
+
+def made_independently(labels: LabelArrays) -> LabelArrays:
+    """Those of a layer that settle no conflict: whoever made one of these had the other's label in sight."""
+    return labels.rows(labels.source != SOURCES.index(PositionSource.SETTLED))
 
 
 def measure_agreement(first: LabelArrays, second: LabelArrays, *, seed: int = 0) -> Agreement:

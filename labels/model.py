@@ -41,6 +41,8 @@ class PositionSource(StrEnum):
     """Proposed by a detector and accepted as it was."""
     INTERPOLATED = "interpolated"
     IMPORTED = "imported"
+    SETTLED = "settled"
+    """Made to settle a conflict with another annotator's label, which was seen beside one's own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +56,8 @@ class Provenance:
     tool: str = ""
     """Program and version."""
     detector: str = ""
-    """Method and hash of the config of the proposal that was accepted or corrected, or the file that was imported."""
+    """Method and hash of the config of the proposal that was accepted or corrected, the file that was imported, or what
+    a conflict was settled over, as `labels.conflicts.settlement` has it."""
     window_us: tuple[int, int] | None = None
     """[start, end) of the events (or of the exposure) that the picture showed."""
     rendering: str = ""

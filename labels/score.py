@@ -34,6 +34,7 @@ GROUPS: Final[dict[str, tuple[PositionSource, ...]]] = {
     "accepted": (PositionSource.ACCEPTED,),
     "interpolated": (PositionSource.INTERPOLATED,),
     "imported": (PositionSource.IMPORTED,),
+    "settled": (PositionSource.SETTLED,),
 }
 """Accepted proposals favour the detector that made them: read the rows by hand first."""
 

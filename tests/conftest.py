@@ -25,7 +25,7 @@ SLOW = (
     "app/export",
     "app/modes/export",
     "app/modes/label/test_editor.py",
-    "app/modes/label/test_held_keys.py",
+    "app/modes/label/keyboard/test_held_keys.py",
     "app/modes/train",
     "app/modes/tune/auto/test_run.py",
     "app/preparation",

@@ -27,7 +27,7 @@ from app.modes.label.sources import LabelSource, sources_of
 from core.detection import make_detector
 from core.errors import CommandError, LabelError
 from core.recordings import CameraStream, Recording, open_recording
-from labels.agreement import Agreement, measure_agreement
+from labels.agreement import Agreement, made_independently, measure_agreement
 from labels.arrays import STATES
 from labels.formats import FORMATS, ExportOptions, ImportContext
 from labels.formats.exchange import write_text
@@ -204,14 +204,17 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
     mine = first.layer.annotator
     name, blind = arguments.other or mine, arguments.other is None
     layer = Layer(first.layer.recording_uuid, first.layer.camera, name, blind)
-    found = measure_agreement(first.labels(), LabelStore.read(arguments.layer.folder, layer).labels())
+    stores = first, LabelStore.read(arguments.layer.folder, layer)
+    pair = [made_independently(store.labels()) for store in stores]
+    left_out = sum(len(store.labels()) for store in stores) - sum(map(len, pair))
+    found = measure_agreement(*pair)
     counts = (
         f"{mine!r} and {'blind repeats' if blind else repr(name)}: {found.common} common, "
         f"{found.only_first} and {found.only_second} of one only"
     )
-    arguments.layer.tell(
-        {"first": mine, "second": name, "blind": blind, **asdict(found)}, [counts, *_agreement_lines(found)]
-    )
+    seen = [f"{left_out} labels left out: they settle conflicts"] if left_out else []
+    told = {"first": mine, "second": name, "blind": blind, "left_out": left_out, **asdict(found)}
+    arguments.layer.tell(told, [counts, *seen, *_agreement_lines(found)])
 
 
 def _agreement_lines(found: Agreement) -> list[str]:

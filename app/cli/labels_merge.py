@@ -10,7 +10,8 @@ from typing import Annotated, Final
 from app.cli.arguments import flag, positional
 from app.cli.tables import json_ready
 from app.cli.terminal import say, say_each
-from labels.merging import WITHIN_PX, LabelConflict, MergedStores, merge_stores
+from labels.conflicts import WITHIN_PX, LabelConflict
+from labels.merging import MergedStores, merge_stores
 
 MAX_SHOWN: Final = 20
 """Conflicts printed one by one; `--json` has them all."""
@@ -48,6 +49,8 @@ def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:
         f"{merged.labels} labels merged into {arguments.out}; {len(merged.conflicts)} conflicts, "
         f"{merged.left_out} labels left out; {merged.superseded} replaced by what their annotator said later"
     ]
+    if merged.settled:
+        lines.append(f"{merged.settled} conflicts were settled in Label: the label that settles each was taken")
     lines += [_conflict_line(conflict) for conflict in merged.conflicts[:MAX_SHOWN]]
     more = len(merged.conflicts) - MAX_SHOWN
     return [*lines, *([f"... and {more} more, see --json"] if more > 0 else []), *merged.notes]

@@ -46,6 +46,9 @@ class Ink(IntEnum):
     CURSOR = 35
     ASKS = 48
     """A click that waits for an answer."""
+    MINE = 49
+    THEIRS = 50
+    """Two people's labels of one time."""
     METHOD = 36
     """First of one entry for each method, see `method_ink`."""
     RAMP = 64
@@ -93,6 +96,8 @@ _NAMED_RGB: Final = {
     Ink.UNCHECKED: (44, 47, 55),
     Ink.CURSOR: (250, 250, 250),
     Ink.ASKS: (234, 156, 31),
+    Ink.MINE: (153, 255, 204),
+    Ink.THEIRS: (230, 55, 115),
 }
 _CLUSTER_RGB: Final = (
     (255, 120, 90), (90, 200, 255), (170, 255, 110), (255, 120, 220), (255, 200, 80), (130, 150, 255),

@@ -56,19 +56,23 @@ def open_to_write(path: Path, recording_uuid: str) -> sqlite3.Connection:
     return db
 
 
-def open_to_read(path: Path) -> sqlite3.Connection:
+def open_to_read(path: Path, *, untouched: bool = False) -> sqlite3.Connection:
     """A connection that writes nothing: others may write meanwhile, the disk may be read-only.
+
+    `untouched`: a file that no program has open is read as it is, without a log being made beside it.
 
     Raises:
         LabelError: if there is no store, it cannot be read, or it is damaged.
     """
     refuse_network_drive(path)
+    log = path.with_name(f"{path.name}-wal")
     with telling(path, "cannot read the labels"):
+        if untouched and path.is_file() and not log.exists():
+            return _checked(_connect(path, "ro&immutable=1"), path)
         try:
             return _checked(_connect(path, "ro"), path)
         except sqlite3.OperationalError:
             # No log beside it and no way to make one: nobody writes, and the file is all there is.
-            log = path.with_name(f"{path.name}-wal")
             if not path.is_file() or (log.exists() and log.stat().st_size):
                 raise
             return _checked(_connect(path, "ro&immutable=1"), path)

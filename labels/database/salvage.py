@@ -21,7 +21,7 @@ def salvage(path: Path) -> tuple[sqlite3.Connection, tuple[str, ...]]:
     Raises:
         LabelError: if not even the beginning of the file can be read.
     """
-    with contextlib.closing(open_to_read(path)) as damaged, telling(path, "cannot read the labels"):
+    with contextlib.closing(open_to_read(path, untouched=True)) as damaged, telling(path, "cannot read the labels"):
         saved = memory_store(recording_of(damaged, path))
         broken = [table for table in KEYS if not _copy_table(damaged, saved, table)]
         kept = saved.execute("SELECT count(*) FROM labels").fetchone()[0]

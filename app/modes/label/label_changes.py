@@ -11,6 +11,8 @@ from labels.assist import Proposals, Snap, snap
 from labels.model import Label, LabelState, PositionSource, Provenance
 
 MOST_TIME_MS = 600_000
+_STAYS = (PositionSource.CORRECTED, PositionSource.SETTLED)
+"""Sources that a label keeps when it is snapped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,12 +23,14 @@ class ShownPicture:
     window_us: tuple[int, int]
     rendering: str
     time_spent_ms: int
+    over: str = ""
+    """What a label made on it settles, as `labels.conflicts.settlement` says it: another's label was seen beside it."""
 
     def provenance(self, source: PositionSource, detector: str = "") -> Provenance:
         """Provenance of a label that is made on this picture."""
         return Provenance(
-            source=source,
-            detector=detector,
+            source=PositionSource.SETTLED if self.over else source,
+            detector=self.over or detector,
             window_us=self.window_us,
             rendering=self.rendering,
             time_spent_ms=min(max(self.time_spent_ms, 0), MOST_TIME_MS),
@@ -87,7 +91,7 @@ def snapped(label: Label, events: Events, velocity_px_per_ms: tuple[float, float
     if fitted is None:
         return label
     made = label.provenance
-    source = made.source if made.source is PositionSource.CORRECTED else PositionSource.SNAPPED
+    source = made.source if made.source in _STAYS else PositionSource.SNAPPED
     return replace(
         label,
         x_px=fitted.x_px,
@@ -141,6 +145,8 @@ def with_state(
     if state is LabelState.NO_BALL:
         return Label(t_us=shown_picture.t_us, state=state, provenance=shown_picture.provenance(PositionSource.BY_HAND))
     known = before if before is not None and before.x_px is not None else None
+    if known is not None and shown_picture.over:
+        return replace(known, state=state, provenance=shown_picture.provenance(PositionSource.SETTLED))
     if known is not None:
         return replace(known, state=state)
     if draft is not None and state is not LabelState.OUT_OF_FRAME:

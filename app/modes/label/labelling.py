@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 from app.modes.label.label_changes import ProposedLabel, ShownPicture
 from app.modes.label.label_writer import LayerName, Saved
+from app.modes.label.merge.comparison import LabelComparison
 from app.modes.label.plan import CameraWork, PicturePlan
 from app.modes.label.sources import LabelSource, partner_of, sources_of
 from app.modes.label.view import Grid, LabelView
 from core.cameras import Camera
 from core.recordings import Recording
+from labels.conflicts import settlement
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,8 @@ class Labelling:
     """Where a second look was begun."""
     click: UnfitClick | None = None
     """A click that is not stored, because nobody knows how large the ball is."""
+    compared: LabelComparison | None = None
+    """Somebody else's labels beside these."""
 
     @property
     def source(self) -> LabelSource:
@@ -107,6 +111,14 @@ class Labelling:
         click = self.click
         return click if click is not None and (click.layer, click.t_us) == (self.layer, self.t_us) else None
 
+    @property
+    def compared_here(self) -> LabelComparison | None:
+        """Somebody else's labels of this camera beside those of this person; not in a second look, which is blind."""
+        found, view = self.compared, self.view
+        if found is None or view.blind or (found.camera, found.mine.annotator) != (view.camera, view.annotator):
+            return None
+        return found
+
     def draft(self, t_us: int) -> ProposedLabel | None:
         """What is proposed at a time and may be seen."""
         return None if self.view.blind else self.here.draft(t_us)
@@ -119,6 +131,16 @@ class Labelling:
         main = self.shown.main
         rendering = "frame" if main.frame is not None else main.rendering.replace(" ", "_")
         return ShownPicture(self.t_us, main.window_us, rendering, spent_ms)
+
+    def picture_to_label(self, wall_s: float) -> ShownPicture:
+        """The same; what is made on it by hand settles the conflict at the cursor, if there is one."""
+        picture, compared = self.judged_picture(wall_s), self.compared_here
+        if compared is None or not compared.differs(self.t_us):
+            return picture
+        theirs = compared.theirs.labels.get(self.t_us)
+        return (
+            picture if theirs is None else replace(picture, over=settlement(compared.theirs.annotator, theirs, "new"))
+        )
 
     def at(self, t_us: int, wall_s: float) -> Labelling:
         """The same with the cursor at another time."""

@@ -19,9 +19,12 @@ from app.modes.label.commands.step import LabelCommand
 from app.modes.label.editor import LabelCallbacks, LabelEditor
 from app.modes.label.first_label.annotator import annotator_from, last_annotator, remember_annotator
 from app.modes.label.first_label.annotator_prompt import AnnotatorPrompt
-from app.modes.label.held_keys import HeldKeys
+from app.modes.label.keyboard.held_keys import HeldKeys
 from app.modes.label.label_strip import strip_time
 from app.modes.label.labelling import begin_labelling
+from app.modes.label.merge.comparer import LabelComparer
+from app.modes.label.merge.others import OtherStores
+from app.modes.label.merge.panel import MergePanel
 from app.modes.label.panel import LabelPanel, PanelActions
 from app.modes.label.pictures import LabelPictures
 from app.modes.label.plan import LabelScene, Point, agreement_at
@@ -65,6 +68,8 @@ class LabelMode:
         self._active = False
         self._editor: LabelEditor | None = None
         self._assistant: Assistant | None = None
+        self._comparer: LabelComparer | None = None
+        self._other_stores = OtherStores(host.services.workspace.root, host.services.library.folders)
         self._recording: Recording | None = None
         self._view = LabelView()
         """The choices that the next recording begins with."""
@@ -95,6 +100,11 @@ class LabelMode:
         )
         self._panel = LabelPanel(host.client.gui, actions)
         with self._panel.folder:
+            self._merge = MergePanel(
+                host.client.gui,
+                lambda title: host.later(lambda: None if self._comparer is None else self._comparer.choose(title)),
+                lambda name: host.later(lambda: self._act(name)),
+            )
             self._results = LabelResults(host)
 
     @property
@@ -135,8 +145,8 @@ class LabelMode:
 
     def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
         """Follow the time cursor; ask for the picture that belongs to it; show what is known."""
-        editor = self._editor
-        if editor is None:
+        editor, comparer = self._editor, self._comparer
+        if editor is None or comparer is None:
             return
         editor.follow(now_us, max(state.step_us, LABEL_STEPS_US[0]))  # the time controls go finer than labels do
         editor.look_again(wall_s)
@@ -144,6 +154,7 @@ class LabelMode:
             self._elsewhere = (state.camera, state.looks)
             editor.send(ChangeView({"camera": state.camera}))
         self._results.tick(editor, wall_s)
+        comparer.tick(wall_s)
         now = editor.labelling
         scene = self._scene(editor, state)
         if self._pictures.arrives(scene, now.t_us):
@@ -155,6 +166,7 @@ class LabelMode:
         self._pictures.ask(editor, scene, words)
         self._show_in_time_bar(editor, wall_s)
         self._show_status(editor, scene)
+        self._merge.show(comparer, now)
         if self._keys.ready:
             self._host.later(self._keys.go_on)
 
@@ -194,7 +206,10 @@ class LabelMode:
         click = now.asking
         asking = None if click is None else (click.x_px, click.y_px)
         source, partner, view = now.source, now.partner, now.view
-        return LabelScene(source, partner, view, look.rendering, look.colours, now.here, there, self._ring, asking)
+        compared = now.compared_here
+        return LabelScene(
+            source, partner, view, look.rendering, look.colours, now.here, there, self._ring, asking, compared
+        )
 
     def _show_mosaic(self, editor: LabelEditor, mosaic: LabelMosaic) -> None:
         if self._active and editor is self._editor:
@@ -355,6 +370,7 @@ class LabelMode:
         labelling = begin_labelling(self._recording, self._view, step_us, time.monotonic())
         self._editor = LabelEditor(host.services.label_stores, labelling, callbacks, self._session)
         self._assistant = Assistant(self._editor, host.pool)
+        self._comparer = LabelComparer(self._editor, host.services.workspace.labels, self._other_stores, host.pool)
         self._panel.offer_cameras(tuple(labelling.sources))
         self._pictures.begin()
         self._status = None
@@ -363,10 +379,12 @@ class LabelMode:
         self._keys.forget()
         if self._assistant is not None:
             self._assistant.close()
+        if self._comparer is not None:
+            self._comparer.close()
         if self._editor is not None:
             self._view = replace(self._editor.labelling.view, blind=False)
             self._editor.close()
-        self._editor = self._assistant = None
+        self._editor = self._assistant = self._comparer = None
 
 
 def _next_name(names: tuple, name: str):

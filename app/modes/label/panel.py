@@ -9,7 +9,7 @@ from typing import Final
 
 import viser
 
-from app.modes.label.keys import KEYS, label_keys_html
+from app.modes.label.keyboard.keys import KEYS, label_keys_html
 from app.modes.label.view import DEFAULT_ANNOTATOR, LABEL_STEPS_US, WINDOWS_US, ZOOMS, LabelView
 from app.panels.time_bar.messages import step_label
 from app.widgets import Choice, Listing, when_changed, when_clicked, when_triggered

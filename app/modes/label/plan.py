@@ -10,6 +10,8 @@ import numpy as np
 from app.modes.label.label_changes import ProposedLabel, proposed_at
 from app.modes.label.label_picture import BoxMark, CircleMark, LineMark, Mark, PictureKey
 from app.modes.label.label_strip import STATE_INKS
+from app.modes.label.merge.comparison import LabelComparison
+from app.modes.label.merge.pair_picture import pair_legend, pair_marks
 from app.modes.label.sources import LabelSource
 from app.modes.label.view import LabelView, window_around
 from app.pictures.canvas import Region
@@ -88,6 +90,8 @@ class LabelScene:
     """A circle that is being drawn."""
     asking: Point | None = None
     """A click that waits for its radius."""
+    compared: LabelComparison | None = None
+    """Somebody else's labels of the camera that is labelled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +102,8 @@ class PicturePlan:
     main: PictureKey
     overview: PictureKey
     partner: PictureKey | None
+    legend: tuple[tuple[str, Ink], ...] = ()
+    """Whose label is which, where two are drawn in the large picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +144,13 @@ def plan_at(scene: LabelScene, t_us: int, centre: Point) -> PicturePlan:
     whole = Region.of_sensor(source.size)
     region = whole if view.zoom <= 1.0 else Region.around(*centre, source.size, view.zoom)
     line = _epipolar(scene, t_us)
-    marks = (*_work_marks(scene.here, t_us, view.blind), *line)
+    theirs = None if scene.compared is None else scene.compared.theirs_beside(t_us, scene.here.labels.get(t_us))
+    own = _work_marks(scene.here, t_us, view.blind)
+    legend: tuple[tuple[str, Ink], ...] = ()
+    if scene.compared is not None and theirs is not None:
+        pair = (scene.compared.mine.annotator, scene.here.labels.get(t_us)), (scene.compared.theirs.annotator, theirs)
+        own, legend = pair_marks(*(label for _, label in pair)), pair_legend(*pair)
+    marks = (*own, *line)
     if scene.ring is not None:
         marks = (*marks, CircleMark(*scene.ring, Ink.TEXT))
     elif scene.asking is not None:
@@ -148,7 +160,7 @@ def plan_at(scene: LabelScene, t_us: int, centre: Point) -> PicturePlan:
     main = _key(scene, source, t_us, region, MAIN_WIDTH_PX, marks, name)
     box: tuple[Mark, ...] = (BoxMark(region, Ink.TEXT),) if view.zoom > 1.0 else ()
     overview = _key(scene, source, t_us, whole, SIDE_WIDTH_PX, (*_bare(marks), *box), "whole picture")
-    return PicturePlan(t_us, main, overview, _partner_key(scene, t_us))
+    return PicturePlan(t_us, main, overview, _partner_key(scene, t_us), legend)
 
 
 def agreement_at(scene: LabelScene, t_us: int) -> CameraAgreement | None:

@@ -17,6 +17,8 @@ from app.pictures.palette import Ink
 from app.views.mosaic import Mosaic, MosaicTile, SheetText, css_colour
 
 GAP_PX = 10
+LINE_PX = 34
+"""From one line of words to the next."""
 KEPT = 256
 """Encoded pictures, some 10 to 40 kB each."""
 
@@ -76,7 +78,11 @@ class PictureCache:
         y += HEIGHT_PX + GAP_PX
         overview = self._place(plan.overview, request, 0, y, SIDE_WIDTH_PX)
         pictures = [main, strip, overview]
-        texts = [_title(plan.main, main), *status_texts(request.strip, strip.y + STATUS_PX / 2, plan.main.colours)]
+        texts = [
+            _title(plan.main, main),
+            *_legend(plan, main),
+            *status_texts(request.strip, strip.y + STATUS_PX / 2, plan.main.colours),
+        ]
         texts.append(_title(plan.overview, overview))
         if plan.partner is not None:
             x = MAIN_WIDTH_PX - SIDE_WIDTH_PX
@@ -93,6 +99,14 @@ class PictureCache:
 
 def _title(key: PictureKey, tile: MosaicTile) -> SheetText:
     return SheetText(tile.x + 8, tile.y + 20, key.caption, css_colour(Ink.TEXT, key.colours), is_title=True)
+
+
+def _legend(plan: PicturePlan, tile: MosaicTile) -> list[SheetText]:
+    x, y, colours = tile.x + 8, tile.y + 20 + LINE_PX, plan.main.colours
+    return [
+        SheetText(x, y + row * LINE_PX, text, css_colour(ink, colours), is_title=True)
+        for row, (text, ink) in enumerate(plan.legend)
+    ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,10 +6,12 @@ import time
 
 import pytest
 
-from app.modes.label.commands.cursor import ChangeView
-from app.modes.label.commands.hand import PlaceBall
+from app.modes.label.commands.cursor import ChangeView, GoTo
+from app.modes.label.commands.hand import PlaceBall, SetState
 from app.modes.label.plan import plan_at
+from app.pictures.palette import Ink, palette
 from app.views.image_view import FOV_RAD, UNIT
+from labels.conflicts import how_settled
 from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer
 
@@ -152,14 +154,14 @@ def labelling(window, wait_for, request):
     return begin(window, wait_for, request)
 
 
-def begin(window, wait_for, request) -> Labelling:
+def begin(window, wait_for, request, suffix: str = "") -> Labelling:
     """Label mode at the ball, in a layer of the test's own."""
     window.seek(BALL_US)
     window.press("Label")
     found = Labelling(window, wait_for)
     wait_for(lambda: found.mode._pictures.shown is not None, "the first picture")
     found.page.wait_for_timeout(600)  # the sheet has another shape: the camera is moved
-    name = request.node.name[5:30].strip("_")  # a layer of its own for each test
+    name = request.node.name[5:30].strip("_") + suffix  # a layer of its own for each test
     window.field("Annotator").fill("")  # it may be the name already: that of the last annotator is offered
     window.field("Annotator").fill(name)
     wait_for(
@@ -389,3 +391,64 @@ def test_two_browsers_of_one_annotator_see_each_other_within_a_second_and_undo_o
     other.page.get_by_text("Somebody else has changed the label").wait_for()
     assert other.label(BALL_US).state is LabelState.OUT_OF_FRAME
     other.window.screenshot("label-undo-left-as-it-is")
+
+
+def test_two_who_disagree_are_shown_side_by_side_and_keys_settle_it(
+    labelling, other_window, wait_for, request, workspace, count_like
+) -> None:
+    other = begin(other_window, wait_for, request, "-b")
+    mode, times = labelling.mode, (BALL_US, BALL_US + 2_000, BALL_US + 4_000)
+    x, y = (float(v[0]) for v in labelling.truth(BALL_US))
+    for one, off_px in ((labelling, 0.0), (other, 5.0)):
+        for t_us in times:
+            label = PlaceBall(x + off_px, y, 9.0 + off_px)
+            one.window.session.later(lambda t=t_us, one=one: one.mode._send(GoTo(t)))
+            wait_for(lambda t=t_us, one=one: one.work.t_us == t and one.work.on_screen, "the picture")
+            one.window.session.later(lambda one=one, label=label: one.mode._send(label))
+            wait_for(lambda t=t_us, one=one: one.label(t), "the label")
+    other.window.session.later(lambda: other.mode._send(SetState(LabelState.NO_BALL)))
+    wait_for(lambda: other.label(times[2]).state is LabelState.NO_BALL, "the other's last word")
+    names = labelling.work.view.annotator, other.work.view.annotator
+    wait_for(lambda: names[1] in mode._comparer.offered, "the other annotator in the list")
+    page = labelling.page
+    page.get_by_text("Compare and merge").click()
+    page.get_by_label("Compare with").first.click()
+    page.get_by_role("option", name=names[1], exact=True).click()
+    page.get_by_text("0 of 3 settled").wait_for()
+    page.mouse.click(*labelling.on_sheet(1200, -10))
+    labelling.keys("8", "Shift+N")  # from the last: round to the first
+    labelling.settle(times[0])
+    page.get_by_text("5.00 px apart").wait_for()
+    page.get_by_text("5.00 px apart").scroll_into_view_if_needed()
+    rgb = palette("orange / blue")
+    labelling.window.wait_for_pixels(
+        "label-conflict",
+        lambda pixels: all(count_like(pixels, rgb[ink], 25) > 150 for ink in (Ink.MINE, Ink.THEIRS)),
+    )
+    labelling.keys("l")
+    page.get_by_text("1 of 3 settled").wait_for()
+    labelling.settle(times[1])
+    labelling.keys("Shift+J")
+    page.get_by_text("2 of 3 settled").wait_for()
+    labelling.settle(times[2])
+    labelling.keys("j")
+    page.get_by_text("3 of 3 settled").wait_for()
+    labelling.window.screenshot("label-settled")
+    labelling.keys("z")
+    page.get_by_text("2 of 3 settled").wait_for()
+    labelling.keys("Shift+N")
+    labelling.settle(times[2])
+    labelling.keys("j")
+    page.get_by_text("3 of 3 settled").wait_for()
+    stores = [LabelStore.read(workspace.labels, Layer(labelling.work.recording.uuid, "left", name)) for name in names]
+    kept, theirs = ([store.at(t_us) for t_us in times] for store in stores)
+    assert [label.x_px for label in kept] == pytest.approx([x + 5.0, x + 2.5, x])
+    assert {(label.provenance.source, label.provenance.annotator) for label in kept} == {
+        (PositionSource.SETTLED, names[0])
+    }
+    assert [how_settled(one, names[1], two) for one, two in zip(kept, theirs, strict=True)] == [
+        "theirs",
+        "mean",
+        "mine",
+    ]
+    assert {label.provenance.annotator for label in theirs} == {names[1]}, "the other's labels are the other's"

@@ -62,12 +62,25 @@ def in_time_bar(*names: str) -> Colours:
         inks(Ink.HULL, Ink.HULL_REJECTED, Ink.TRUTH, Ink.ROI),
         inks(Ink.CIRCLE, Ink.TRUTH, Ink.ROI, Ink.HULL_REJECTED),
         inks(Ink.ON, Ink.OFF),
+        inks(Ink.MINE, Ink.THEIRS, Ink.ON, Ink.OFF),
+        inks(Ink.MINE, Ink.THEIRS, Ink.EPIPOLAR),
         {str(method): rgb for method, rgb in METHOD_RGB.items()},
         {case.name: rgb for case, rgb in CASE_RGB.items()},
         in_time_bar("found", "missed", "false"),
         in_time_bar("visible", "partly_occluded", "occluded", "out_of_frame", "no_ball"),
     ],
-    ids=["label states", "hulls", "circles", "polarity", "methods", "cases", "score", "labels in the bar"],
+    ids=[
+        "label states",
+        "hulls",
+        "circles",
+        "polarity",
+        "two people",
+        "two people and the ray",
+        "methods",
+        "cases",
+        "score",
+        "labels in the bar",
+    ],
 )
 def test_what_means_different_things_looks_different(colours: Colours) -> None:
     assert too_alike(colours) == []

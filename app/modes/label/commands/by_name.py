@@ -25,6 +25,7 @@ from app.modes.label.commands.hand import (
     UndoLabel,
 )
 from app.modes.label.commands.step import LabelCommand
+from app.modes.label.merge.settling import GoToConflict, Settle, TakeMissing
 from app.modes.label.view import BIG_NUDGE_PX, NUDGE_PX, RADIUS_STEP_PX, WINDOWS_US, ZOOMS
 from labels.model import LabelState
 
@@ -62,6 +63,12 @@ COMMANDS: Final[Mapping[str, LabelCommand]] = {
     "redo": UndoLabel(redo=True),
     "clear": Clear(),
     "escape": Escape(),
+    "next_conflict": GoToConflict(+1),
+    "previous_conflict": GoToConflict(-1),
+    "take_mine": Settle("mine"),
+    "take_theirs": Settle("theirs"),
+    "take_mean": Settle("mean"),
+    "take_missing": TakeMissing(),
     "camera": OtherCamera(),
     **{f"window_{row}": ChangeView({"window_us": window_us}) for row, window_us in enumerate(WINDOWS_US)},
     **{f"zoom_{row}": ChangeView({"zoom": zoom}) for row, zoom in enumerate(ZOOMS)},

@@ -26,9 +26,12 @@ class ChangeView:
         before, saved = labelling.view, labelling.saved
         if (view.annotator, view.camera) != (before.annotator, before.camera):
             view = replace(view, blind=False, centre_px=None)
+        compared = labelling.compared
+        if (view.annotator, view.camera) != (before.annotator, before.camera):
+            compared = None
         if view.annotator != before.annotator:
             saved = {}
-        return LabelStep(replace(labelling, view=view, saved=saved))
+        return LabelStep(replace(labelling, view=view, saved=saved, compared=compared))
 
 
 @dataclass(frozen=True, slots=True)

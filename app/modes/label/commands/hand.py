@@ -39,7 +39,7 @@ class PlaceBall:
         if shown is None or shown.main.camera != labelling.view.camera or not drawn:
             return LabelStep(labelling)
         t_us, source = shown.t_us, labelling.source
-        picture = labelling.at(t_us, labelling.arrived_s).judged_picture(wall_s)
+        picture = labelling.at(t_us, labelling.arrived_s).picture_to_label(wall_s)
         draft = labelling.draft(t_us)
         snap = labelling.view.snap and source.stream is not None and self.r_px is None
 
@@ -82,7 +82,7 @@ class SetNumbers:
     r_px: float | None
 
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
-        picture = labelling.judged_picture(wall_s)
+        picture = labelling.picture_to_label(wall_s)
 
         def make(before: Label | None) -> Label:
             if self.r_px is None and (before is None or before.r_px is not None):
@@ -103,7 +103,7 @@ class Nudge:
     dy_px: float
 
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
-        picture = labelling.judged_picture(wall_s)
+        picture = labelling.picture_to_label(wall_s)
         return change_label(
             labelling,
             labelling.t_us,
@@ -119,7 +119,7 @@ class Resize:
     by_px: float
 
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
-        picture, click = labelling.judged_picture(wall_s), labelling.asking
+        picture, click = labelling.picture_to_label(wall_s), labelling.asking
 
         def make(before: Label | None) -> Label | None:
             if before is None and click is not None:
@@ -140,7 +140,7 @@ class SetState:
     state: LabelState
 
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
-        t_us, picture = labelling.t_us, labelling.judged_picture(wall_s)
+        t_us, picture = labelling.t_us, labelling.picture_to_label(wall_s)
         draft = labelling.draft(t_us)
         away = self.state in (LabelState.NO_BALL, LabelState.OUT_OF_FRAME)
         return change_label(
@@ -153,7 +153,7 @@ class CopyPrevious:
     """The latest label before this time, here too."""
 
     def apply(self, labelling: Labelling, wall_s: float) -> LabelStep:
-        t_us, picture = labelling.t_us, labelling.judged_picture(wall_s)
+        t_us, picture = labelling.t_us, labelling.picture_to_label(wall_s)
 
         def act(store: LabelStore) -> tuple[int, ...]:
             earlier = store.labels().between(0, t_us)

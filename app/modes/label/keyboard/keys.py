@@ -1,6 +1,6 @@
 """The keys of Label mode, in one table that is also what the app lists.
 
-Left out: W A S D Q E and the arrows, which move viser's camera; M T L J O, which choose a mode; what a browser keeps
+Left out: W A S D Q E and the arrows, which move viser's camera; M T O, which choose a mode; what a browser keeps
 for itself. Y G H B lie round each other like arrows.
 """
 
@@ -49,6 +49,11 @@ KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
     ("delete", None, "clear", "Unchecked again"),
     ("backspace", None, "clear", "Unchecked again"),
     ("escape", None, "escape", "Forget a click without a circle; leave the second look"),
+    ("N", "shift", "next_conflict", "Next conflict with whom you compare"),
+    ("P", "shift", "previous_conflict", "Previous conflict"),
+    ("J", None, "take_mine", "Conflict: yours is right; on to the next"),
+    ("L", None, "take_theirs", "Conflict: theirs is right; on to the next"),
+    ("J", "shift", "take_mean", "Conflict: the mean of both; on to the next"),
     ("0", None, "camera", "Other camera"),
     ("1", None, "window_0", "Window 0.5 ms"),
     ("2", None, "window_1", "Window 1 ms"),

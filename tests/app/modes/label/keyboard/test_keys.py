@@ -1,4 +1,4 @@
-from app.modes.label.keys import KEYS, label_keys_html
+from app.modes.label.keyboard.keys import KEYS, label_keys_html
 from app.panels.keys import KEYS as OTHER_KEYS
 
 

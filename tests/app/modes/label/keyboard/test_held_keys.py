@@ -9,8 +9,8 @@ import pytest
 
 from app.bench.bare_browser import BareBrowser
 from app.modes.label.editor import LabelEditor
-from app.modes.label.held_keys import HeldKeys
-from app.modes.label.keys import KEYS
+from app.modes.label.keyboard.held_keys import HeldKeys
+from app.modes.label.keyboard.keys import KEYS
 from app.modes.label.labelling import Labelling
 from app.modes.label.mode import LabelMode
 from app.server import App

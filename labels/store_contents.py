@@ -1,0 +1,101 @@
+"""Everything that a label store says, wherever it lies: a file that was copied, or sent, or is on another disk."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Mapping
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
+
+from core.errors import LabelError
+from labels.database.connection import DamagedStoreError, open_to_read, telling
+from labels.database.edit_log import NEWEST
+from labels.database.folder import Layer
+from labels.database.rows import Values, current_rows, label_of
+from labels.database.salvage import salvage
+from labels.database.schema import recording_of
+from labels.model import Label
+from labels.store import LabelStore, find_layers
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoreContents:
+    """The labels of a store as they were when it was read."""
+
+    recording_uuid: str
+    layers: Mapping[Layer, Mapping[int, Label]]
+    """By time."""
+    notes: tuple[str, ...] = ()
+    """What could not be read."""
+
+
+def read_store(source: Path) -> StoreContents:
+    """What is in a store file, or in the folder of a recording's labels; of a damaged one, what can be read.
+
+    The store is not written to, and where no program has it open, nothing is made beside it.
+
+    Raises:
+        LabelError: if there is none, or it cannot be read.
+    """
+    if source.is_dir():
+        return _read_folder(source.absolute())
+    if not source.is_file():
+        raise LabelError(
+            "no such label store", where=source, remedy="name a labels.sqlite, or the folder that it is in"
+        )
+    try:
+        with closing(open_to_read(source, untouched=True)) as db:
+            return _read_database(db, source, ())
+    except DamagedStoreError:
+        db, notes = salvage(source)
+        with closing(db):
+            return _read_database(db, source, notes)
+
+
+def layers_of_store(path: Path) -> tuple[Layer, ...]:
+    """Whose labels of what a store file holds; nothing else of it is read.
+
+    Raises:
+        LabelError: if it is not a store, or cannot be read.
+    """
+    with closing(open_to_read(path, untouched=True)) as db, telling(path, "cannot read the labels"):
+        uuid = recording_of(db, path)
+        rows = db.execute("SELECT camera, annotator, blind FROM layers ORDER BY annotator, camera, blind").fetchall()
+    return tuple(Layer(uuid, camera, annotator, bool(blind)) for camera, annotator, blind in rows)
+
+
+def _read_folder(folder: Path) -> StoreContents:
+    uuid = unquote(folder.name)
+    layers = find_layers(folder.parent, uuid)
+    if not layers:
+        raise LabelError("no labels in this folder", where=folder, remedy="name a labels.sqlite")
+    found: dict[Layer, dict[int, Label]] = {}
+    notes: list[str] = []
+    for layer in layers:
+        with LabelStore.read(folder.parent, layer) as store:
+            found[layer] = {label.t_us: label for label in store.all()}
+        notes += [note for note in store.notes if note not in notes]
+    return StoreContents(uuid, found, tuple(notes))
+
+
+def _read_database(db: sqlite3.Connection, path: Path, notes: tuple[str, ...]) -> StoreContents:
+    found: dict[Layer, dict[int, Label]] = {}
+    told = list(notes)
+    with telling(path, "cannot read the labels"):
+        uuid = recording_of(db, path)
+        for number, camera, annotator, blind in db.execute("SELECT * FROM layers").fetchall():
+            rows = [(row[0], row[2:]) for row in current_rows(db, number, upto=NEWEST)]
+            found[Layer(uuid, camera, annotator, bool(blind))] = _readable_labels(rows, path, told)
+    return StoreContents(uuid, found, tuple(told))
+
+
+def _readable_labels(rows: list[tuple[int, Values]], path: Path, notes: list[str]) -> dict[int, Label]:
+    labels = {}
+    for t_us, values in rows:
+        try:
+            labels[t_us] = label_of(t_us, values)
+        except LabelError as error:
+            notes.append(f"{path}: left out: {error}")
+    return labels
