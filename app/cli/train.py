@@ -10,11 +10,13 @@ from typing import Literal
 
 from app.cli.arguments import Counts, Numbers, PositiveInt, flag, given, setting_flag
 from app.cli.ending import end_event
+from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
 from app.cli.terminal import say
 from core.config import load_config
 from core.errors import CommandError
+from core.jobs import ALONE, Engine
 from core.learning.config import (
     AgentName,
     CurriculumConfig,
@@ -63,12 +65,13 @@ class TrainArguments:
     new: NewRunArguments
     source: str | None = flag("play every ball in a simulation server (its outcomes are the same)", "tcp://HOST:PORT")
     keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
+    engine: SharedEngineArguments
     json: bool = flag("print a summary as JSON")
 
 
 def run(arguments: TrainArguments) -> None:
     """Train until the end, or until interrupted: then the run can be resumed."""
-    folder = arguments.out
+    folder, engine = arguments.out, _engine(arguments)
     if arguments.resume:
         if options := given(dataclasses.asdict(arguments.new)):
             names = ", ".join("--" + name.replace("_", "-") for name in options)
@@ -83,8 +86,19 @@ def run(arguments: TrainArguments) -> None:
 
         ended = end_event()
         with progress_bar(f"Training {config.agent}") as progress:
-            state = run_training(folder, progress=progress, stopped=ended.is_set, backend=backend)
+            state = run_training(folder, progress=progress, stopped=ended.is_set, backend=backend, engine=engine)
     _report(folder, config, state, as_json=arguments.json)
+
+
+def _engine(arguments: TrainArguments) -> Engine:
+    """Where seeds are trained; those that share a simulation server take turns."""
+    asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
+    if arguments.source is None:
+        return arguments.engine.engine()
+    for name in asked:
+        remedy = "leave out one of the two"
+        raise CommandError("seeds take turns at a simulation server", where=f"--{name}", remedy=remedy)
+    return ALONE
 
 
 def requested_run(arguments: NewRunArguments) -> RunConfig:

@@ -12,6 +12,8 @@ from core.bench.learning.runs import train_seed
 from core.errors import JobsError
 from core.events import SensorSize
 from core.jobs import ALONE, Engine, open_jobs
+from core.learning import create_run, default_run, run_training
+from core.learning.config import CurriculumConfig
 from core.rally.data_sets import plan_data_set, run_data_set
 from core.rally.data_sets.plan import Making
 from core.rally.data_sets.run import LOCK
@@ -34,7 +36,7 @@ def test_a_data_set_is_the_same_byte_for_byte_and_goes_on_wherever_it_was_begun(
     shares: list[float] = []
     done = run_data_set(PLAN, there, engine=engine, progress=shares.append)
     assert done.kept == (PLAN.recordings[0].name,) and done.made == (PLAN.recordings[1].name,)
-    assert digests(here) == digests(there) and len(digests(here)) == 4
+    assert digests(here) == digests(there) and len(digests(here)) == 5
     assert shares == sorted(shares) and shares[-1] == 1.0
 
 
@@ -56,6 +58,19 @@ def test_a_trained_seed_is_the_same_to_the_last_bit_but_for_its_time(cluster) ->
     for answer in (*answers[0], *answers[1]):
         assert answer.pop("cpu_s")
     assert answers[0] == answers[1] and answers[0][0] != answers[0][1]
+
+
+def test_the_seeds_of_a_run_are_the_same_to_the_last_byte(cluster, tmp_path: Path) -> None:
+    config = replace(default_run("landing-model"), seeds=2, checkpoint_every=10, evaluation_balls=10)
+    short = CurriculumConfig(speeds_mps=(5.0,), episodes=(20,))
+    config = replace(config, curriculum=short, environment=replace(config.environment, state_source="truth"))
+    found = []
+    for name, engine in (("here", ALONE), ("there", Engine(cluster=cluster.address))):
+        create_run(tmp_path / name, config)
+        assert run_training(tmp_path / name, engine=engine) == "finished"
+        folders = sorted(path for path in (tmp_path / name).glob("seed-*/**/*") if path.is_file())
+        found.append({str(path.relative_to(tmp_path / name)): path.read_bytes() for path in folders})
+    assert found[0] == found[1] and {"seed-0/policy.safetensors", "seed-1/metrics.jsonl"} <= found[0].keys()
 
 
 def test_recordings_are_looked_at_by_the_workers_and_the_tables_are_written_here(cluster, tmp_path: Path) -> None:

@@ -1,0 +1,166 @@
+"""Seeds that are trained side by side are those that come one after the other, whatever happens to a worker."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import psutil
+import pytest
+
+from core.errors import ConfigError
+from core.jobs import ALONE, Engine
+from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig
+from core.learning.runs.control import Control, read_status, write_control
+from core.learning.runs.run_files import create_run, read_lines, seed_files
+from core.learning.runs.running import run_training
+
+SEEDS = (4, 5, 6)
+CONFIG = RunConfig(
+    environment=EnvironmentConfig(state_source="truth"),
+    curriculum=CurriculumConfig(speeds_mps=(3.0, 5.0), episodes=(70, 60)),
+    checkpoint_every=20,
+    evaluation_balls=20,
+    first_seed=SEEDS[0],
+    seeds=len(SEEDS),
+)
+TWO = Engine(jobs=2)
+
+
+def files_of(run: Path) -> dict[str, bytes]:
+    """All that a run has written but how it was controlled and watched."""
+    return {
+        str(path.relative_to(run)): path.read_bytes()
+        for seed in SEEDS
+        for path in seed_files(run, seed).folder.rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def in_turn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    run = tmp_path_factory.mktemp("runs") / "in-turn"
+    create_run(run, CONFIG)
+    assert run_training(run, engine=ALONE) == "finished"
+    return files_of(run)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    create_run(tmp_path / "run", CONFIG)
+    return tmp_path / "run"
+
+
+def when(true: Callable[[], object], act: Callable[[], None]) -> threading.Thread:
+    """Do it in a thread as soon as that is so."""
+
+    def wait() -> None:
+        until = time.monotonic() + 120
+        while not true():
+            if time.monotonic() > until:
+                return
+            time.sleep(0.01)
+        act()
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    return thread
+
+
+def episodes(run: Path, seed: int) -> int:
+    return len(read_lines(seed_files(run, seed).metrics)[0])
+
+
+def test_they_are_the_same_to_the_last_byte(run: Path, in_turn: dict[str, bytes]) -> None:
+    shares: list[float] = []
+    assert run_training(run, engine=TWO, progress=shares.append) == "finished"
+    assert files_of(run) == in_turn
+    assert shares == sorted(shares) and shares[-1] == 1.0
+    status = read_status(run)
+    assert status is not None and (status.state, status.share, status.pid) == ("finished", 1.0, os.getpid())
+
+
+def test_a_worker_that_is_killed_costs_nothing(run: Path, in_turn: dict[str, bytes]) -> None:
+    killed: list[int] = []
+
+    def kill() -> None:
+        for child in psutil.Process().children(recursive=True):
+            if "resource_tracker" not in " ".join(child.cmdline()):
+                killed.append(child.pid)
+                child.send_signal(signal.SIGKILL)
+                return
+
+    thread = when(lambda: min(episodes(run, seed) for seed in SEEDS[:2]) > 25, kill)
+    assert run_training(run, engine=TWO) == "finished"
+    thread.join()
+    assert killed and files_of(run) == in_turn
+
+
+def test_who_is_told_to_stop_saves_and_goes_on_later(run: Path, in_turn: dict[str, bytes]) -> None:
+    def begun() -> bool:
+        return episodes(run, SEEDS[0]) > 10
+
+    assert run_training(run, engine=TWO, stopped=begun) == "stopped"
+    status = read_status(run)
+    assert status is not None and status.state == "stopped" and 0 < status.share < 1
+    assert seed_files(run, SEEDS[0]).checkpoint.exists(), "also between two checkpoints"
+    assert run_training(run, engine=TWO) == "finished"
+    assert files_of(run) == in_turn
+
+
+def test_a_pause_holds_all_of_them(run: Path, in_turn: dict[str, bytes]) -> None:
+    counts: list[tuple[int, ...]] = []
+
+    def paused() -> bool:
+        status = read_status(run)
+        return status is not None and status.state == "paused" and min(episodes(run, seed) for seed in SEEDS[:2]) > 0
+
+    def watch() -> None:
+        for _ in range(3):
+            time.sleep(0.5)
+            counts.append(tuple(episodes(run, seed) for seed in SEEDS))
+        write_control(run, Control("run"))
+
+    pause = when(lambda: episodes(run, SEEDS[0]) > 10, lambda: write_control(run, Control("pause")))
+    watching = when(paused, watch)
+    assert run_training(run, engine=TWO) == "finished"
+    pause.join()
+    watching.join()
+    assert len(counts) == 3 and counts[1] == counts[2] and counts[2][0] < 130
+    assert files_of(run) == in_turn
+
+
+def test_seeds_that_share_a_backend_are_not_trained_side_by_side(run: Path) -> None:
+    class Backend:
+        pass
+
+    with pytest.raises(ConfigError, match="a backend each"):
+        run_training(run, engine=TWO, backend=Backend())  # type: ignore[arg-type]
+    assert read_status(run) is None
+
+
+def test_a_disk_that_refuses_is_one_line_and_the_run_is_failed(run: Path) -> None:
+    if os.geteuid() == 0:
+        blocked = seed_files(run, SEEDS[1]).folder
+        blocked.write_text("a file where a folder should be")
+    else:
+        run.chmod(0o500)
+    with pytest.raises(ConfigError, match="cannot be written"):
+        run_training(run, engine=TWO)
+    status = read_status(run)
+    assert status is not None and status.state == "failed" and "cannot be written" in status.message
+
+
+def test_one_seed_needs_nobody_else(tmp_path: Path) -> None:
+    create_run(tmp_path / "one", replace(CONFIG, seeds=1))
+    before = {child.pid for child in psutil.Process().children(recursive=True)}
+    seen: list[set[int]] = []
+    run_training(
+        tmp_path / "one",
+        engine=TWO,
+        progress=lambda share: seen.append({child.pid for child in psutil.Process().children(recursive=True)}),
+    )
+    assert seen and all(pids <= before for pids in seen)
