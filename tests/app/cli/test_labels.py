@@ -9,8 +9,10 @@ import pytest
 from app.cli.main import main
 from core.events import Events
 from core.recordings import RecordingWriter
-from labels.model import Label, LabelState
+from labels.conflicts import settlement
+from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore
+from labels.store_contents import read_store
 from labels.trials.clips import MIDDLE_US, SENSOR, draw_clip
 
 UUID = "11111111-2222-4333-8444-555555555555"
@@ -222,3 +224,25 @@ def test_stores_are_merged_and_conflicts_are_listed(
     assert code == 2 and "a file already" in err and err.count("\n") == 1
     code, _, err = call(capsys, "merge", mine, "--out", tmp_path / "e.sqlite", "--within-px", "-1")
     assert code == 2 and err.count("\n") == 1
+
+
+def test_a_conflict_that_was_settled_is_merged_and_left_out_of_the_agreement(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    mine, out = data / "labels" / UUID, tmp_path / "c.sqlite"
+    with LabelStore.open(data / "labels", UUID, "left", "anna") as store:
+        first = store.at(MIDDLE_US)
+    assert first is not None
+    made = Provenance(source=PositionSource.SETTLED, detector=settlement("anna", first, "mine"))
+    for folder in (data / "labels", tmp_path / "other"):
+        with LabelStore.open(folder, UUID, "left", "bea") as store:
+            store.put(Label(t_us=MIDDLE_US, state=LabelState.NO_BALL, provenance=made))
+            other = store.path
+    code, text, _ = call(capsys, "merge", mine, other, "--out", out)
+    counts, settled = text.splitlines()
+    assert code == 0 and "0 conflicts, 1 labels left out" in counts
+    assert settled == "1 conflicts were settled in Label: the label that settles each was taken"
+    layers = {layer.annotator: times for layer, times in read_store(out).layers.items()}
+    assert MIDDLE_US in layers["bea"] and MIDDLE_US not in layers["anna"] and len(layers["anna"]) == 8
+    code, text, _ = call(capsys, "agree", *common(recording, data), "--annotator", "anna", "--with", "bea")
+    assert code == 0 and "1 labels left out: they settle conflicts" in text and "0 common" in text

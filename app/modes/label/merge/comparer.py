@@ -39,8 +39,8 @@ class CompareAsk:
     """What was compared last: if both are still the same, there is no other answer."""
 
 
-Answer = tuple[LabelComparison, Versions, tuple[str, ...]]
-"""What was found, in what, and what could not be read of it."""
+Answer = tuple[LabelComparison, Versions, tuple[str, ...]] | RallyscopeError | None
+"""What was found, in what, and what could not be read of it; or why nothing was. None: all is as it was."""
 
 
 class LabelComparer:
@@ -59,6 +59,8 @@ class LabelComparer:
         self._given: LabelComparison | None = None
         """What was found last."""
         self._file: tuple[object, StoreContents] | None = None
+        self._of_file: tuple[object, LabelsOf] | None = None
+        """What was read last of a file, and the layer of it that was compared last."""
         self._store: LabelStore | None = None
         """The other's layer in one's own store. It is closed when nobody holds any of its labels any more."""
         self._compared_s = self._listed_s = float("-inf")
@@ -111,16 +113,14 @@ class LabelComparer:
         annotator, uuid = who
         return others_to_compare(annotator, find_layers(self._labels, uuid), self._stores.of(uuid))
 
-    def _compare(self, ask: CompareAsk) -> Answer | None:
+    def _compare(self, ask: CompareAsk) -> Answer:
         other, camera = ask.other, ask.layer.camera
         if isinstance(other, RefusedStore):
-            raise refusal(other, ask.layer.recording_uuid)
+            return refusal(other, ask.layer.recording_uuid)
         try:
             theirs, mark, notes = self._their_labels(other, ask.layer)
         except LabelError as error:
-            if other.path is None:
-                raise
-            raise _named(error, other.path) from error
+            return error if other.path is None else _named(error, other.path)
         versions = ask.mine.arrays, mark
         if ask.known is not None and ask.known[0] is versions[0] and ask.known[1] == versions[1]:
             return None
@@ -146,18 +146,25 @@ class LabelComparer:
             if contents.recording_uuid != layer.recording_uuid:
                 raise _of_another(path, layer.recording_uuid, contents.recording_uuid)
             self._file = mark, contents
-        contents = self._file[1]
-        labels = contents.layers.get(replace(layer, annotator=other.annotator), {})
+        contents, wanted = self._file[1], replace(layer, annotator=other.annotator)
+        if self._of_file is None or self._of_file[0] != (mark, wanted):
+            labels = contents.layers.get(wanted, {})
+            self._of_file = (mark, wanted), LabelsOf(other.annotator, labels, label_arrays(labels.values()))
         notes = tuple(note.replace(str(path), path.name) for note in contents.notes)
-        return LabelsOf(other.annotator, labels, label_arrays(labels.values())), (mark, other.annotator), notes
+        return self._of_file[1], (mark, wanted), notes
 
     # In the loop --------------------------------------------------------------------------------------------------
 
     def _offer(self, found: dict[str, Offered]) -> None:
         self.offered = found
 
-    def _take(self, ask: CompareAsk, answer: Answer | None) -> None:
+    def _take(self, ask: CompareAsk, answer: Answer) -> None:
         now = self._editor.labelling
+        if isinstance(answer, RallyscopeError):
+            if ask.other is self.chosen:
+                self._forget()
+                self.problem = str(answer)
+            return
         stale = ask.other is not self.chosen or ask.mine.arrays is not now.here.arrays or self._editor.writer.waiting
         if answer is None or stale or ask.layer != _own_layer(now):
             return  # what changed meanwhile is compared next
@@ -165,12 +172,10 @@ class LabelComparer:
         self._editor.send(UseComparison(self._given))
 
     def _fail(self, error: Exception) -> None:
+        """A mistake of ours: it is not tried again and again."""
         self._forget()
-        if isinstance(error, RallyscopeError):
-            self.problem = str(error)
-        else:
-            self.problem = "this cannot be compared"
-            self._editor.callbacks.report(error)
+        self.problem = "this cannot be compared"
+        self._editor.callbacks.report(error)
 
 
 def refusal(store: RefusedStore, recording_uuid: str) -> LabelError:

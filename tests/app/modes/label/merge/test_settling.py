@@ -309,6 +309,24 @@ def test_a_store_of_a_colleague_is_compared_settled_and_never_written_to(
     desk.wait(lambda: desk.counts == (0, 3) and not desk.comparer.problem)  # of one, bea says what cleo said
 
 
+def test_of_a_damaged_store_what_can_be_read_is_compared_and_that_is_said(desk: Desk, serve_recording: Path) -> None:
+    fill(desk.root / "elsewhere", serve_recording, "cleo", *(ball(t_us, 90.0) for t_us in range(9_000, 12_001)))
+    (source,) = (desk.root / "elsewhere").rglob("labels.sqlite")
+    content = bytearray(source.read_bytes())
+    content[40 * 4096 : 41 * 4096] = b"\xa5" * 4096
+    file = desk.root / FOLDER / "cleo.sqlite"
+    file.parent.mkdir()
+    file.write_bytes(content)
+    desk.comparer._listed_s = float("-inf")
+    desk.choose(f"cleo in {FOLDER}/cleo.sqlite")
+    desk.wait(lambda: desk.work.compared_here is not None)
+    assert 1_000 < len(desk.found.only_theirs_us) < 3_000
+    (note,) = desk.comparer.notes
+    assert "cleo.sqlite: damaged" in note and str(desk.root) not in note
+    assert "damaged" in panel_html(desk.work, "", desk.comparer.notes, waiting=True)
+    assert file.read_bytes() == content and list(file.parent.iterdir()) == [file]
+
+
 def test_an_edit_that_fails_leaves_the_conflict_open(desk: Desk) -> None:
     desk.look(AT_US[0])
     store = desk.editor.writer.store(desk.work.layer)
