@@ -24,8 +24,8 @@ from core.learning.runs.run_files import create_run, read_run
 
 logger = logging.getLogger(__name__)
 COMMAND = (sys.executable, "-P", "-m", "app.cli", "train", "--resume", "--jobs", "1", "--out")
-"""The run's folder follows. Nothing that a browser sent is in it but a slug. One seed at a time: the app has work for the
-other cores."""
+"""The run's folder follows; nothing that a browser sent is in it but a slug. One seed at a time: the app has work for
+the other cores."""
 
 
 @dataclass(slots=True)
