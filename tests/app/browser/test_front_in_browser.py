@@ -245,7 +245,7 @@ def test_a_note_covers_no_caption_nor_bar_nor_panel_in_any_mode(window, size) ->
         note = functools.partial(window.session.note, title, "of two lines: where does it stand?", "green")
         window.session.later(note)
         page.get_by_text(title).first.wait_for()
-        page.wait_for_timeout(500)  # it slides in
-        assert page.evaluate(COVERED, title) == ""
+        covers = functools.partial(page.evaluate, COVERED, title)
+        wait_for(lambda covers=covers: covers() == "", f"{title} to have slid to where it covers nothing", 20)
         save_screenshot(page, f"front-note-{mode}-{size[0]}")
         page.evaluate(f"document.querySelectorAll('{NOTE}').forEach(note => note.style.display = 'none')")
