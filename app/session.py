@@ -16,6 +16,7 @@ from app.front.pages import Pages, Visit
 from app.modes.factories import FACTORIES
 from app.modes.mode import Middle, Mode
 from app.modes.services import Services
+from app.modes.watch.commands import EnlargePicture
 from app.panels.recording_info import RecordingInfo, gather_info
 from app.panels.time_bar import Runs, TimeBar, Tracks, opening_us, tracks_of
 from app.preparation.awaited import AwaitedRecording
@@ -87,6 +88,7 @@ class Session:
         self._opening = OpeningMoment(lambda: self.note(*SLOW_MOTION, "blue")) if self.page.is_new else None
         self._bar = TimeBar(self.page, self.send)
         self.page.listen("size", self.plane.window_resized)
+        self.page.listen("enlarge", lambda message: self.send(EnlargePicture(message.get("camera"))))
         self.page.listen("hand", lambda _: self.world.touched())
         self.plane.tell = self.page.send
 

@@ -19,6 +19,7 @@ SCRIPTS: Final = (
     "keyboard.js",
     "notes.js",
     "hand.js",
+    "enlarge.js",
     "timebar.js",
     "texts.js",
     "panes.js",

@@ -78,15 +78,18 @@ class BallActors:
 
 
 class _Sprite:
-    """A picture that faces the eye. What did not change is not sent: each value costs the server 70 us."""
+    """A picture that faces the eye. What did not change is not sent: each value costs the server 70 us.
+
+    Unscaled it is as large as the ball itself: a browser may draw it for a frame before it has its scale.
+    """
 
     def __init__(self, scene: viser.SceneApi, name: str, picture: NDArray[np.uint8]) -> None:
-        size = 2 * GLOW_TO
+        size = 2 * GLOW_TO * BALL_RADIUS_M
         self._image = scene.add_image(
             name, picture, size, size, format="png", visible=False, cast_shadow=False, receive_shadow=False
         )
         self._wxyz: Array | None = None
-        self._scale = 0.0
+        self._scale = 1.0
 
     def hide(self) -> None:
         self._image.visible = False
@@ -94,12 +97,13 @@ class _Sprite:
     def show(self, p_world_m: Array, eye: Eye, radius_m: float, lift_m: float) -> None:
         """Stand before a point (3,), as large as `radius_m` is there."""
         pose = sprite_pose(eye, p_world_m, radius_m, lift_m)
-        self._image.visible = True
         self._image.position = pose.p_world_m
         if self._wxyz is None or (pose.wxyz != self._wxyz).any():
             self._image.wxyz = self._wxyz = pose.wxyz
-        if not 0.97 < pose.scale / max(self._scale, 1e-9) < 1.03:
-            self._image.scale = self._scale = pose.scale
+        scale = pose.scale / BALL_RADIUS_M
+        if not 0.97 < scale / self._scale < 1.03:
+            self._image.scale = self._scale = scale
+        self._image.visible = True
 
 
 def _behind_floor(shadow: Shadow, eye: Eye | None) -> bool:

@@ -16,6 +16,7 @@ from app.export.unfinished import Cancelled, Progress
 from app.export.view_film import ViewFilmPlan, export_view_film, save_picture
 from app.modes.download import download_export
 from app.modes.export.files_panel import ExportFilesPanel
+from app.modes.export.made_with import made_with_html
 from app.modes.export.plan_panel import ExportPlan, ExportPlanPanel
 from app.modes.export.stream import StreamOrder, groups_of, labels_of
 from app.modes.export.view_options import VIEW_PICTURE
@@ -48,10 +49,12 @@ class ExportMode:
         self._exporter = host.services.exporter
         self._now_us = 0
         self._shots = ViewShots(host)
+        self._labelled_by: tuple[str, ...] = ()
         self._looked_s = self._offered_s = float("-inf")
         self._folder = host.client.gui.add_folder(None, visible=False)
         with self._folder:
             self._plan = ExportPlanPanel(host.client.gui, lambda: self._now_us, host.later)
+            self._made_with = host.client.gui.add_html("")
             self._files = ExportFilesPanel(host.client.gui)
             self._viewer = ViewerPanel(
                 host.client.gui,
@@ -102,7 +105,11 @@ class ExportMode:
         with self._host.client.atomic():
             if wall_s - self._offered_s > OFFER_EVERY_S:
                 self._offered_s = wall_s
-                self._plan.offer(tuple(sorted(self._host.services.workspace.run_names())), self._annotators())
+                self._labelled_by = self._annotators()
+                self._plan.offer(tuple(sorted(self._host.services.workspace.run_names())), self._labelled_by)
+            said = made_with_html(self._plan.plan, state.configs.present.a, self._labelled_by)
+            if said != self._made_with.content:
+                self._made_with.content = said
             self._files.show(self._exporter.state(), self._exporter.files())
             self._viewer.show(self._host.services.viewer.state())
 

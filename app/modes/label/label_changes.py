@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from labels.model import Label, LabelState, PositionSource, Provenance
 MOST_TIME_MS = 600_000
 _STAYS = (PositionSource.CORRECTED, PositionSource.SETTLED)
 """Sources that a label keeps when it is snapped."""
+LEAST_REACH_PX = 3.0
+"""So far from its middle even the smallest ball is still meant: a hand is not steadier."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +72,15 @@ def label_from_click(
     *,
     r_px: float | None = None,
 ) -> Label:
-    """A click by hand: the radius stays what it was unless it is given; where a draft was shown it is a correction.
+    """A click by hand: the radius stays what it was unless it is given; on a draft that was shown it is a correction.
 
-    Of a ball whose radius nobody has given yet, it is not known; `PlaceBall` asks for it before anything is stored.
+    A draft beside which was clicked has proposed something else: nothing of it is taken. Of a ball whose radius nobody
+    has given yet, it is not known; `PlaceBall` asks for it before anything is stored.
     """
     known = before if before is not None and before.x_px is not None else None
-    source, detector = _source_by_hand(known, draft)
+    if draft is not None and not _means(x_px, y_px, draft):
+        draft = None
+    source, detector = _source_by_hand(x_px, y_px, known, draft)
     radius = r_px or (known.r_px if known is not None else None) or (draft.r_px if draft is not None else None)
     state = before.state if before is not None and before.state.seen else LabelState.VISIBLE
     made = shown_picture.provenance(source, detector)
@@ -124,7 +130,7 @@ def moved(label: Label, dx_px: float, dy_px: float, shown_picture: ShownPicture)
 
 def placed(label: Label, x_px: float, y_px: float, r_px: float | None, shown_picture: ShownPicture) -> Label:
     """The label with other numbers, set by hand."""
-    source, detector = _source_by_hand(label, None)
+    source, detector = _source_by_hand(x_px, y_px, label, None)
     moved_centre = (x_px, y_px) != (label.x_px, label.y_px)
     state = LabelState.VISIBLE if label.state is LabelState.NO_BALL else label.state
     return replace(
@@ -163,10 +169,20 @@ def copied(label: Label, shown_picture: ShownPicture) -> Label:
     )
 
 
-def _source_by_hand(label: Label | None, draft: ProposedLabel | None) -> tuple[PositionSource, str]:
-    """Moved by hand: a correction if a detector had proposed it."""
+def _source_by_hand(
+    x_px: float, y_px: float, label: Label | None, draft: ProposedLabel | None
+) -> tuple[PositionSource, str]:
+    """Moved by hand: a correction if a detector had proposed it, and it lies where the detector said, or nearly so."""
     if draft is not None and label is None:
         return PositionSource.CORRECTED, draft.detector
-    if label is not None and label.provenance.source in (PositionSource.ACCEPTED, PositionSource.CORRECTED):
+    proposed = label is not None and label.provenance.source in (PositionSource.ACCEPTED, PositionSource.CORRECTED)
+    if label is not None and proposed and _means(x_px, y_px, label):
         return PositionSource.CORRECTED, label.provenance.detector
     return PositionSource.BY_HAND, ""
+
+
+def _means(x_px: float, y_px: float, ball: Label | ProposedLabel) -> bool:
+    """Whether a point lies within a ball, and so can be a better centre of it, or is another thing's."""
+    if ball.x_px is None or ball.y_px is None:
+        return False
+    return math.hypot(x_px - ball.x_px, y_px - ball.y_px) <= max(ball.r_px or 0.0, LEAST_REACH_PX)

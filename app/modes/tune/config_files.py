@@ -15,11 +15,17 @@ class ConfigFilesPanel:
     def __init__(self, gui: viser.GuiApi, save: Callable[[str], None], load: Callable[[str], None]) -> None:
         self.folder = gui.add_folder("Config file")
         with self.folder:
-            self._name = gui.add_text("Name", "", hint="Saved in the workspace, never over another one")
-            when_clicked(gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY), lambda: save(self._name.value))
+            form = gui.add_form(None)  # Enter in its text means Save
+            with form:
+                self._name = gui.add_text("Name", "", hint="Saved by Enter, too; never over another one")
+                when_clicked(gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY), form.submit)
             self._saved = Listing(gui, "Saved", lambda name: None, hint="Configs in the workspace")
             when_clicked(gui.add_button("Load", icon=viser.Icon.FOLDER_OPEN), self._load)
         self._load_name = load
+
+        @form.on_submit
+        async def _(_: viser.GuiEvent) -> None:
+            save(self._name.value)
 
     def show(self, names: tuple[str, ...], *, chosen: str | None = None) -> None:
         """Offer these configs, and choose one that was just saved."""

@@ -54,8 +54,8 @@ class TuneMode:
         self._pictures = LatestWins(host.pool, _answer, self._picture_done, self._failed)
         gui = host.client.gui
         self._view = TuneViewPanel(gui, self._send)
-        self._compare = CompareOverTime(host, self._send, lambda width_px: self._results.make_room(width_px))
         self._settings = SettingsPanel(gui, self._send)
+        self._compare = CompareOverTime(host, self._send, lambda width_px: self._results.make_room(width_px))
         self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._cancel_score))
         self._auto = AutoTune(host, self._results.show_tuned)
         self._files = ConfigFilesPanel(

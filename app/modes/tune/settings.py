@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
 import viser
 
 from app import theme
 from app.panels.field_control import add_field_control, section_title
-from app.state.client_state import ClientState
+from app.state.client_state import ClientState, Overlay
 from app.state.commands import Command, CopyToOther, EditSetting, Redo, ResetConfig, SetMethod, Undo
 from app.widgets import when_changed
 from app.words.percent import percent
@@ -19,6 +20,15 @@ from core.tuning.parameters import tunable_parameters
 
 FOLDED = ("hot_pixels", "flicker", "roi")
 """Sections that start folded: optional stages, and what rarely needs a change."""
+STAGE_OF: Final[dict[Overlay, str]] = {
+    "raw": "window",
+    "denoised": "denoise",
+    "clusters": "cluster",
+    "polarity": "polarity",
+    "geometry": "geometry",
+    "result": "localise",
+}
+"""The section whose sliders belong to what the picture shows: it comes first."""
 TITLES = {"ebpp": "EBPP", "fe_fusion": "F-E Fusion"}
 
 
@@ -30,6 +40,7 @@ class SettingsPanel:
         self._counts: dict[str, viser.GuiHtmlHandle] = {}
         self._sections: dict[str, viser.GuiFolderHandle] = {}
         self._shown: Method | None = None
+        self._first: str | None = None
         self.folder = gui.add_folder("Detector")
         with self.folder:
             self._method = gui.add_dropdown("Method", tuple(METHODS), hint="The detector that is tuned")
@@ -51,6 +62,7 @@ class SettingsPanel:
                             handle = self._handles[spec.path] = add_field_control(gui, spec, slider=True)
                             when_changed(handle, lambda value, spec=spec: _edit(send, spec, value))
 
+        self._orders = {stage: folder.order for stage, folder in self._sections.items()}
         when_changed(self._method, lambda method: send(SetMethod(method)))  # type: ignore[arg-type]
 
         @edit.on_click
@@ -64,8 +76,19 @@ class SettingsPanel:
         if state.tune.method != self._shown:
             self._shown = state.tune.method
             self._offer(state.tune.method)
+        self._put_first(STAGE_OF[state.tune.overlay] if state.tune.method in STAGED else None)
         for path, handle in self._handles.items():
             handle.value = get_setting(state.config, path)
+
+    def _put_first(self, stage: str | None) -> None:
+        """The sliders of the stage that the picture shows are seen without scrolling; the others keep their order."""
+        if stage == self._first:
+            return
+        for name in (self._first, stage):
+            if name is not None:
+                above = min(self._orders.values()) - 0.5
+                self._sections[name].order = above if name == stage else self._orders[name]
+        self._first = stage
 
     def _offer(self, method: Method) -> None:
         """Leave what this method takes from a config; what it decides itself has no slider."""

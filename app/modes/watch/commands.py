@@ -32,6 +32,20 @@ class EnlargeCamera:
 
 
 @dataclass(frozen=True, slots=True)
+class EnlargePicture:
+    """What a double click means: on a camera's picture that one in the middle, anywhere else the scene again."""
+
+    camera: object
+    """What the page says; not trusted. "": not on a camera's picture."""
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        if state.mode != "Watch" or (self.camera != "" and self.camera not in state.cameras):
+            return state
+        large = "" if self.camera == state.watch.large else str(self.camera)
+        return replace(state, watch=replace(state.watch, large=large))
+
+
+@dataclass(frozen=True, slots=True)
 class EnlargeNextCamera:
     """Each camera after the other, then the scene again."""
 

@@ -13,6 +13,7 @@ def test_a_part_of_a_recording_becomes_a_rerun_file_that_can_be_downloaded(windo
     window.press("Export")
     wait_for(lambda: window.state.mode == "Export", "the mode")
     page.get_by_text("In the Rerun file").wait_for()
+    page.get_by_text("config A, as it comes").wait_for()
     window.field("From [s]").fill("0.1")
     window.field("To [s]").fill("0.2")
     page.keyboard.press("Enter")

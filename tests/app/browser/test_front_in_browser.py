@@ -1,5 +1,6 @@
 """The door and the page as a browser sees them: foreign pages, a reload, a server that is gone and comes back."""
 
+import functools
 import http.server
 import shutil
 import signal
@@ -14,6 +15,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
+from app.state.client_state import MODES
 from app.state.commands import EditSetting, LookAt, SetMode, SetOverlay, SetZoom, StopAt
 from tests.app.browser.conftest import FEW_FRAMES, Window, save_screenshot, wait_for
 
@@ -213,3 +215,37 @@ def test_a_panel_below_the_picture_leaves_the_controls_free(window, wait_for) ->
         page.set_viewport_size({"width": width, "height": 720})
         wait_for(lambda: right_of("#root canvas") < page.viewport_size["width"] - 300, "room for the controls")
         wait_for(lambda: right_of(panel) <= right_of("#root canvas"), f"the panel to fit a window of {width} px")
+
+
+NOTE = "[class*=mantine-Notification-root]"
+COVERED = """title => {
+    const box = one => one.getBoundingClientRect();
+    const notes = [...document.querySelectorAll("[class*=mantine-Notification-root]")];
+    const note = notes.find(one => one.textContent.includes(title));
+    if (!note) return "no note";
+    const a = box(note), canvas = box(document.querySelector("#root canvas"));
+    if (a.left < canvas.left || a.right > canvas.right || a.top < 0) return "the note is beside the picture";
+    const others = [...document.querySelectorAll("#rallyscope-bar, #root [role=tab], #rallyscope-texts span")];
+    return others.filter(one => one.offsetParent !== null || one.id).map(one => [one.textContent, box(one)])
+        .filter(([, b]) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom)
+        .map(([text]) => text).join("; ");
+}"""
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (1000, 700)])
+def test_a_note_covers_no_caption_nor_bar_nor_panel_in_any_mode(window, size) -> None:
+    page = window.page
+    page.set_viewport_size({"width": size[0], "height": size[1]})
+    window.screenshot("front-note-before")  # takes away the note of the browser about its graphics
+    for mode in MODES:
+        window.session.send(SetMode(mode))
+        wait_for(lambda mode=mode: window.state.mode == mode, mode)
+        window.wait_until_still()
+        title = f"A note in {mode}"
+        note = functools.partial(window.session.note, title, "of two lines: where does it stand?", "green")
+        window.session.later(note)
+        page.get_by_text(title).first.wait_for()
+        covers = functools.partial(page.evaluate, COVERED, title)
+        wait_for(lambda covers=covers: covers() == "", f"{title} to have slid to where it covers nothing", 20)
+        save_screenshot(page, f"front-note-{mode}-{size[0]}")
+        page.evaluate(f"document.querySelectorAll('{NOTE}').forEach(note => note.style.display = 'none')")

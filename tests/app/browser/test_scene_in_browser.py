@@ -163,6 +163,18 @@ def test_one_picture_fills_the_middle_and_the_scene_comes_back(space, wait_for) 
     wait_for(lambda: space.session.world.visible, "the scene again")
 
 
+def test_a_double_click_makes_a_picture_large_and_another_one_gives_the_scene_back(space, wait_for) -> None:
+    beside = space.page.locator("#root img:visible")
+    for number, camera in enumerate(("left", "right")):
+        wait_for(lambda: beside.count() == 2, "both cameras' pictures beside the scene")
+        beside.nth(number).dblclick()
+        wait_for(lambda camera=camera: space.state.watch.large == camera, f"the {camera} camera in the middle")
+        wait_for(lambda: len(space.session.sheet.pictures) == 1, "one picture")
+        left, top, width, height = canvas_of(space)
+        space.page.mouse.dblclick(left + width / 2, top + height / 3)
+        wait_for(lambda: space.state.watch.large == "" and space.session.world.visible, "the scene again")
+
+
 def test_a_view_that_a_person_turned_stays_when_the_window_changes(space, wait_for) -> None:
     at_rest(space, wait_for)
     left, top, width, height = canvas_of(space)

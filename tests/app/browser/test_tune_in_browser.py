@@ -1,10 +1,11 @@
 """Tune, in a real browser. The screenshots are kept under test-artifacts/."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
-from app.state.commands import SetZoom
+from app.state.commands import SetOverlay, SetZoom, UseConfig
 from core.config import get_setting, load_config
 from core.detection import DetectorConfig
 
@@ -37,6 +38,25 @@ def test_the_stages_show_the_ball_its_hull_and_its_circle(near, count_like) -> N
     assert canvas.std() > 1
     for stage in ("denoise", "cluster", "geometry"):
         assert near.page.get_by_text(stage.capitalize(), exact=True).count() >= 1
+
+
+@pytest.mark.parametrize("stage", ["cluster", "geometry"])
+def test_sliders_of_the_stage_that_is_shown_and_four_clusters_are_seen_without_scrolling(tune, wait_for, stage) -> None:
+    config = DetectorConfig()
+    cluster = replace(config.cluster, eps_px=1, min_samples=1, size_min=1)
+    config = replace(config, cluster=cluster, roi=replace(config.roi, enabled=False))
+    tune.session.send(UseConfig(replace(config, denoise=replace(config.denoise, kernel_px=1))))
+    tune.session.send(SetOverlay("clusters" if stage == "cluster" else "geometry"))
+    rows = tune.page.locator("td", has_text=re.compile("^(ON|OFF)$"))
+    wait_for(lambda: rows.count() >= 4, "four clusters")
+    panel = tune.page.locator("[data-scrollarea-viewport]").filter(has=rows.first).last.bounding_box()
+    fourth = rows.nth(3).bounding_box()
+    assert fourth["y"] + fourth["height"] <= panel["y"] + panel["height"] + 1
+    mark = tune.page.locator(f"#stage-{stage}")
+    wait_for(lambda: 0 < mark.bounding_box()["y"] < 600, "the stage's sliders at the top")
+    last = tune.field({"cluster": "size max", "geometry": "solidity min"}[stage]).bounding_box()
+    assert last["y"] + last["height"] < 720
+    tune.screenshot(f"tune-at-once-{stage}")
 
 
 def test_a_slider_changes_the_overlay_and_undo_brings_it_back(near, wait_for, count_like) -> None:
@@ -117,7 +137,18 @@ def test_a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, w
     wait_for(lambda: tune.state.config == DetectorConfig(), "reset")
     tune.press("Save")
     tune.page.get_by_text("Saved as my-config-2").wait_for()
+    tune.field("radius max [px]").fill("18")
+    wait_for(lambda: get_setting(tune.state.config, RADIUS_MAX) == 18, "another setting")
+    tune.field("Name").fill("My config")
+    tune.field("Name").press("Enter")
+    tune.page.get_by_text("Saved as my-config-3").wait_for()
+    assert get_setting(load_config(DetectorConfig, path), RADIUS_MAX) == 17, "nor by Enter"
+    tune.press("Undo")
+    wait_for(lambda: tune.state.config == DetectorConfig(), "undo")
+    tune.field("Name").press("Enter")
+    tune.page.get_by_text("Saved as my-config-2").last.wait_for()
     assert load_config(DetectorConfig, path) != DetectorConfig(), "nothing is overwritten"
+    assert len(list(path.parent.iterdir())) == 3
     wait_for(lambda: tune.field("Saved").input_value() == "my-config-2", "the choice of the second")
     tune.page.get_by_label("Saved").first.click()
     tune.page.get_by_role("option", name="my-config", exact=True).click()

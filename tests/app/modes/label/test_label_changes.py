@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -35,6 +37,38 @@ def test_a_click_where_something_was_proposed_is_a_correction_of_it() -> None:
         "auto#abc",
         7.0,
     )
+
+
+@pytest.mark.parametrize(
+    ("x_px", "r_px", "source"),
+    [
+        (50.0, 7.0, PositionSource.CORRECTED),
+        (57.0, 7.0, PositionSource.CORRECTED),  # on the proposal's rim
+        (57.1, 7.0, PositionSource.BY_HAND),
+        (300.0, 7.0, PositionSource.BY_HAND),
+        (52.9, 1.5, PositionSource.CORRECTED),  # beside a ball of three pixels, as a hand is
+        (53.1, 1.5, PositionSource.BY_HAND),
+        (52.9, None, PositionSource.CORRECTED),
+        (53.1, None, PositionSource.BY_HAND),
+    ],
+)
+def test_a_click_beside_what_was_proposed_corrects_nothing(
+    x_px: float, r_px: float | None, source: PositionSource
+) -> None:
+    label = label_from_click(x_px, 60.0, JUDGED, None, replace(DRAFT, r_px=r_px))
+    corrects = source is PositionSource.CORRECTED
+    assert label.provenance.source is source
+    assert label.provenance.detector == ("auto#abc" if corrects else "")
+    assert label.r_px == (r_px if corrects else None), "how large another thing is says nothing of this one"
+
+
+def test_an_accepted_label_that_is_put_elsewhere_is_no_correction_and_keeps_its_radius() -> None:
+    for made in (
+        label_from_click(90.0, 60.0, JUDGED, accepted(DRAFT, JUDGED), DRAFT),
+        placed(accepted(DRAFT, JUDGED), 90.0, 60.0, 7.0, JUDGED),
+    ):
+        assert (made.provenance.source, made.provenance.detector) == (PositionSource.BY_HAND, "")
+        assert made.r_px == 7.0
 
 
 def test_a_second_click_keeps_radius_and_state() -> None:

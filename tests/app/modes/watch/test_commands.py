@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from app.modes.watch.commands import EnlargeCamera, EnlargeNextCamera, ShowSpace
+from app.modes.watch.commands import EnlargeCamera, EnlargeNextCamera, EnlargePicture, ShowSpace
 from app.state.client_state import ClientState, Configs
 from app.state.playback import Playhead
 from app.state.undo import History
@@ -37,3 +37,22 @@ def test_an_unknown_camera_and_another_mode_change_nothing(state) -> None:
     assert EnlargeCamera("../x").apply(state, 0.0) == state
     label = replace(state, mode="Label")
     assert EnlargeNextCamera().apply(label, 0.0) == label
+
+
+def test_a_double_click_enlarges_a_camera_and_one_anywhere_else_gives_the_scene_back(state) -> None:
+    large = EnlargePicture("right").apply(state, 0.0)
+    assert large.watch.large == "right"
+    assert EnlargePicture("left").apply(large, 0.0).watch.large == "left"
+    assert EnlargePicture("right").apply(large, 0.0) == EnlargePicture("").apply(large, 0.0) == state
+    assert EnlargePicture("").apply(state, 0.0) == state
+
+
+@pytest.mark.parametrize("said", ["../x", None, 3, ["left"], {"left": 1}])
+def test_what_a_page_says_that_is_no_camera_changes_nothing(state, said: object) -> None:
+    large = EnlargeCamera("left").apply(state, 0.0)
+    assert EnlargePicture(said).apply(large, 0.0) == large
+
+
+def test_a_double_click_in_another_mode_changes_nothing(state) -> None:
+    label = replace(EnlargeCamera("left").apply(state, 0.0), mode="Label")
+    assert EnlargePicture("").apply(label, 0.0) == label == EnlargePicture("right").apply(label, 0.0)
