@@ -12,6 +12,7 @@ from typing import Final
 from core.bench.damage.trials import DamageCounts, run_damage_trials
 from core.bench.machine import Row, describe_machine, goal_row
 from core.bench.partial_rows import tell_rows, within
+from core.errors import CommandError
 
 COUNT: Final = 10_000
 SEED: Final = 16
@@ -24,24 +25,39 @@ KINDS: Final = {
     "config": "core.bench.damage.text_kinds:CONFIGS",
     "calibration": "core.bench.damage.text_kinds:CALIBRATIONS",
     "manifest": "core.bench.damage.text_kinds:MANIFESTS",
+    "index of a data set": "core.bench.damage.index_kinds:INDEXES",
 }
 """Every kind of file of ours, and where its trials are."""
 
 
-def run(progress: Callable[[float], None], *, count: int = COUNT) -> dict[str, object]:
-    """Of every kind so many damages: how many were bugs, deaths of the process, too slow or too large."""
+def run(progress: Callable[[float], None], *, count: int = COUNT, only: str | None = None) -> dict[str, object]:
+    """Of every kind, or `only` one, so many damages: how many were bugs, deaths of the process, too slow or too large.
+
+    Raises:
+        CommandError: if there is no such kind.
+    """
+    kinds = choose_kinds(only)
     rows: list[Row] = []
     problems: list[str] = []
-    for number, (name, kind) in enumerate(KINDS.items()):
-        share = within(progress, number / len(KINDS), (number + 1) / len(KINDS))
+    for number, (name, kind) in enumerate(kinds.items()):
+        share = within(progress, number / len(kinds), (number + 1) / len(kinds))
         counts = run_damage_trials(kind, count, seed=SEED, progress=share)
         found = rows_of(name, counts)
         rows += found
         problems += [
             f"{name}: {times} x {place} ({counts.first_of[place]})" for place, times in counts.problems.items()
         ]
-        tell_rows(progress, found, (number + 1) / len(KINDS))
+        tell_rows(progress, found, (number + 1) / len(kinds))
     return {"rows": rows, "problems": problems, "machine": describe_machine("numpy", "h5py")}
+
+
+def choose_kinds(only: str | None) -> dict[str, str]:
+    """All kinds, or one."""
+    if only is None:
+        return KINDS
+    if only not in KINDS:
+        raise CommandError("no such kind of file", expected="; ".join(KINDS), got=only, where="--only")
+    return {only: KINDS[only]}
 
 
 def rows_of(name: str, counts: DamageCounts) -> list[Row]:

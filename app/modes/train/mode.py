@@ -96,6 +96,7 @@ class TrainMode:
             self._asked_s, self._waiting = wall_s, True
             shown = None if self._view is None or self._details is None else self._view.key
             self._viewer.submit(ViewRequest(self._chosen, self._compared, shown))
+        self._side.room.follow(self._host.client.camera.aspect)
         view, details = self._view, self._details
         if view is not None and view.run is not None and details is not None:
             self._scene.draw(wall_s, self._host.services.workspace.run_path(view.run.name), view.run.config, details)

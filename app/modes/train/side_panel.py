@@ -10,9 +10,9 @@ import viser
 from app.modes.train.charts_panel import ChartsPanel
 from app.modes.train.status import case_counts_html, log_html, offsets_title_html, runs_html
 from app.modes.train.view import Details, RunsView
+from app.panels.panel_room import PanelRoom
 from app.views.image_view import set_png
 
-WIDTH_PX: Final = 340
 FIRST_PIXELS: Final = np.zeros((1, 1, 3), np.uint8)
 
 
@@ -32,8 +32,7 @@ class SidePanel:
             self._runs = gui.add_html("")
         with self._panel.add_tab("Log"):
             self._log = gui.add_html("")
-        self._panel.dock_left()
-        self._panel.set_width(WIDTH_PX)
+        self.room = PanelRoom(self._panel)
 
     def set_visible(self, visible: bool) -> None:
         """Show it or hide it."""

@@ -10,7 +10,7 @@ import viser
 from viser import uplot
 
 from app import theme
-from app.modes.watch.folding import WIDTHS_PX, Room, room_beside
+from app.panels.panel_room import PanelRoom
 from app.scene.prediction import AFTER_RGB, BEFORE_RGB
 from app.scene.speed_colours import speed_legend_html
 from app.views.image_view import set_png
@@ -32,8 +32,7 @@ class CamerasPanel:
         self._gui, self._enlarge = gui, enlarge
         self.panel = gui.add_panel(visible=False)
         self._tab = self.panel.add_tab("Rally", viser.Icon.PING_PONG)
-        self.panel.dock_left()
-        self.panel.set_width(WIDTHS_PX["narrow"])
+        self.room = PanelRoom(self.panel)
         with self._tab:
             self._pictures = gui.add_folder(None)
             gui.add_html(speed_legend_html())
@@ -61,19 +60,8 @@ class CamerasPanel:
                 axes=(plot_axis("ms before the hit"), plot_axis("mm")),
                 aspect=1.2,
             )
-        self._room: Room = "narrow"
         self._larger: Choice | None = None
         self._images: dict[str, viser.GuiImageHandle] = {}
-
-    def make_room(self, aspect: float) -> None:
-        """Take less room where the middle, of this width over height, has little, and more where it has much."""
-        room = room_beside(aspect, self._room)
-        if room == self._room:
-            return
-        if "folded" in (room, self._room):
-            (self.panel.minimize if room == "folded" else self.panel.expand)()
-        self.panel.set_width(WIDTHS_PX[room])
-        self._room = room
 
     def show_large(self, camera: str) -> None:
         """Mark the camera whose picture is in the middle."""

@@ -104,7 +104,7 @@ class WatchMode:
         self._cameras.panel.visible = self._has_panel
         self._cameras.show_large(state.watch.large)
         if self.middle == "world":
-            self._cameras.make_room(self._host.client.camera.aspect)
+            self._cameras.room.follow(self._host.client.camera.aspect)
         self._view.show(state, is_stereo=self._rally is not None, views=self._host.world.views)
         live = None if self._rally is None else self._rally.live
         self._missed.tick(None if self._rally is None else self._rally.history, now_us, wall_s)

@@ -68,12 +68,22 @@ def read_index(folder: Path) -> pa.Table:
     try:
         with parquet.ParquetFile(path) as file:
             table = file.read()
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, ValueError, pa.ArrowException) as error:
         raise RecordingError("not a data set", expected=f"a folder with {INDEX}", where=path, remedy=remedy) from error
     try:
-        return table.select(SCHEMA.names).cast(SCHEMA)
-    except (KeyError, pa.ArrowException) as error:
-        raise RecordingError("not an index of a data set", where=path, got=f"{error!s:.120}", remedy=remedy) from error
+        table = table.select(SCHEMA.names).cast(SCHEMA)
+        table.validate(full=True)
+        files = table.column("file").to_pylist()
+    except (KeyError, ValueError, pa.ArrowException) as error:
+        got = " ".join(str(error).split())[:120]
+        raise RecordingError("not an index of a data set", where=path, got=got, remedy=remedy) from error
+    if empty := [name for name in SCHEMA.names if table.column(name).null_count]:
+        raise RecordingError("the index is damaged", got=f"no {empty[0]} in a row", where=path, remedy=remedy)
+    if foreign := [name for name in files if not name.endswith(".h5") or Path(name).name != name or "\0" in name]:
+        raise RecordingError("the index names a file elsewhere", got=repr(foreign[0][:80]), where=path, remedy=remedy)
+    if len(set(files)) < len(files):
+        raise RecordingError("the index names a file twice", where=path, remedy=remedy)
+    return table
 
 
 def _row(entry: Mapping) -> dict[str, object]:

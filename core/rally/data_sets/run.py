@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -109,7 +110,8 @@ def _known_digests(folder: Path) -> dict[tuple[str, int], str]:
     with suppress(RecordingError):
         entries = read_manifest(folder)["recordings"]
         assert isinstance(entries, list)
-        return {(one.get("uuid", ""), one["bytes"]): str(one.get("sha256", "")) for one in entries}
+        known = {(str(one.get("uuid")), one["bytes"]): str(one.get("sha256")) for one in entries}
+        return {key: sha256 for key, sha256 in known.items() if re.fullmatch("[0-9a-f]{64}", sha256)}
     return {}
 
 

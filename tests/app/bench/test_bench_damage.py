@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.bench.bench_damage import KINDS, rows_of
+from app.bench.bench_damage import KINDS, choose_kinds, rows_of
 from core.bench.damage.kinds import DamageKind
 from core.bench.damage.trial_child import open_damaged
 from core.bench.damage.trials import DamageCounts, run_damage_trials
-from core.errors import RecordingError
+from core.errors import CommandError, RecordingError
 
 SAMPLE = 25
 
@@ -74,3 +74,9 @@ def test_a_bug_misses_the_goal() -> None:
         counts.add({"trial": 0, "outcome": outcome, "said": "", "seconds": 0.1})
     bugs, deaths, slow = rows_of("config", counts)
     assert (bugs["measured"], bugs["met"]) == (1.0, False) and deaths["met"] and slow["met"]
+
+
+def test_one_kind_is_asked_for_by_its_name() -> None:
+    assert choose_kinds("manifest") == {"manifest": KINDS["manifest"]} and choose_kinds(None) == KINDS
+    with pytest.raises(CommandError, match="no such kind of file"):
+        choose_kinds("pictures")

@@ -101,7 +101,7 @@ def test_the_card_of_many_is_not_written_after_each(tmp_path: Path, monkeypatch:
     assert read_index(tmp_path).num_rows == 4
 
 
-@pytest.mark.parametrize("damage", ["gone", "cut", "foreign", "retyped"])
+@pytest.mark.parametrize("damage", ["gone", "cut", "foreign", "retyped", "empty cell", "elsewhere", "twice"])
 def test_an_index_that_is_none_is_told_in_one_line(made: Path, damage: str) -> None:
     path = made / INDEX
     table = read_index(made)
@@ -111,9 +111,14 @@ def test_an_index_that_is_none_is_told_in_one_line(made: Path, damage: str) -> N
         path.write_bytes(path.read_bytes()[:-20])
     elif damage == "foreign":
         parquet.write_table(pa.table({"file": ["a"]}), path)
+    elif damage == "twice":
+        parquet.write_table(pa.concat_tables([table, table]), path)
+    elif damage in ("empty cell", "elsewhere"):
+        names = pa.array(["../secret.h5" if damage == "elsewhere" else None] * len(table))
+        parquet.write_table(table.set_column(0, "file", names), path)
     else:
         retyped = table.set_column(table.schema.get_field_index("seed"), "seed", pa.array(["many"] * len(table)))
         parquet.write_table(retyped, path)
-    with pytest.raises(RecordingError, match=r"index|data set") as told:
+    with pytest.raises(RecordingError, match=r"index\b|data set") as told:
         read_index(made)
     assert "\n" not in str(told.value)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final, Literal
 
+import viser
+
 Room = Literal["folded", "narrow", "wide"]
 WIDTHS_PX: Final[dict[Room, int]] = {"folded": 280, "narrow": 280, "wide": 350}
 """Of the panel when it is open. With the controls at the right, 280 leave 46 % of a window of 1280 to the scene."""
@@ -29,3 +31,23 @@ def room_beside(aspect: float, room: Room) -> Room:
     if room == "narrow":
         return "wide" if aspect > WIDE_ABOVE else "narrow"
     return "narrow" if aspect < NARROW_BELOW else "wide"
+
+
+class PanelRoom:
+    """Docks a panel at the left, and keeps it to the room that it should have."""
+
+    def __init__(self, panel: viser.PanelHandle) -> None:
+        self._panel = panel
+        self._room: Room = "narrow"
+        panel.dock_left()
+        panel.set_width(WIDTHS_PX[self._room])
+
+    def follow(self, aspect: float) -> None:
+        """Take less room where the middle, of this width over height, has little, and more where it has much."""
+        room = room_beside(aspect, self._room)
+        if room == self._room:
+            return
+        if "folded" in (room, self._room):
+            (self._panel.minimize if room == "folded" else self._panel.expand)()
+        self._panel.set_width(WIDTHS_PX[room])
+        self._room = room

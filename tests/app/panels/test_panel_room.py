@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.modes.watch.folding import WIDTHS_PX, Room, room_beside
+from app.panels.panel_room import WIDTHS_PX, Room, room_beside
 from app.theme import PANEL_WIDTH_PX
 
 RAIL_PX = 40
