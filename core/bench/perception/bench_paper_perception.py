@@ -1,14 +1,15 @@
 """The paper's comparisons of perception, one command: every method on the seven recordings of `paper7`, seed by seed.
 
 What is missing is made first (one set takes 415 seconds of one core's time). Every result is kept: an interrupted bench
-goes on where it was. After a change of a method's code, remove the folder `results`; changed settings are noticed.
+goes on where it was. After a change of a method's code, remove the folder `results`; changed settings are noticed. One
+recording is measured at a time, so that nothing else is in the caches, unless more are asked for.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
@@ -30,6 +31,7 @@ from core.bench.perception.results import (
 from core.bench.perception.sections import report_sections
 from core.bench.perception.summary import FIGURES, SeedRun, estimate
 from core.files import replace_file
+from core.jobs import ALONE, HERE, Engine, PieceControl, open_jobs
 from core.rally.data_sets import DataSetPlan, PlannedRecording, run_data_set
 from core.recordings import open_recording
 
@@ -45,7 +47,9 @@ PICTURE: Final = "perception-window.png"
 """One of the page's pictures by itself: of the middle recording."""
 
 
-def run(progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, count: int = COUNT) -> dict[str, object]:
+def run(
+    progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, count: int = COUNT, engine: Engine = HERE
+) -> dict[str, object]:
     """A row per method and the intervals of its figures, the comparisons, the report's two pages, and the machine."""
     runs: list[SeedRun] = []
     for number in range(count):
@@ -54,7 +58,8 @@ def run(progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, cou
         def seed_progress(share: float, number: int = number) -> None:
             progress((number + share) / count)
 
-        runs.append(run_seed(plan.seed_plan(seed), folder, seed_progress, with_recordings=number == 0))
+        planned = plan.seed_plan(seed)
+        runs.append(run_seed(planned, folder, seed_progress, with_recordings=number == 0, engine=engine))
     pictures = draw_windows(runs[0], plan.set_folder(folder, runs[0].seed))
     machine = describe_machine("numba", "opencv-python-headless", clock="processor time of one thread, warm")
     sections = report_sections(runs, machine)
@@ -73,25 +78,49 @@ def run(progress: Progress, *, folder: Path = FOLDER, report: Path = REPORT, cou
     }
 
 
-def run_seed(planned: DataSetPlan, folder: Path, progress: Progress, *, with_recordings: bool) -> SeedRun:
-    """Every method on every recording of a seed, measured now or kept; recordings are made if they are still needed."""
+def run_seed(
+    planned: DataSetPlan, folder: Path, progress: Progress, *, with_recordings: bool, engine: Engine = HERE
+) -> SeedRun:
+    """Every method on every recording of a seed, measured now or kept; recordings are made if they are still needed.
+
+    Raises:
+        JobsError: if a cluster cannot be used, or the workers of a recording keep dying.
+    """
     missing = [one for one in planned.recordings if not _is_measured(folder, planned.seed, one)]
     base = 0.0
     if missing or with_recordings:
         base = 0.0 if _are_there(planned, folder) else MAKING_SHARE
-        run_data_set(planned, plan.set_folder(folder, planned.seed), progress=lambda share: progress(base * share))
+        there = plan.set_folder(folder, planned.seed)
+        run_data_set(planned, there, engine=engine, progress=lambda share: progress(base * share))
+    with open_jobs(ALONE if engine == HERE or not missing else engine, len(missing)) as jobs:
+        work = MeasurePiece(jobs.share_folder(folder), planned.seed)
+        jobs.run(work, missing, name=_name, progress=lambda share: progress(base + (1 - base) * share))
+    progress(1.0)
     results: list[PerceptionResult] = []
     readings: list[RecordingReading] = []
-    for number, one in enumerate(planned.recordings):
-        if one in missing:
-            measure_recording(one, folder, planned.seed)
+    for one in planned.recordings:
         reading = kept_reading(plan.reading_path(folder, planned.seed, one.name))
         found = [kept_result(path) for path in _result_paths(folder, planned.seed, one.name)]
         assert reading is not None
         readings.append(reading)
         results += [result for result in found if result is not None]
-        progress(base + (1 - base) * (number + 1) / len(planned.recordings))
     return SeedRun(planned.seed, tuple(results), tuple(readings))
+
+
+@dataclass(frozen=True, slots=True)
+class MeasurePiece:
+    """Measures a recording of a seed in the folder that all who work see."""
+
+    folder: Path
+    seed: int
+
+    def __call__(self, planned: PlannedRecording, control: PieceControl) -> None:
+        """What is not kept yet."""
+        measure_recording(planned, self.folder, self.seed)
+
+
+def _name(planned: PlannedRecording) -> str:
+    return planned.name
 
 
 def measure_recording(planned: PlannedRecording, folder: Path, seed: int) -> None:

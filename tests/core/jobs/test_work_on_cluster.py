@@ -9,13 +9,15 @@ import pytest
 from app.cli import main
 from core.bench.learning.plan import Counts, plan
 from core.bench.learning.runs import train_seed
+from core.bench.perception.bench_paper_perception import run_seed
+from core.bench.perception.plan import METHODS
 from core.errors import JobsError
 from core.events import SensorSize
 from core.jobs import ALONE, Engine, open_jobs
 from core.learning import create_run, default_run, run_training
 from core.learning.config import CurriculumConfig
 from core.rally.data_sets import plan_data_set, run_data_set
-from core.rally.data_sets.plan import Making
+from core.rally.data_sets.plan import DataSetPlan, Making, PlannedRecording
 from core.rally.data_sets.run import LOCK
 
 pytest.importorskip("distributed")
@@ -71,6 +73,25 @@ def test_the_seeds_of_a_run_are_the_same_to_the_last_byte(cluster, tmp_path: Pat
         folders = sorted(path for path in (tmp_path / name).glob("seed-*/**/*") if path.is_file())
         found.append({str(path.relative_to(tmp_path / name)): path.read_bytes() for path in folders})
     assert found[0] == found[1] and {"seed-0/policy.safetensors", "seed-1/metrics.jsonl"} <= found[0].keys()
+
+
+def test_what_methods_find_is_measured_there_and_only_their_times_differ(cluster, tmp_path: Path) -> None:
+    flight = PlannedRecording(
+        name="flight",
+        scene="ball",
+        placement="side",
+        speeds_mps=(9.0,),
+        robot=False,
+        seed=3,
+        making=Making(sensor=SensorSize(320, 180)),
+    )
+    planned, seed = DataSetPlan("one flight", 3, (flight,)), 3
+    found = []
+    for name, engine in (("here", ALONE), ("there", Engine(cluster=cluster.address))):
+        run = run_seed(planned, tmp_path / name, lambda share: None, with_recordings=False, engine=engine)
+        found.append([replace(result, cpu_ms=()) for result in run.results])
+        assert all(result.cpu_ms for result in run.results) and run.seed == seed
+    assert found[0] == found[1] and [result.method for result in found[0]] == list(METHODS)
 
 
 def test_recordings_are_looked_at_by_the_workers_and_the_tables_are_written_here(cluster, tmp_path: Path) -> None:
