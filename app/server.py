@@ -18,6 +18,8 @@ from app.session import Session
 from app.shared.files import incoming_folder
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
+from app.shared.training.trainer import HERE_ONLY
+from app.shared.work_places import WorkPlaces
 from app.shared.workspace import Workspace
 from app.theme import apply_theme
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
@@ -50,14 +52,16 @@ class App:
         preparation: Preparation | None = None,
         admission: Admission | None = None,
         viewer_address: str | None = None,
+        places: WorkPlaces = HERE_ONLY,
     ) -> None:
         """`config` is what every browser's detector starts with; `live` is closed with the app.
 
-        `viewer_address` is that of a Rerun viewer which may be streamed to, `rerun+http://HOST:PORT/proxy`.
+        `viewer_address` is that of a Rerun viewer which may be streamed to, `rerun+http://HOST:PORT/proxy`. Trainings
+        and searches may be done at `places`.
 
         A first recording that is not there yet, such as a live rally that is being prepared, is opened when it comes.
         """
-        self.services = Services.of(workspace, library, viewer_address)
+        self.services = Services.of(workspace, library, viewer_address, places)
         """What its browsers share."""
         self._first_recording = first_recording
         self._config = config or DetectorConfig()

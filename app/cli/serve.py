@@ -18,6 +18,7 @@ from app.export.viewer_streamer import check_viewer_address
 from app.front.address import check_address
 from app.front.admission import Admission
 from app.shared.library import Library
+from app.shared.work_places import WorkPlaces
 from app.shared.workspace import Workspace
 from core.config import load_config
 from core.detection import DetectorConfig
@@ -53,6 +54,7 @@ class ServeArguments:
     folder: tuple[Path, ...] | None = flag("browsers may open its files, too; can be given again", "DIR", repeated=True)
     config: Path | None = flag("detector settings to start with, a TOML file", "FILE")
     rerun: str | None = flag("a Rerun viewer that Export may stream to", "rerun+http://HOST:PORT/proxy")
+    cluster: str | None = flag("a Dask cluster that Train and Tune may use", "tcp://HOST:PORT")
     open: bool = flag("open a browser")
 
 
@@ -63,6 +65,7 @@ def run(arguments: ServeArguments) -> None:
     own = own_simulation(arguments, source)
     if arguments.rerun is not None:
         check_viewer_address(arguments.rerun)
+    places = WorkPlaces(arguments.cluster)
     config = load_config(DetectorConfig, arguments.config) if arguments.config else DetectorConfig()
     workspace = Workspace(arguments.data)
     library = Library(workspace, _check_folders(arguments.folder or ()))
@@ -82,7 +85,7 @@ def run(arguments: ServeArguments) -> None:
             keys=keys,
         )
     try:
-        _show(arguments, workspace, library, config, startup, admission)
+        _show(arguments, workspace, library, config, startup, admission, places)
     finally:
         if startup is not None:
             startup.stop()
@@ -95,6 +98,7 @@ def _show(
     config: DetectorConfig,
     startup: Startup | None,
     admission: Admission,
+    places: WorkPlaces,
 ) -> None:
     """The app, until it is ended."""
     if startup is not None and startup.remote:
@@ -117,6 +121,7 @@ def _show(
         preparation=preparation,
         admission=admission,
         viewer_address=arguments.rerun,
+        places=places,
     )
     if startup is not None:
         startup.hand_over(lab.use_live)

@@ -12,7 +12,8 @@ from app.shared.files import OfferedFiles
 from app.shared.library import Library
 from app.shared.rallies import Rallies
 from app.shared.training.metrics import MetricsStore
-from app.shared.training.trainer import Trainer
+from app.shared.training.trainer import HERE_ONLY, Trainer
+from app.shared.work_places import WorkPlaces
 from app.shared.workspace import Workspace
 from app.state.browser_memory import BrowserMemory
 from labels.store_registry import LabelStoreRegistry
@@ -38,9 +39,17 @@ class Services:
     """The settings of each browser."""
     files: OfferedFiles
     """What can be opened beside the recordings."""
+    places: WorkPlaces
+    """Where trainings and searches can be done."""
 
     @classmethod
-    def of(cls, workspace: Workspace, library: Library, viewer_address: str | None = None) -> Services:
+    def of(
+        cls,
+        workspace: Workspace,
+        library: Library,
+        viewer_address: str | None = None,
+        places: WorkPlaces = HERE_ONLY,
+    ) -> Services:
         """Those of a workspace; `viewer_address` is that of a Rerun viewer which may be streamed to."""
         label_stores = LabelStoreRegistry(workspace.labels, tool=LABEL_TOOL)
         return cls(
@@ -50,10 +59,11 @@ class Services:
             label_stores,
             Exporter(workspace),
             ViewerStreamer(viewer_address),
-            Trainer(workspace),
+            Trainer(workspace, places),
             MetricsStore(),
             BrowserMemory(workspace),
             OfferedFiles(workspace, library.folders),
+            places,
         )
 
     def close(self) -> None:

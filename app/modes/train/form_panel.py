@@ -15,14 +15,15 @@ from core.learning.config import RunConfig
 
 
 class FormPanel:
-    """The form of one browser; `start(name, config)` and `choose(preset)` are called in the loop."""
+    """The form of one browser; `start(name, config, place)` and `choose(preset)` are called in the loop."""
 
     def __init__(
         self,
         gui: viser.GuiApi,
-        start: Callable[[str, RunConfig], None],
+        start: Callable[[str, RunConfig, str], None],
         choose: Callable[[Preset], None],
         later: Callable[[Callable[[], None]], None],
+        places: tuple[str, ...],
     ) -> None:
         self._start = start
         self._choose = choose
@@ -35,6 +36,9 @@ class FormPanel:
                 with gui.add_folder(section_title(section), expand_by_default=False):
                     self._handles |= {spec.path: add_field_control(gui, spec) for spec in fields}
         self._name = gui.add_text("Name", "", hint="Of the run; empty: one is made")
+        self._place = gui.add_dropdown(
+            "Where", places, visible=len(places) > 1, hint="Seeds are trained side by side there"
+        )
         button = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
         when_changed(self._preset, lambda name: later(lambda: self._use(str(name))))
         when_changed(self._handles[("agent",)], lambda agent: later(lambda: self._use_agent(str(agent))))
@@ -62,4 +66,4 @@ class FormPanel:
 
     def _send(self) -> None:
         values = {path: handle.value for path, handle in self._handles.items()}
-        self._start(str(self._name.value), run_of_form(self._chosen.config, values))
+        self._start(str(self._name.value), run_of_form(self._chosen.config, values), str(self._place.value))

@@ -17,6 +17,7 @@ from app.modes.train.view import Details, RunsView, RunsViewer, ViewRequest
 from app.shared.live_rally import LIVE
 from app.shared.policies import let_play
 from app.shared.training.run_state import RunPhase
+from app.shared.work_places import THIS_MACHINE
 from app.state.client_state import ClientState
 from app.state.commands import SetMode
 from core.errors import RallyscopeError
@@ -52,7 +53,9 @@ class TrainMode:
         with self._folder:
             self._run_panel = RunPanel(gui, self)
             with gui.add_folder("A new training", expand_by_default=False):
-                self._form_panel = FormPanel(gui, self._start, self._choose_preset, host.later)
+                self._form_panel = FormPanel(
+                    gui, self._start, self._choose_preset, host.later, host.services.places.offered
+                )
             with gui.add_folder("In the 3D view"):
                 self._scene = TrainingScene(host, self._failed)
         self._side = SidePanel(gui)
@@ -157,10 +160,10 @@ class TrainMode:
         preset = PRESETS[TRAIN_NOW]
         self._host.later(lambda: self._begin(self._trainer.free_name(preset.slug), preset.config, preset.pace))
 
-    def _start(self, name: str, config: RunConfig) -> None:
+    def _start(self, name: str, config: RunConfig, place: str) -> None:
         preset = self._form_panel.preset
         chosen = name.strip() or self._trainer.free_name(preset.slug if preset.config == config else config.agent)
-        self._begin(chosen, config, self._pace)
+        self._begin(chosen, config, self._pace, place)
 
     def _choose_preset(self, preset: Preset) -> None:
         """A preset has a pace, for when it is started; what is being trained keeps its own."""
@@ -168,8 +171,8 @@ class TrainMode:
         if self._trainer.active() is None:
             self._run_panel.show_pace(preset.pace)
 
-    def _begin(self, name: str, config: RunConfig, pace: str) -> None:
-        self._trainer.start(name, startable_run(config), PACES[pace])
+    def _begin(self, name: str, config: RunConfig, pace: str, place: str = THIS_MACHINE) -> None:
+        self._trainer.start(name, startable_run(config), PACES[pace], place)
         self._run_panel.show_pace(pace)
         self._follow(None)
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from app.shared.training.run_state import LOG_NAME, Ended, RunState, judge_run, read_log_tail
+from app.shared.work_places import THIS_MACHINE, WorkPlaces
 from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RallyscopeError
 from core.learning.config import RunConfig
@@ -23,9 +24,11 @@ from core.learning.runs.control import Control, RunCommand, read_control, write_
 from core.learning.runs.run_files import create_run, read_run
 
 logger = logging.getLogger(__name__)
-COMMAND = (sys.executable, "-P", "-m", "app.cli", "train", "--resume", "--jobs", "1", "--out")
-"""The run's folder follows; nothing that a browser sent is in it but a slug. One seed at a time: the app has work for
-the other cores."""
+COMMAND = (sys.executable, "-P", "-m", "app.cli", "train", "--resume")
+"""Where it is done and the run's folder follow; nothing that a browser sent is in them but a slug."""
+HERE_ONLY = WorkPlaces()
+SEEDS_HERE = 1
+"""At a time: the app has work for the other cores."""
 
 
 @dataclass(slots=True)
@@ -39,8 +42,10 @@ class _Child:
 class Trainer:
     """Shared by all browsers; every method may be called from any thread."""
 
-    def __init__(self, workspace: Workspace) -> None:
-        self._workspace = workspace
+    def __init__(self, workspace: Workspace, places: WorkPlaces = HERE_ONLY) -> None:
+        self._workspace, self._places = workspace, places
+        self._place_of: dict[str, str] = {}
+        """Where a run was started by this app: there it goes on, too."""
         self._lock = threading.RLock()
         self._child: _Child | None = None
         self._stopping: str | None = None
@@ -66,12 +71,13 @@ class Trainer:
         taken = set(self._workspace.run_names())
         return next(name for number in range(1, len(taken) + 2) if (name := f"{stem}-{number}") not in taken)
 
-    def start(self, name: str, config: RunConfig, episodes_per_s: float | None) -> str:
+    def start(self, name: str, config: RunConfig, episodes_per_s: float | None, place: str = THIS_MACHINE) -> str:
         """Begin a new run; returns the name it got.
 
         Raises:
-            RallyscopeError: if another one is being trained, or the name is taken or unusable.
+            RallyscopeError: if another one is being trained, the name is taken or unusable, or there is no such place.
         """
+        self._places.flags(place, SEEDS_HERE)
         with self._lock:
             self._check_free()
             run = self._workspace.run_path(name)
@@ -79,6 +85,7 @@ class Trainer:
                 raise CommandError("there is a run of this name already", got=run.name, remedy="take another name")
             create_run(run, config)
             write_control(run, Control("run", episodes_per_s))
+            self._place_of[run.name] = place
             self._launch(run)
             return run.name
 
@@ -130,11 +137,12 @@ class Trainer:
     def _launch(self, run: Path) -> None:
         self._ended.pop(run.name, None)
         self._stopping = None
+        flags = self._places.flags(self._place_of.get(run.name, THIS_MACHINE), SEEDS_HERE)
         _append_log(run, "started")
         try:
             with (run / LOG_NAME).open("ab") as log:
                 process = subprocess.Popen(
-                    [*COMMAND, str(run.absolute())],
+                    [*COMMAND, *flags, "--out", str(run.absolute())],
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=subprocess.STDOUT,

@@ -11,6 +11,7 @@ from app.modes.tune.auto.panel import AutoTunePanel
 from app.modes.tune.auto.report import report_html
 from app.modes.tune.auto.run import AutoTuneAnswer, AutoTuneRequest, run_auto_tune
 from app.state.commands import UseBeside
+from core.files import usable_cores
 
 PROGRESS_EVERY_S: Final = 0.1
 
@@ -26,7 +27,8 @@ class AutoTune:
         self._line = ""
         self._shown_s = float("-inf")
         later = host.later
-        self.panel = AutoTunePanel(host.client.gui, lambda: later(self._start), lambda: later(self.cancel))
+        places = host.services.places.offered
+        self.panel = AutoTunePanel(host.client.gui, lambda: later(self._start), lambda: later(self.cancel), places)
 
     @property
     def running(self) -> bool:
@@ -68,6 +70,7 @@ class AutoTune:
             trials=form.trials,
             seed=form.seed,
             start=state.history_of(form.method).present.a,
+            where=self._host.services.places.flags(form.place, max(1, usable_cores() - 1)),
         )
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> AutoTuneAnswer:

@@ -34,12 +34,15 @@ class AutoTuneForm:
     trials: int
     seed: int
     all_cameras: bool
+    place: str
 
 
 class AutoTunePanel:
     """Of one browser; `start` and `cancel` are called from viser's event loop."""
 
-    def __init__(self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None]) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None], places: tuple[str, ...]
+    ) -> None:
         self.folder = gui.add_folder("Auto-tune", expand_by_default=False)
         config = TuningConfig()
         with self.folder:
@@ -47,6 +50,7 @@ class AutoTunePanel:
             self._trials = gui.add_number("Trials", config.trials, min=1, max=MOST_TRIALS, step=1)
             self._seed = gui.add_number("Seed", config.seed, min=0, max=LARGEST_SEED, step=1)
             self._all_cameras = gui.add_checkbox("All cameras", True, hint="Or only the one that is looked at")
+            self._place = gui.add_dropdown("Where", places, visible=len(places) > 1, hint="Where the trials are made")
             self._start = gui.add_button(
                 "Tune automatically",
                 icon=viser.Icon.WAND,
@@ -76,7 +80,15 @@ class AutoTunePanel:
         if not chosen:
             raise CommandError("no thresholds to tune", remedy="tick some under Thresholds")
         trials, seed = _whole(self._trials.value, 1, MOST_TRIALS), _whole(self._seed.value, 0, LARGEST_SEED)
-        return AutoTuneForm(method, cast(Against, against), chosen, trials, seed, bool(self._all_cameras.value))
+        return AutoTuneForm(
+            method,
+            cast(Against, against),
+            chosen,
+            trials,
+            seed,
+            bool(self._all_cameras.value),
+            str(self._place.value),
+        )
 
     def show_running(self, running: bool) -> None:
         """Swap the start button for progress and cancel."""

@@ -16,7 +16,6 @@ from core.config import load_config, save_config
 from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.errors import CommandError, RallyscopeError
-from core.files import usable_cores
 
 LOOK_S: Final = 0.1
 Against = Literal["truth", "labels"]
@@ -40,6 +39,8 @@ class AutoTuneRequest:
     trials: int
     seed: int
     start: DetectorConfig
+    where: tuple[str, ...]
+    """The flags of `tune` that say where the trials are made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,7 @@ def _command(request: AutoTuneRequest, start: Path, found: Path) -> list[str]:
     """What follows `python -m`."""
     words = ["app.cli", "tune", str(request.recording), "--method", request.method, "--config", str(start)]
     words += ["--parameters", ",".join(request.parameters), "--out", str(found), "--json", "--until-eof"]
-    words += ["--trials", str(request.trials), "--seed", str(request.seed), "--jobs", str(max(1, usable_cores() - 1))]
+    words += ["--trials", str(request.trials), "--seed", str(request.seed), *request.where]
     if not request.all_cameras:
         words += ["--camera", request.camera]
     words += ["--against", request.against]

@@ -31,6 +31,7 @@ def request_(serve_recording: Path, tmp_path: Path) -> AutoTuneRequest:
         trials=9,
         seed=0,
         start=STRICT,
+        where=("--jobs", "1"),
     )
 
 
