@@ -109,7 +109,8 @@ def progress_html(checked: Checked) -> str:
         f"<div style='height:6px;border-radius:3px;background:#2c2f37;margin:3px 0'>"
         f"<div style='height:6px;border-radius:3px;width:{100 * share:.1f}%;background:{theme.GOOD}'></div></div>"
     )
-    text = f"{checked.checked} of {checked.total} times checked, {checked.labels} labels"
+    labels = "1 label" if checked.labels == 1 else f"{checked.labels} labels"
+    text = f"{checked.checked} of {checked.total} times checked, {labels}"
     return f"<div style='font-size:12.5px;padding:2px 12px'>{text}{bar}</div>"
 
 
