@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import io
 import tempfile
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,13 +18,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from PIL import Image, ImageChops
-from playwright.sync_api import Page, sync_playwright
+from PIL import Image
+from playwright.sync_api import Page
 
 from app.modes.watch.commands import ShowLayer
-from app.server import App
 from app.session import Session
-from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.state.commands import Seek
 from core.cameras import stereo_preset
@@ -38,8 +35,7 @@ from core.rally.control.player import Player
 from core.rally.history.recorded_rally import RACKET, TARGETS, racket_rows, target_rows
 from core.rally.simulated.world import Block, SimulatedWorld, WorldConfig
 from core.recordings import RecordingWriter
-from tests.app.browser.conftest import FLAGS, make_known
-from tests.ensure_chromium import HELP, find_chromium
+from docs.headless_app import show_app, still_picture, wait_for
 
 OUT: Final = Path("docs/images/rally.webp")
 SEED: Final = 11
@@ -53,10 +49,8 @@ AFTER_US: Final = 350_000
 LONGEST_BALL_US: Final = 3_000_000
 FIRST_US: Final = 40_000
 """Of the recording in the film: by then the first ball has been seen, and its flight predicted."""
-SIZE_PX: Final = (1280, 720)
 SHOWN_PX: Final = (0, 0, 876, 720)
 """Left, top, right and bottom of what the film shows of the window: all but the controls."""
-PATIENCE_S: Final = 120.0
 QUALITY: Final = 80
 
 
@@ -159,8 +153,8 @@ def film_recording(
         for number, t_us in enumerate(moments_us):
             session.send(Seek(t_us))
             field = page.get_by_label("Time [µs]")
-            _wait_for(lambda field=field, t_us=t_us: field.input_value() == str(t_us), f"the cursor at {t_us} us")
-            frames.append(_still_picture(page))
+            wait_for(lambda field=field, t_us=t_us: field.input_value() == str(t_us), f"the cursor at {t_us} us")
+            frames.append(still_picture(page).crop(SHOWN_PX))
             progress((number + 1) / len(moments_us))
         return frames
 
@@ -168,53 +162,14 @@ def film_recording(
 @contextmanager
 def _watching(workspace: Workspace, name: str) -> Iterator[tuple[Page, Session]]:
     """A browser that shows the recording in 3D, once the chain has seen all of it."""
-    program = find_chromium()
-    if program is None:
-        raise CommandError("no browser to film in", expected=HELP)
-    lab = App(workspace, Library(workspace), name, host="127.0.0.1", port=0)
-    try:
-        with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
-            page = browser.new_page(viewport={"width": SIZE_PX[0], "height": SIZE_PX[1]})
-            make_known(page, lab)  # nobody is shown round in a film
-            page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr=1")
-            page.add_style_tag(content="[class*=mantine-Notification] { display: none !important; }")
-            _wait_for(lambda: lab.sessions and lab.sessions[0].recording is not None, "the recording to be open")
-            session = lab.sessions[0]
-            assert session.recording is not None
-            rally = lab.services.rallies.of(session.recording)
-            _wait_for(lambda: session.world.visible, "the 3D scene")
-            _wait_for(lambda: rally is not None and rally.followed == 1.0, "the chain to have seen the recording")
-            session.send(ShowLayer("True ball", False))
-            page.wait_for_timeout(2000)  # the camera comes to rest; every picture is waited for on its own
-            yield page, session
-            browser.close()
-    finally:
-        lab.stop()
-
-
-def _still_picture(page: Page) -> Image.Image:
-    """What the window shows once it stops changing: scene, pictures and figures arrive one after the other."""
-    seen = _picture(page)
-    for _ in range(20):
-        page.wait_for_timeout(250)
-        now = _picture(page)
-        if ImageChops.difference(seen, now).getbbox() is None:
-            break
-        seen = now
-    return seen.crop(SHOWN_PX)
-
-
-def _picture(page: Page) -> Image.Image:
-    return Image.open(io.BytesIO(page.screenshot(timeout=60_000))).convert("RGB")
-
-
-def _wait_for(condition: Callable[[], object], what: str) -> None:
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        if time.monotonic() > deadline_s:
-            raise CommandError("the app does not show what is filmed", expected=what, got=f"nothing in {PATIENCE_S} s")
-        time.sleep(0.05)
+    with show_app(workspace, name) as (page, session):
+        assert session.recording is not None
+        rally = session.services.rallies.of(session.recording)
+        wait_for(lambda: session.world.visible, "the 3D scene")
+        wait_for(lambda: rally is not None and rally.followed == 1.0, "the chain to have seen the recording")
+        session.send(ShowLayer("True ball", False))
+        page.wait_for_timeout(2000)  # the camera comes to rest; every picture is waited for on its own
+        yield page, session
 
 
 def webp_of(frames: Sequence[Image.Image], frame_ms: int, quality: int = QUALITY) -> bytes:

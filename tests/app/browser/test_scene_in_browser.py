@@ -96,22 +96,26 @@ def test_the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for)
     _, _, width, height = canvas_of(space)
     assert width >= 0.45 * size[0], "the middle is no slit"
     ball = space.rally.history.at(BALL_US, {}).picture.ball
-    u, v = pixel_of(space, ball)
     radius = LEAST_SHARE * height
-    rows, columns = (slice(round(at - 8 * radius), round(at + 8 * radius)) for at in (v, u))
-    name = f"scene-{size[0]}"
-    corner = np.array([rows.start, columns.start])
+
+    def around_ball(window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What is round the ball, and where its first pixel is: panels may have changed their widths once more."""
+        u, v = pixel_of(space, ball)
+        rows, columns = (slice(round(at - 8 * radius), round(at + 8 * radius)) for at in (v, u))
+        return window[rows, columns], np.array([rows.start, columns.start])
 
     def centre(seen: np.ndarray) -> np.ndarray:
-        return np.argwhere(is_like(seen, BALL_CORE_RGB)).mean(axis=0) + corner
+        return np.argwhere(is_like(seen, BALL_CORE_RGB)).mean(axis=0)
 
-    def is_there(seen: np.ndarray) -> bool:  # the picture of the time just sought, drawn in the new shape
-        return is_like(seen, BALL_CORE_RGB).sum() > 20 and np.abs(centre(seen) - (v, u)).max() < 2.0
+    def is_there(window: np.ndarray) -> bool:  # the picture of the time just sought, drawn in the new shape
+        seen, corner = around_ball(window)
+        where = np.array(pixel_of(space, ball)[::-1])
+        return is_like(seen, BALL_CORE_RGB).sum() > 20 and np.abs(centre(seen) + corner - where).max() < 2.0
 
-    image = space.wait_for_pixels(name, is_there, (rows, columns))
+    image, _ = around_ball(space.wait_for_pixels(f"scene-{size[0]}", is_there, (slice(None), slice(None))))
     found = centre(image)
     assert is_like(image, BALL_RING_RGB, 40).sum() > 20, "with its orange ring"
-    away = np.hypot(*(np.indices(image.shape[:2]) - (found - corner)[:, None, None]))
+    away = np.hypot(*(np.indices(image.shape[:2]) - found[:, None, None]))
     light = luminance(image)
     core = float(np.median(light[away < 0.6 * radius]))
     round_it = light[(away > 2.0 * radius) & (away < 5 * radius)]
