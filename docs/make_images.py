@@ -2,7 +2,7 @@
 
     python -m docs.make_images [--out docs/images] [--only tune]
 
-The rally is that of the film. `watch`, `tune`, `label`, `train` and `export` are written as PNG of 128 colours.
+The rally is that of the film. `watch`, `tune`, `label`, `train` and `export` are written as PNG of 256 colours.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from docs.make_film import SEED, play_rally
 
 OUT: Final = Path("docs/images")
 SPEED_MPS: Final = 5.0
-COLOURS: Final = 128
+COLOURS: Final = 256
 BEFORE_HIT_US: Final = 120_000
 """The ball has bounced then, and its flight to the racket is predicted."""
 
@@ -49,7 +49,7 @@ def main() -> None:
 
 def save(picture: Image.Image, path: Path) -> None:
     """Of few colours: a picture of a user interface has not many."""
-    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(COLOURS, kmeans=2, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def enter(page: Page, session: Session, mode: str) -> None:
@@ -101,11 +101,14 @@ def take_label(page: Page, session: Session) -> None:
     page.get_by_text("anna").first.wait_for()
     seek(page, session, moment_us(session))
     page.mouse.click(20, 600)  # beside the pictures: keys mean labels then
+    page.keyboard.press("8")  # ten times as large
     page.keyboard.press("i")
-    page.get_by_text("proposing").first.wait_for(state="hidden")
-    for _ in range(6):
+    for _ in range(100):  # until it is proposed, a key accepts nothing
         page.keyboard.press("Space")
-        page.wait_for_timeout(500)
+        page.wait_for_timeout(1000)
+        if page.get_by_text("6 labels").count():
+            break
+    page.get_by_text("proposing").first.wait_for(state="hidden")
 
 
 def take_train(page: Page, session: Session) -> None:

@@ -148,7 +148,7 @@ def test_a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, w
     tune.field("Name").press("Enter")
     tune.page.get_by_text("Saved as my-config-2").last.wait_for()
     assert load_config(DetectorConfig, path) != DetectorConfig(), "nothing is overwritten"
-    assert len(list(path.parent.iterdir())) == 3
+    assert len(list(path.parent.glob("*.toml"))) == 3
     wait_for(lambda: tune.field("Saved").input_value() == "my-config-2", "the choice of the second")
     tune.page.get_by_label("Saved").first.click()
     tune.page.get_by_role("option", name="my-config", exact=True).click()
