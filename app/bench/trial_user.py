@@ -41,7 +41,7 @@ LINES_JS: Final = (
     "[...document.querySelectorAll('div[style^=\"font-size:12.5px\"]')].map(one => one.textContent).join()"
 )
 """What the app says in words; reading it lays nothing out, which would cost more than what is measured."""
-COUNT_JS: Final = f"+({LINES_JS}.match(/times checked, (\\d+) labels/) || [0, -1])[1]"
+COUNT_JS: Final = f"+({LINES_JS}.match(/times checked, (\\d+) labels?/) || [0, -1])[1]"
 SCORED_JS: Final = f"+({LINES_JS}.match(/against (\\d+) labels by/) || [0, 0])[1]"
 TIME_JS: Final = "+document.getElementById('rallyscope-time').value"
 PATIENCE_MS: Final = 2500
