@@ -32,7 +32,7 @@ def show_app(workspace: Workspace, name: str) -> Iterator[tuple[Page, Session]]:
     """
     program = find_chromium()
     if program is None:
-        raise CommandError("no browser to take pictures in", expected=HELP)
+        raise CommandError("no browser to film in", expected=HELP)
     lab = App(workspace, Library(workspace), name, host="127.0.0.1", port=0)
     try:
         with sync_playwright() as playwright:
