@@ -18,8 +18,7 @@ from app.session import Session
 from app.shared.files import incoming_folder
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
-from app.shared.training.trainer import HERE_ONLY
-from app.shared.work_places import WorkPlaces
+from app.shared.work_places import HERE_ONLY, WorkPlaces
 from app.shared.workspace import Workspace
 from app.theme import apply_theme
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window

@@ -12,8 +12,8 @@ from app.shared.files import OfferedFiles
 from app.shared.library import Library
 from app.shared.rallies import Rallies
 from app.shared.training.metrics import MetricsStore
-from app.shared.training.trainer import HERE_ONLY, Trainer
-from app.shared.work_places import WorkPlaces
+from app.shared.training.trainer import Trainer
+from app.shared.work_places import HERE_ONLY, WorkPlaces
 from app.shared.workspace import Workspace
 from app.state.browser_memory import BrowserMemory
 from labels.store_registry import LabelStoreRegistry

@@ -43,3 +43,6 @@ class WorkPlaces:
         if place not in self.offered:
             raise CommandError("no such place to work", expected=" or ".join(self.offered), got=repr(place[:20]))
         return ("--jobs", str(jobs)) if self.cluster is None or place == THIS_MACHINE else ("--cluster", self.cluster)
+
+
+HERE_ONLY: Final = WorkPlaces()

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from app.shared.training.run_state import LOG_NAME, Ended, RunState, judge_run, read_log_tail
-from app.shared.work_places import THIS_MACHINE, WorkPlaces
+from app.shared.work_places import HERE_ONLY, THIS_MACHINE, WorkPlaces
 from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RallyscopeError
 from core.learning.config import RunConfig
@@ -26,7 +26,6 @@ from core.learning.runs.run_files import create_run, read_run
 logger = logging.getLogger(__name__)
 COMMAND = (sys.executable, "-P", "-m", "app.cli", "train", "--resume")
 """Where it is done and the run's folder follow; nothing that a browser sent is in them but a slug."""
-HERE_ONLY = WorkPlaces()
 SEEDS_HERE = 1
 """At a time: the app has work for the other cores."""
 

@@ -92,9 +92,10 @@ def run_seed(
         base = 0.0 if _are_there(planned, folder) else MAKING_SHARE
         there = plan.set_folder(folder, planned.seed)
         run_data_set(planned, there, engine=engine, progress=lambda share: progress(base * share))
-    with open_jobs(ALONE if engine == HERE or not missing else engine, len(missing)) as jobs:
-        work = MeasurePiece(jobs.share_folder(folder), planned.seed)
-        jobs.run(work, missing, name=_name, progress=lambda share: progress(base + (1 - base) * share))
+    if missing:  # a folder in which everything is kept is only read
+        with open_jobs(ALONE if engine == HERE else engine, len(missing)) as jobs:
+            work = MeasurePiece(jobs.share_folder(folder), planned.seed)
+            jobs.run(work, missing, name=_name, progress=lambda share: progress(base + (1 - base) * share))
     progress(1.0)
     results: list[PerceptionResult] = []
     readings: list[RecordingReading] = []
