@@ -50,6 +50,8 @@ PLACES = """() => ["#root canvas", "#rallyscope-line", "#rallyscope-bar .row", "
     const { x, y, width, height } = document.querySelector(one)?.getBoundingClientRect() || {};
     return `${one}: ${width} x ${height} at ${x}, ${y}`; })"""
 FOCUS = "() => document.activeElement.outerHTML.slice(0, 200)"
+SAID = """() => [...document.querySelectorAll("[class*=mantine-Notification-root], [class*=mantine-Modal-content]")].map(
+    one => one.textContent)"""
 PATIENCE_S = 150.0
 """How long a test waits before it fails: on a machine that does other things, and draws without a graphics card."""
 CANVAS = (slice(0, 495), slice(0, 870))
@@ -119,7 +121,8 @@ class Window:
         state, there = self.session.state, self.session in self.lab.sessions
         told = f"the session is {'one of' if there else 'none of'} {len(self.lab.sessions)}"
         held = None if state is None else (state.mode, state.recording, state.playhead)
-        return f"{told}: {held}; on the page {self.page.evaluate(PLACES)}, focus on {self.page.evaluate(FOCUS)}"
+        places, focus, said = (self.page.evaluate(ask) for ask in (PLACES, FOCUS, SAID))
+        return f"{told}: {held}; on the page {places}, focus on {focus}, windows and messages {said}"
 
     @property
     def state(self):

@@ -334,7 +334,6 @@ def test_the_first_label_of_a_browser_asks_who_labels(window, wait_for, workspac
     window.press("Label")
     mode = window.session._modes["Label"]
     wait_for(lambda: mode._editor is not None and mode._editor.labelling.on_screen, "the picture")
-    window.page.mouse.click(20, 600)  # beside the pictures
     asked = window.page.get_by_text("Who labels?")
     for _ in range(8):  # a slow page may not have the keys of the mode yet
         if asked.count() == 0:

@@ -195,7 +195,6 @@ def test_labels_of_the_live_rally_belong_to_a_recording_that_it_is_frozen_into(l
     live_window.press("Pause")
     wait_for(lambda: not live_window.state.playhead.playing and mode._editor.labelling.on_screen, "the cursor to stand")
     shown = mode._pictures.shown.plan.main
-    live_window.page.mouse.click(20, 600)  # beside the pictures
     live_window.page.keyboard.press("x")
     live_window.page.get_by_text("Freezing the live rally", exact=True).wait_for(state="attached")
     wait_for(lambda: live_window.state.recording.startswith("live-"), "the frozen recording to open")
