@@ -50,8 +50,8 @@ PLACES = """() => ["#root canvas", "#rallyscope-line", "#rallyscope-bar .row", "
     const { x, y, width, height } = document.querySelector(one)?.getBoundingClientRect() || {};
     return `${one}: ${width} x ${height} at ${x}, ${y}`; })"""
 FOCUS = "() => document.activeElement.outerHTML.slice(0, 200)"
-SAID = """() => [...document.querySelectorAll("[class*=mantine-Notification-root], [class*=mantine-Modal-content]")].map(
-    one => one.textContent)"""
+SAID = """() => ["Notification-root", "Modal-content"].flatMap(part =>
+    [...document.querySelectorAll(`[class*=mantine-${part}]`)].map(one => one.textContent))"""
 PATIENCE_S = 150.0
 """How long a test waits before it fails: on a machine that does other things, and draws without a graphics card."""
 CANVAS = (slice(0, 495), slice(0, 870))
