@@ -49,6 +49,17 @@ def show_app(workspace: Workspace, name: str) -> Iterator[tuple[Page, Session]]:
         lab.stop()
 
 
+def wait_for_chain(session: Session) -> None:
+    """Return once the chain has seen all of the recording.
+
+    Raises:
+        CommandError: if it has not in time.
+    """
+    assert session.recording is not None
+    rally = session.services.rallies.of(session.recording)
+    wait_for(lambda: rally is not None and rally.followed == 1.0, "the chain to have seen the recording")
+
+
 def still_picture(page: Page) -> Image.Image:
     """What the window shows once it stops changing: scene, pictures and figures arrive one after the other."""
     seen = _picture(page)

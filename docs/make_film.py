@@ -35,7 +35,7 @@ from core.rally.control.player import Player
 from core.rally.history.recorded_rally import RACKET, TARGETS, racket_rows, target_rows
 from core.rally.simulated.world import Block, SimulatedWorld, WorldConfig
 from core.recordings import RecordingWriter
-from docs.headless_app import show_app, still_picture, wait_for
+from docs.headless_app import show_app, still_picture, wait_for, wait_for_chain
 
 OUT: Final = Path("docs/images/rally.webp")
 SEED: Final = 11
@@ -163,10 +163,8 @@ def film_recording(
 def _watching(workspace: Workspace, name: str) -> Iterator[tuple[Page, Session]]:
     """A browser that shows the recording in 3D, once the chain has seen all of it."""
     with show_app(workspace, name) as (page, session):
-        assert session.recording is not None
-        rally = session.services.rallies.of(session.recording)
         wait_for(lambda: session.world.visible, "the 3D scene")
-        wait_for(lambda: rally is not None and rally.followed == 1.0, "the chain to have seen the recording")
+        wait_for_chain(session)
         session.send(ShowLayer("True ball", False))
         page.wait_for_timeout(2000)  # the camera comes to rest; every picture is waited for on its own
         yield page, session

@@ -19,7 +19,7 @@ from playwright.sync_api import Page
 from app.session import Session
 from app.shared.workspace import Workspace
 from core.errors import CommandError
-from docs.headless_app import show_app, still_picture, wait_for
+from docs.headless_app import show_app, still_picture, wait_for, wait_for_chain
 from docs.make_film import SEED, play_rally
 
 OUT: Final = Path("docs/images")
@@ -79,9 +79,7 @@ def moment_us(session: Session) -> int:
 
 def take_watch(page: Page, session: Session) -> None:
     """The scene before the hit."""
-    assert session.recording is not None
-    rally = session.services.rallies.of(session.recording)
-    wait_for(lambda: rally is not None and rally.followed == 1.0, "the chain to have seen the recording")
+    wait_for_chain(session)
     seek(page, session, moment_us(session))
     page.wait_for_timeout(2000)
 
@@ -100,7 +98,7 @@ def take_label(page: Page, session: Session) -> None:
     label.locator("xpath=ancestor::*[.//input][1]").locator("input").last.fill("anna")
     page.get_by_text("anna").first.wait_for()
     seek(page, session, moment_us(session))
-    page.mouse.click(20, 600)  # beside the pictures: keys mean labels then
+    page.evaluate("document.activeElement.blur()")  # keys mean labels then
     page.keyboard.press("8")  # ten times as large
     page.keyboard.press("i")
     for _ in range(100):  # until it is proposed, a key accepts nothing

@@ -21,6 +21,18 @@ from app.session import Session
 PROTOCOL: Final = "viser-v1.1.1"
 LARGE_PICTURE: Final = "/sheet/0"
 QUIET_S: Final = 0.6
+CAMERA: Final = ViewerCameraMessage(
+    wxyz=(1.0, 0.0, 0.0, 0.0),
+    position=(0.0, 0.0, -5.0),
+    fov=0.8,
+    near=0.01,
+    far=100.0,
+    image_height=720,
+    image_width=880,
+    look_at=(0.0, 0.0, 0.0),
+    up_direction=(0.0, -1.0, 0.0),
+)
+"""Where it looks from: viser serves nobody before it knows that."""
 
 
 class BareBrowser:
@@ -28,31 +40,13 @@ class BareBrowser:
 
     def __init__(self, port: int, *, cookie: str = "", link: str = "") -> None:
         """`cookie` is what it is known by when it comes again, `link` that of the address it opens."""
-        self._socket: ClientConnection = connect(
-            f"ws://127.0.0.1:{port}/?{urlencode({'link': link})}",
-            subprotocols=[Subprotocol(PROTOCOL)],
-            max_size=None,
-            compression=None,
-            additional_headers={"Cookie": f"{BROWSER_COOKIE}={cookie}"} if cookie else None,
-        )
+        self._socket = connect_to(port, link=link, cookie=cookie)
         self.pictures = 0
         """Large pictures that have arrived."""
         self._arrived = threading.Condition()
         self._last_s = 0.0
         self._commands: dict[str, str] = {}
-        self._send(
-            ViewerCameraMessage(
-                wxyz=(1.0, 0.0, 0.0, 0.0),
-                position=(0.0, 0.0, -5.0),
-                fov=0.8,
-                near=0.01,
-                far=100.0,
-                image_height=720,
-                image_width=880,
-                look_at=(0.0, 0.0, 0.0),
-                up_direction=(0.0, -1.0, 0.0),
-            )
-        )
+        self._send(CAMERA)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -101,16 +95,13 @@ class BareBrowser:
         self._reader.join(timeout=5)
 
     def _send(self, message: Message) -> None:
-        self._socket.send(msgspec.msgpack.encode(message.as_serializable_dict()))
+        self._socket.send(encoded(message))
 
     def _read(self) -> None:
-        unpack = zstandard.ZstdDecompressor()
         for frame in self._socket:
-            assert isinstance(frame, bytes)
-            length = int.from_bytes(frame[8:16], "little")
-            content = msgspec.msgpack.decode(unpack.decompress(frame[16 : 16 + length]))
+            messages = messages_in(frame)
             self._last_s = time.monotonic()
-            for message in content["messages"]:
+            for message in messages:
                 self._take(message)
 
     def _take(self, message: Mapping[str, Any]) -> None:
@@ -120,3 +111,26 @@ class BareBrowser:
             with self._arrived:
                 self.pictures += 1
                 self._arrived.notify_all()
+
+
+def connect_to(port: int, *, link: str = "", cookie: str = "") -> ClientConnection:
+    """A websocket to a viser server on this machine, as its page opens it."""
+    return connect(
+        f"ws://127.0.0.1:{port}/?{urlencode({'link': link})}",
+        subprotocols=[Subprotocol(PROTOCOL)],
+        max_size=None,
+        compression=None,
+        additional_headers={"Cookie": f"{BROWSER_COOKIE}={cookie}"} if cookie else None,
+    )
+
+
+def encoded(message: Message) -> bytes:
+    """What is sent for a message."""
+    return msgspec.msgpack.encode(message.as_serializable_dict())
+
+
+def messages_in(frame: str | bytes) -> list[Mapping[str, Any]]:
+    """What the server sent at once."""
+    assert isinstance(frame, bytes)
+    length = int.from_bytes(frame[8:16], "little")
+    return msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + length]))["messages"]

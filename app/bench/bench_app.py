@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from app.bench.door_cost import measure_door
 from app.bench.soak.bench_soak import run_soak
 from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
@@ -19,6 +20,7 @@ from core.bench.partial_rows import tell_rows
 from core.cameras import stereo_preset
 from core.config import replace_setting
 from core.detection import DetectorConfig
+from core.errors import CommandError
 from core.recordings import Recording, open_recording
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
 
@@ -27,15 +29,22 @@ NOISES_HZ: Final = (0.1, 1.0)
 SEED: Final = 1
 
 
-def run(progress: Callable[[float], None], *, soak: float | None = None) -> dict[str, object]:
-    """The app under load for `soak` minutes, or how long its pictures take.
+def run(progress: Callable[[float], None], *, soak: float | None = None, only: str | None = None) -> dict[str, object]:
+    """The app under load for `soak` minutes, what its door costs (`only` "door"), or how long its pictures take.
 
     Rows of the latter per view: p50, p99 and the largest number of milliseconds a picture takes, at random times of a
     recording.
 
     Each picture has another threshold than the one before, as when a slider is dragged; windows are 2 ms, cameras
     1280x720. Wall time in this process, one picture at a time.
+
+    Raises:
+        CommandError: if `only` names another part.
     """
+    if only not in (None, "door"):
+        raise CommandError("no such part of the app to measure", expected="door", got=only, where="--only")
+    if only == "door":
+        return {"rows": measure_door(progress), "machine": describe_machine()}
     if soak is not None:
         return run_soak(progress, soak)
     rows: list[dict[str, object]] = []

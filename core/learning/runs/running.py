@@ -1,11 +1,8 @@
-"""A whole run: seed after seed or side by side, its status for those who watch, and how it ended."""
+"""A whole run: seed after seed or side by side, held by one process, and how it ended."""
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,16 +10,9 @@ from core.errors import ConfigError, RallyscopeError
 from core.jobs import ALONE, Engine
 from core.jobs.threads import one_torch_thread
 from core.learning.config import RunConfig
-from core.learning.runs.control import (
-    RunStatus,
-    State,
-    hold_run,
-    read_control,
-    read_status,
-    write_control,
-    write_status,
-)
+from core.learning.runs.control import State, hold_run, read_control, write_control
 from core.learning.runs.run_files import read_run
+from core.learning.runs.run_teller import RunTeller
 from core.learning.runs.seed_process import SeedProcess, SeedProgress, run_not_written
 from core.learning.runs.side_by_side import train_side_by_side
 from core.learning.task.episode_backend import EpisodeBackend
@@ -55,81 +45,40 @@ def run_training(
     if backend is not None and not alone:
         raise ConfigError("seeds side by side need a backend each", remedy="train them one after the other")
     with hold_run(run), one_torch_thread():
-        process = RunProcess(run, config, progress)
+        teller = RunTeller(run, config)
         try:
             if read_control(run).command != "run":
                 write_control(run, replace(read_control(run), command="run"))
-            if not alone:
-                return train_side_by_side(run, config, engine, progress, stopped)
-            return process.train(SeedProcess(run, config, process.tell_progress, stopped, backend))
+            if alone:
+                state = _train_in_turn(run, config, teller, progress, stopped, backend)
+            else:
+                state = train_side_by_side(run, config, engine, teller, progress, stopped)
+            teller.ended(state)
         except OSError as error:
             raised = run_not_written(run, error)
-            process.tell_failed(str(raised))
+            teller.failed(str(raised))
             raise raised from error
         except BaseException as error:
-            process.tell_failed(
-                str(error) if isinstance(error, RallyscopeError) else f"{type(error).__name__}: {error}"
-            )
+            teller.failed(str(error) if isinstance(error, RallyscopeError) else f"{type(error).__name__}: {error}")
             raise
+    if state == "finished":
+        progress(1.0)
+    return state
 
 
-class RunProcess:
-    """The process side of a run: how far it is."""
+def _train_in_turn(
+    run: Path,
+    config: RunConfig,
+    teller: RunTeller,
+    progress: Progress,
+    stopped: Callable[[], bool],
+    backend: EpisodeBackend | None,
+) -> State:
+    def tell(at: SeedProgress) -> None:
+        share = (at.seed - config.first_seed + at.share) / config.seeds
+        teller.tell(at, share)
+        progress(share)
 
-    def __init__(self, run: Path, config: RunConfig, progress: Progress) -> None:
-        self._run, self._config, self._progress = run, config, progress
-        self._started_s = time.monotonic()
-        self._first_share: float | None = None
-        status = read_status(run)
-        self._status = status or RunStatus(
-            "running", os.getpid(), config.first_seed, 0, config.episodes, 0.0, 0.0, None
-        )
-
-    def train(self, seeds: SeedProcess) -> State:
-        """Every seed in turn."""
-        for seed in range(self._config.first_seed, self._config.first_seed + self._config.seeds):
-            if not seeds.train(seed):
-                self._tell("stopped")
-                return "stopped"
-        self._tell("finished", share=1.0, seconds_left=0.0)
-        self._progress(1.0)
-        return "finished"
-
-    def tell_progress(self, seed: SeedProgress) -> None:
-        """How far the seed is that is being trained."""
-        whole = (seed.seed - self._config.first_seed + seed.share) / self._config.seeds
-        if self._first_share is None:
-            self._first_share = whole
-        gone = whole - self._first_share
-        left = (time.monotonic() - self._started_s) * (1 - whole) / gone if gone > 0 else None
-        self._status = RunStatus(
-            seed.state,
-            os.getpid(),
-            seed.seed,
-            seed.episode,
-            self._config.episodes,
-            whole,
-            seed.speed_mps,
-            left and round(left, 1),
-        )
-        self._tell(seed.state)
-        self._progress(whole)
-
-    def tell_failed(self, message: str) -> None:
-        """Why it ended, if that can still be written."""
-        with suppress(OSError):
-            self._tell("failed", message=message)
-
-    def _tell(
-        self, state: State, *, message: str = "", share: float | None = None, seconds_left: float | None = None
-    ) -> None:
-        now = self._status
-        self._status = replace(
-            now,
-            state=state,
-            pid=os.getpid(),
-            message=message,
-            share=now.share if share is None else share,
-            seconds_left=seconds_left if seconds_left is not None else now.seconds_left,
-        )
-        write_status(self._run, self._status)
+    seeds = SeedProcess(run, config, tell, stopped, backend)
+    numbers = range(config.first_seed, config.first_seed + config.seeds)
+    return "finished" if all(seeds.train(seed) for seed in numbers) else "stopped"

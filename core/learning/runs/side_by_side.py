@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,9 +11,10 @@ from typing import Final
 from core.jobs import Engine, PieceControl, open_jobs
 from core.jobs.threads import one_torch_thread
 from core.learning.config import RunConfig
-from core.learning.runs.control import Control, RunStatus, State, read_control, write_control, write_status
+from core.learning.runs.control import Control, State, read_control, write_control
 from core.learning.runs.run_files import read_lines, read_run, seed_files
-from core.learning.runs.seed_process import SeedProcess, run_not_written
+from core.learning.runs.run_teller import RunTeller
+from core.learning.runs.seed_process import SeedProcess, SeedProgress
 
 TOLD_EVERY_S: Final = 1.0
 
@@ -23,25 +23,26 @@ def train_side_by_side(
     run: Path,
     config: RunConfig,
     engine: Engine,
-    progress: Callable[[float], None] = lambda share: None,
-    stopped: Callable[[], bool] = lambda: False,
+    teller: RunTeller,
+    progress: Callable[[float], None],
+    stopped: Callable[[], bool],
 ) -> State:
     """Train the seeds of a run that this process holds, where the engine says; returns how it ended.
 
     Workers read the run's control file as a single process does, so pause, pace and stop mean the same to all of them.
 
     Raises:
-        ConfigError: if the run cannot be written.
+        ConfigError: if a worker cannot write the run.
         JobsError: if the workers of a seed keep dying, or a cluster cannot be used.
+        OSError: if this process cannot write its status.
     """
-    watch = _Watch(run, config, progress, stopped)
+    watch = _Watch(run, config, teller, progress, stopped)
     seeds = range(config.first_seed, config.first_seed + config.seeds)
     with open_jobs(engine, len(seeds)) as jobs:
         work = TrainSeed(jobs.share_folder(run))
         finished = jobs.run(work, seeds, name=_name, done=watch.done, progress=watch.tell, cancelled=watch.look)
-    state: State = "finished" if all(finished) else "stopped"
-    watch.write(state)
-    return state
+    watch.tell_at_once("running")
+    return "finished" if all(finished) else "stopped"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +66,17 @@ class _Watch:
     """What those who look at the run are told meanwhile, and what the workers are told of a stop."""
 
     def __init__(
-        self, run: Path, config: RunConfig, progress: Callable[[float], None], stopped: Callable[[], bool]
+        self,
+        run: Path,
+        config: RunConfig,
+        teller: RunTeller,
+        progress: Callable[[float], None],
+        stopped: Callable[[], bool],
     ) -> None:
-        self._run, self._config, self._progress, self._stopped = run, config, progress, stopped
+        self._run, self._config, self._teller = run, config, teller
+        self._progress, self._stopped = progress, stopped
         self._left = list(range(config.first_seed, config.first_seed + config.seeds))
-        self._began_s, self._first_share, self._share = time.monotonic(), -1.0, 0.0
-        self._told_s = -TOLD_EVERY_S
+        self._share, self._told_s = 0.0, -TOLD_EVERY_S
         self._any_stopped = False
 
     def done(self, number: int, finished: bool) -> None:
@@ -91,35 +97,22 @@ class _Watch:
             return
         self._share = share
         self._progress(share)
-        if self._first_share < 0:
-            self._first_share = share
         if time.monotonic() - self._told_s >= TOLD_EVERY_S:
-            self.write("paused" if read_control(self._run).command == "pause" else "running")
+            self._told_s = time.monotonic()
+            self.tell_at_once("paused" if read_control(self._run).command == "pause" else "running")
 
-    def write(self, state: State) -> None:
-        """The status file: of the first seed that is not finished, and the share of all.
-
-        Raises:
-            ConfigError: if it cannot be written.
-        """
-        config, self._told_s = self._config, time.monotonic()
+    def tell_at_once(self, state: State) -> None:
+        """The first seed that is not finished, and the share of all."""
+        config = self._config
         seed = self._left[0] if self._left else config.first_seed + config.seeds - 1
         lines, _ = read_lines(seed_files(self._run, seed).metrics)
         last = lines[-1] if lines else {}
         episode, speed_mps = last.get("episode"), last.get("speed_mps")
-        gone = self._share - self._first_share
-        left_s = (self._told_s - self._began_s) * (1 - self._share) / gone if gone > 0 else None
-        status = RunStatus(
-            state,
-            os.getpid(),
+        at = SeedProgress(
             seed,
             episode if isinstance(episode, int) else 0,
-            config.episodes,
-            1.0 if state == "finished" else self._share,
+            self._share,
             speed_mps if isinstance(speed_mps, float) else config.curriculum.speeds_mps[0],
-            0.0 if state == "finished" else left_s and round(left_s, 1),
+            state,
         )
-        try:
-            write_status(self._run, status)
-        except OSError as error:
-            raise run_not_written(self._run, error) from error
+        self._teller.tell(at, self._share)

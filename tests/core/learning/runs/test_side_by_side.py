@@ -116,7 +116,7 @@ def test_a_pause_holds_all_of_them(run: Path, in_turn: dict[str, bytes]) -> None
 
     def paused() -> bool:
         status = read_status(run)
-        return status is not None and status.state == "paused" and min(episodes(run, seed) for seed in SEEDS[:2]) > 0
+        return status is not None and status.state == "paused"
 
     def watch() -> None:
         for _ in range(3):
@@ -124,12 +124,13 @@ def test_a_pause_holds_all_of_them(run: Path, in_turn: dict[str, bytes]) -> None
             counts.append(tuple(episodes(run, seed) for seed in SEEDS))
         write_control(run, Control("run"))
 
-    pause = when(lambda: episodes(run, SEEDS[0]) > 10, lambda: write_control(run, Control("pause")))
+    write_control(run, Control("run", episodes_per_s=40.0))
+    pause = when(lambda: episodes(run, SEEDS[1]) > 10, lambda: write_control(run, Control("pause")))
     watching = when(paused, watch)
     assert run_training(run, engine=TWO) == "finished"
     pause.join()
     watching.join()
-    assert len(counts) == 3 and counts[1] == counts[2] and counts[2][0] < 130
+    assert len(counts) == 3 and counts[1] == counts[2] and sum(counts[2]) < len(SEEDS) * CONFIG.episodes
     assert files_of(run) == in_turn
 
 
@@ -152,6 +153,20 @@ def test_a_disk_that_refuses_is_one_line_and_the_run_is_failed(run: Path) -> Non
         run_training(run, engine=TWO)
     status = read_status(run)
     assert status is not None and status.state == "failed" and "cannot be written" in status.message
+
+
+def test_a_run_that_fails_on_the_way_says_how_far_it_was(run: Path) -> None:
+    def fail() -> bool:
+        status = read_status(run)
+        if status is not None and status.share > 0.05:
+            raise ValueError("cut off")
+        return False
+
+    with pytest.raises(ValueError, match="cut off"):
+        run_training(run, engine=TWO, stopped=fail)
+    status = read_status(run)
+    assert status is not None and (status.state, status.message) == ("failed", "ValueError: cut off")
+    assert 0.05 < status.share < 1
 
 
 def test_one_seed_needs_nobody_else(tmp_path: Path) -> None:
