@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from app.bench.door_cost import measure_door
+from app.bench.page_return import measure_return
 from app.bench.soak.bench_soak import run_soak
 from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
@@ -30,7 +31,9 @@ SEED: Final = 1
 
 
 def run(progress: Callable[[float], None], *, soak: float | None = None, only: str | None = None) -> dict[str, object]:
-    """The app under load for `soak` minutes, what its door costs (`only` "door"), or how long its pictures take.
+    """The app under load for `soak` minutes, or how long its pictures take.
+
+    With `only` "door" what its door costs, with "return" how soon an open page is back after a killed server.
 
     Rows of the latter per view: p50, p99 and the largest number of milliseconds a picture takes, at random times of a
     recording.
@@ -41,10 +44,13 @@ def run(progress: Callable[[float], None], *, soak: float | None = None, only: s
     Raises:
         CommandError: if `only` names another part.
     """
-    if only not in (None, "door"):
-        raise CommandError("no such part of the app to measure", expected="door", got=only, where="--only")
+    if only not in (None, "door", "return"):
+        raise CommandError("no such part of the app to measure", expected="door or return", got=only, where="--only")
     if only == "door":
         return {"rows": measure_door(progress), "machine": describe_machine()}
+    if only == "return":
+        with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
+            return {"rows": [measure_return(Path(folder), progress)], "machine": describe_machine()}
     if soak is not None:
         return run_soak(progress, soak)
     rows: list[dict[str, object]] = []

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from app.bench import bench_app, door_cost
+from app.bench import bench_app, door_cost, page_return
 from app.front.door import FrontDoor
 from core.errors import CommandError
 
@@ -35,3 +35,9 @@ def test_a_door_that_thinks_for_long_is_seen_where_it_is_asked_and_not_afterward
 def test_another_part_is_refused() -> None:
     with pytest.raises(CommandError, match="window"):
         bench_app.run(lambda share: None, only="window")
+
+
+def test_how_soon_a_page_is_back_cannot_be_measured_without_a_browser(monkeypatch) -> None:
+    monkeypatch.setattr(page_return, "find_chromium", lambda: None)
+    with pytest.raises(CommandError, match="no Chromium"):
+        bench_app.run(lambda share: None, only="return")
