@@ -120,6 +120,7 @@ def connect_to(port: int, *, link: str = "", cookie: str = "") -> ClientConnecti
         subprotocols=[Subprotocol(PROTOCOL)],
         max_size=None,
         compression=None,
+        ping_interval=None,  # a browser asks nobody whether he is still there
         additional_headers={"Cookie": f"{BROWSER_COOKIE}={cookie}"} if cookie else None,
     )
 

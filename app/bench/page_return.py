@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -13,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from app.bench.soak.served_app import served
 from app.bench.trial_user import BROWSER_FLAGS, WINDOW, find_chromium
 from core.bench.machine import Row, goal_row
 from core.cameras import stereo_preset
@@ -56,40 +55,29 @@ def measure_in(
     file = folder / "return.h5"
     simulate_recording(file, StereoConfig(sensor=SensorConfig()), stereo_preset(), [LaunchConfig()], seed=1)
     port = _free_port()
-    server = _serve(file, folder, port)
     pages = [browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]}) for _ in range(2)]
     taken_s = []
-    try:
-        _wait_for_answer(port)
+    with served(folder, str(file), port=port) as app:
         pages[0].goto(f"http://127.0.0.1:{port}/")
         pages[0].wait_for_function("location.href.includes('recording=return')", timeout=1e3 * PATIENCE_S)
         pages[0].get_by_role("button", name=MODE, exact=True).first.click(timeout=1e3 * PATIENCE_S)
         _wait_for_page(pages[0])
-        for turn in range(turns):
-            pages[turn % 2].bring_to_front()
-            server.kill()
-            server.wait()
-            pages[0].get_by_text("Server gone, reconnecting").wait_for(timeout=1e3 * PATIENCE_S)
-            time.sleep(GONE_S)
-            server = _serve(file, folder, port)
-            _wait_for_answer(port)
+        app.process.kill()
+    for turn in range(turns):
+        pages[turn % 2].bring_to_front()
+        pages[0].get_by_text("Server gone, reconnecting").wait_for(timeout=1e3 * PATIENCE_S)
+        time.sleep(GONE_S)
+        with served(folder, str(file), port=port) as app:
             began_s = time.perf_counter()
             pages[0].locator("#rallyscope-banner").wait_for(state="detached", timeout=1e3 * PATIENCE_S)
             _wait_for_page(pages[0])
             taken_s.append(time.perf_counter() - began_s)
-            progress((turn + 1) / turns)
-    finally:
-        server.kill()
-        server.wait()
-        for page in pages:
-            page.close()
+            app.process.kill()
+        progress((turn + 1) / turns)
+    for page in pages:
+        page.close()
     note = f"p50 {np.median(taken_s):.1f} s of {turns} kills; every second time behind another page"
     return goal_row("open page back after the server is", max(taken_s), GOAL_S, "s", note=note)
-
-
-def _serve(file: Path, folder: Path, port: int) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "app.cli", "serve", str(file), "--data", str(folder), "--port", str(port)]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def _wait_for_page(page: Page) -> None:
@@ -97,17 +85,6 @@ def _wait_for_page(page: Page) -> None:
     page.get_by_role("button", name=f"● {MODE}").wait_for(timeout=1e3 * PATIENCE_S)
     said = f"location.href.includes('recording=return') && location.href.includes('mode={MODE}')"
     page.wait_for_function(said, timeout=1e3 * PATIENCE_S)
-
-
-def _wait_for_answer(port: int) -> None:
-    until_s = time.monotonic() + PATIENCE_S
-    while time.monotonic() < until_s:
-        try:
-            socket.create_connection(("127.0.0.1", port), timeout=0.2).close()
-            return
-        except OSError:
-            time.sleep(0.02)
-    raise CommandError("the app did not come up", expected=f"in {PATIENCE_S:g} s")
 
 
 def _free_port() -> int:

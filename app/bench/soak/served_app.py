@@ -1,4 +1,4 @@
-"""The app in a process of its own, as `rallyscope serve` starts it, with a live rally."""
+"""The app in a process of its own, as `rallyscope serve` starts it."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class ServedApp:
 
 
 @contextlib.contextmanager
-def served(workspace: Path) -> Iterator[ServedApp]:
-    """Serve a live rally from a workspace on any free port.
+def served(workspace: Path, *arguments: str, port: int = 0) -> Iterator[ServedApp]:
+    """Serve a workspace, on any free port if none is given; without other arguments a live rally.
 
     Raises:
         CommandError: if it does not come up; with what it said.
     """
     said = workspace / "serve.log"
-    command = [sys.executable, "-m", "app.cli", "serve", "--data", str(workspace), "--port", "0"]
+    command = [sys.executable, "-m", "app.cli", "serve", *arguments, "--data", str(workspace), "--port", str(port)]
     with said.open("wb") as log:
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log)
     try:
