@@ -15,7 +15,7 @@ KEPT: Final = 0.95
 """Of the speed that was asked for: below it, that is not kept."""
 ALONE: Final = (
     f"<div style='font-size:12px;color:{theme.MUTED};padding:4px 12px'>It has no robot, and nobody knows the truth: "
-    "balls are seen and predicted; nothing is served, returned or counted.</div>"
+    "nothing is served, returned or counted.</div>"
 )
 
 
@@ -23,7 +23,9 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
     """A source that is no simulation: whether it is there and keeps pace, its cameras, and how it is followed."""
     rows = [("Source", _source(source, health))]
     if source.behind_s > 0:
-        rows.append(("Behind", _muted(f"{source.behind_s:.1f} s in all: this machine was busy. Nothing was left out")))
+        rows.append(
+            ("Behind", _muted(f"{source.behind_s:.1f} s in all: this machine was busy. All events came, later"))
+        )
     if health.blocks_lost:
         rows.append(("Lost blocks", _coloured(theme.WARN, f"{health.blocks_lost:,} of 10 ms never came")))
     rows += camera_rows(health.cameras)
