@@ -17,7 +17,8 @@ LOST_US: Final = 500_000
 SILENT_US: Final = 1_000_000
 """An event camera always has some noise: without an event for so long, it sees nothing at all."""
 STOPPED_S: Final = 1.0
-"""A source that nothing was heard of for so long has stopped."""
+"""A source that nothing was heard of for so long has stopped, unless it is asked to be so slow."""
+STOPPED_BLOCKS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,15 +51,12 @@ class StreamHealth:
     pace: float | None
     """Seconds of the source a second, over the last two; None while too little is known."""
     quiet_s: float
-    """Wall time since the last block, or since it was first listened to."""
+    """Wall time since the last block or sign of life, or since it was first listened to."""
+    stopped: bool
+    """Whether nothing comes any more."""
     blocks_lost: int
     """Blocks that never came, of this session: there was a gap between two."""
     cameras: tuple[CameraHealth, ...]
-
-    @property
-    def stopped(self) -> bool:
-        """Whether nothing comes any more."""
-        return self.quiet_s >= STOPPED_S
 
 
 @dataclass(slots=True)
@@ -91,7 +89,8 @@ class StreamWatch:
                 CameraHealth(name, one.missing, self._t_us - one.seen_us, self._t_us - one.event_us)
                 for name, one in self._cameras.items()
             )
-            return StreamHealth(self._pace(), self._clock() - self._heard_s, self._lost, cameras)
+            quiet_s = self._clock() - self._heard_s
+            return StreamHealth(self._pace(), quiet_s, quiet_s >= self._patience_s, self._lost, cameras)
 
     def on_session(self, welcome: m.Reply) -> None:
         """Begin anew."""
@@ -106,12 +105,15 @@ class StreamWatch:
                 self._packets[batch.camera] = len(batch.since_us) > 0
 
     def on_state(self, state: m.WorldState) -> None:
-        """A block is over."""
-        if not state.ends_block:
-            return
+        """A block is over, or the source lives."""
         with self._lock:
             now_s = self._clock()
             self._heard_s = now_s
+            if not state.ends_block:
+                return
+            if state.speed_factor:
+                blocks_s = STOPPED_BLOCKS * (state.t_us - state.start_us) * 1e-6 / state.speed_factor
+                self._patience_s = max(STOPPED_S, blocks_s)
             if not self._cameras:
                 self._cameras = {name: _CameraCounts(state.start_us, state.start_us) for name in self._names}
             elif state.start_us > self._t_us:
@@ -138,6 +140,7 @@ class StreamWatch:
         """Of the block that is being told: camera -> whether there are events in it."""
         self._marks: deque[tuple[float, int]] = deque()
         self._t_us = self._lost = 0
+        self._patience_s = STOPPED_S
         self._heard_s = self._clock()
 
     def _pace(self) -> float | None:

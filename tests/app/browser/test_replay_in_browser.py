@@ -112,10 +112,12 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
         window.screenshot("replay-label")
 
         session.open_recording(LIVE)
-        window.press("Watch")
-        wait_for(lambda: window.state.recording == LIVE and session.world.visible, "the replay again")
+        window.press("Tune")
+        wait_for(lambda: window.state.recording == LIVE and window.state.playhead.following, "the replay again")
         recording.cameras["right"].pulled.set()
-        page.get_by_text("The rest goes on").wait_for()
+        page.get_by_text("Camera right is lost").wait_for()
+        window.press("Watch")
+        page.get_by_text("lost, nothing of it for").wait_for()
         since_us = rally.history.followed_us
         wait_for(lambda: rally.history.followed_us > since_us + 200_000, "the other camera to be followed")
         window.screenshot("replay-lost")

@@ -11,7 +11,7 @@ from app.modes.watch.stream_status import camera_rows, stream_html
 from core.rally.history.rally_history import RallyHistory, RallyMoment
 from core.rally.live.stream_watch import CameraHealth, StreamHealth
 
-WELL = StreamHealth(1.0, 0.01, 0, (CameraHealth("left", 0, 0, 0), CameraHealth("right", 0, 0, 0)))
+WELL = StreamHealth(1.0, 0.01, False, 0, (CameraHealth("left", 0, 0, 0), CameraHealth("right", 0, 0, 0)))
 
 
 @pytest.fixture
@@ -40,7 +40,9 @@ def test_a_pace_that_is_not_kept_is_said_with_what_was_lost_by_it(source, snapsh
 
 
 def test_a_stream_that_stops_is_red_and_so_is_one_that_failed(source, snapshot) -> None:
-    assert "nothing has come for 4 s" in (said := stream_html(source, replace(WELL, quiet_s=4.2), snapshot))
+    assert "nothing has come for 4 s" in (
+        said := stream_html(source, replace(WELL, quiet_s=4.2, stopped=True), snapshot)
+    )
     assert theme.BAD in said
     source.status = "lost"
     assert "stopped: nothing more comes" in stream_html(source, WELL, snapshot)

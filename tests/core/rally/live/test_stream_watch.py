@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -110,3 +112,15 @@ def test_a_source_that_says_nothing_has_stopped_unless_nobody_listened(watch, wa
     assert watch.health().stopped and watch.health().quiet_s == 3.0
     watch.wake()
     assert not watch.health().stopped
+    wall.s += 1.5
+    assert watch.health().stopped
+    watch.on_state(ending(10_000, 10_000))
+    assert not watch.health().stopped, "a simulation whose clock stands still"
+
+
+def test_a_source_that_is_asked_to_be_slow_is_waited_for(watch, wall):
+    watch.on_state(replace(ending(0, BLOCK_US), speed_factor=0.01))
+    wall.s += 2.5
+    assert not watch.health().stopped
+    wall.s += 1.0
+    assert watch.health().stopped
