@@ -90,6 +90,7 @@ class LivePlayer:
         self._changed = threading.Condition()
         self._waiting: deque[_Item] = deque()
         self._blocks_waiting = 0
+        self._just_dropped = 0  # between the block that was played last and the one that is next
         self._stop = False
         self._pending: dict[int, list[m.EventBatch]] = {}  # the link's thread only
         self._session, self._cameras = "", {}
@@ -175,7 +176,7 @@ class LivePlayer:
         with self._changed:
             self._pending.clear()
             self._waiting.clear()
-            self._blocks_waiting = 0
+            self._blocks_waiting = self._just_dropped = 0
             self._waiting.append(welcome)
             self._changed.notify()
 
@@ -208,6 +209,7 @@ class LivePlayer:
             if isinstance(item, _ReceivedBlock):
                 del self._waiting[index]
                 self._blocks_waiting -= 1
+                self._just_dropped += 1
                 self._meter.dropped += 1
                 return
 
@@ -223,13 +225,16 @@ class LivePlayer:
                     return
                 item = self._waiting.popleft()
                 self._blocks_waiting -= isinstance(item, _ReceivedBlock)
+                counted = self._just_dropped
+                if isinstance(item, _ReceivedBlock):
+                    self._just_dropped = 0
                 fresh, self._new_config = self._new_config, False
             if isinstance(item, m.Reply):
                 self._begin(item)
             elif fresh:
                 self._build()
             if isinstance(item, _ReceivedBlock):
-                self._play(item)
+                self._play(item, counted)
             elif isinstance(item, m.OutcomeNotice):
                 self._flight.finish(item, self._controller.goal_m)
             self._publish()
@@ -273,11 +278,12 @@ class LivePlayer:
     def _told(self, controller: LiveController) -> LiveController:
         return controller.for_physics(self._physics or PhysicsConfig())
 
-    def _play(self, heard: _ReceivedBlock) -> None:
+    def _play(self, heard: _ReceivedBlock, counted: int) -> None:
+        """Follow a block; of those that are missing before it, `counted` were dropped here, the others never came."""
         state, player = heard.state, self._player
         if state.session != self._session:
             return
-        self._meter.dropped += self._flight.blocks_missing(state)
+        self._meter.dropped += max(0, self._flight.blocks_missing(state) - counted)
         self._flight.see(state)
         if player is None:
             return

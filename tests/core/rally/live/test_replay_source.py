@@ -194,11 +194,11 @@ def test_for_nobody_it_stands_still_and_goes_on_where_it_stopped(pair):
         time.sleep(0.05)
         assert source.state is None, "nobody has listened yet"
         first = play(source, 4)
-        time.sleep(0.1)
-        assert source.state.t_us == 40_000 and source.behind_s == 0.0
+        time.sleep(2.0)
+        assert source.state.t_us == 40_000
         source.remove_listener(first)
         assert play(source, 2).blocks[0][0] == 50_000
-        assert source.behind_s == 0.0, "resting is not falling behind"
+        assert source.behind_s < 2.0, "resting is not falling behind"
 
 
 def test_a_camera_that_cannot_be_read_is_missing_and_the_other_goes_on(pair):
@@ -291,20 +291,55 @@ def test_detections_on_the_replayed_ring_are_those_of_the_file(serve_recording, 
             assert found["live", name] == found["file", name]
 
 
+class Patient(Halting):
+    """Holds the source up until a player has followed the block."""
+
+    def __init__(self, source: ReplaySource, blocks: int, player: LivePlayer) -> None:
+        super().__init__(source, blocks)
+        self._player = player
+
+    def on_state(self, state: m.WorldState) -> None:
+        wait_for(lambda: self._player.snapshot.t_us >= state.t_us)
+        super().on_state(state)
+
+
+def test_every_block_that_the_player_cannot_follow_is_counted_once(serve_recording):
+    with replaying(open_recording(serve_recording), speed=20.0) as source:
+        source.listen(False)
+        player = LivePlayer(source)
+        go_on, held = threading.Event(), threading.Event()
+
+        def hold(session: str, state: PlayerState, decision: object) -> None:
+            held.set()
+            go_on.wait(60)
+
+        player.add_step_listener(hold)
+        wait_for(lambda: player.snapshot.session)
+        play(source, 60)
+        assert held.is_set()
+        go_on.set()
+        wait_for(lambda: player.snapshot.t_us == 600_000)
+        meter = player._meter  # what `health` shows ten times a second
+        player.close()
+    assert meter.dropped > 40 and meter.blocks + meter.dropped == 60
+
+
 def test_the_live_chain_sees_what_the_chain_sees_in_the_file(serve_recording):
     with open_recording(serve_recording) as recording:
         cameras = {name: stream.calibration for name, stream in recording.cameras.items()}
         chain = RallyChain(cameras, ChainConfig())
         offline = [chain.step(one) for one in windows_side_by_side(recording.cameras, 0, 600_000, 2000)]
     steps: list[PlayerState] = []
-    with replaying(open_recording(serve_recording), speed=0.25) as source:  # so that a busy machine skips nothing
+    with replaying(open_recording(serve_recording), speed=20.0) as source:
         source.listen(False)
         player = LivePlayer(source)
         player.add_step_listener(lambda session, state, decision: steps.append(state))
         wait_for(lambda: player.snapshot.session)
-        play(source, 60)
-        wait_for(lambda: player.snapshot.t_us == 600_000)
-        assert player.snapshot.health.blocks_dropped == 0 and not player.playing
+        patient = Patient(source, 60, player)
+        source.add_listener(patient)
+        source.listen(True)
+        assert patient.done.wait(120), "the blocks did not come"
+        assert player._meter.dropped == 0 and not player.playing
         player.close()
     assert len(steps) == len(offline) == 300
     assert sum(state.point is not None for state in offline) > 100
