@@ -23,6 +23,7 @@ from app.preparation.awaited import AwaitedRecording
 from app.preparation.panel import PreparationPanel
 from app.preparation.steps import Preparation
 from app.scene.world import World
+from app.shared.source_news import SourceNews
 from app.state.client_state import MODES, ClientState, ModeName
 from app.state.commands import Command, SetMode, TogglePlay
 from app.state.playback import Playhead
@@ -76,6 +77,7 @@ class Session:
         self._autoplay = False
         self._tracks = Tracks(0)
         self._live_uuid = ""
+        self._source_news = SourceNews()
         self.plane = ImageView(client, self._clicked)
         self.world = World(client)
         self._interface = ControlPanel(client.gui, self.send, self._send_key, self)
@@ -157,6 +159,8 @@ class Session:
             return
         if isinstance(self._recording, RingRecording):
             self._grow(self._recording)
+            for news in self._source_news.of(self.services.rallies.live, wall_s):
+                self.note(*news)
         self._state = replace(self._state, playhead=self._state.playhead.settle(wall_s))
         if self._opening is not None:
             self._open_slowly(self._opening, self._recording, wall_s)

@@ -13,6 +13,7 @@ from app.cli.arguments import DATA, flag, positional
 from app.cli.ending import end_event
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
+from app.cli.replay import REPLAY, ReplayOrder, open_replay, read_replay
 from app.cli.terminal import say
 from app.export.viewer_streamer import check_viewer_address
 from app.front.address import check_address
@@ -36,12 +37,13 @@ LIVE = "live"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServeArguments:
-    """Open the app in a browser, on a recording or a live simulation."""
+    """Open the app in a browser, on a recording or a live source: a simulation, or a recording replayed as if live."""
 
     recording: Path | None = positional("a recording or an event file", "RECORDING")
     source: str | None = flag(
-        "watch a live simulation: one of its own, or one that runs there",
-        "live|tcp://HOST:PORT",
+        "watch a live simulation: one of its own, or one that runs there; or what the cameras of a recording saw, "
+        "as if they saw it now, again and again, SPEED times as fast",
+        "live|tcp://HOST:PORT|replay:FILE[@SPEED]",
         "live, without a recording",
     )
     keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
@@ -61,6 +63,7 @@ class ServeArguments:
 def run(arguments: ServeArguments) -> None:
     """Serve until interrupted."""
     source = _check_source(arguments.source, arguments.recording)
+    replay = read_replay(source) if source is not None else None
     keys = read_keys(arguments.keys, source)
     own = own_simulation(arguments, source)
     if arguments.rerun is not None:
@@ -72,23 +75,24 @@ def run(arguments: ServeArguments) -> None:
     library.names()  # where no folder can be made that is said before anything is started
     admission = Admission.of_address(arguments.host, arguments.token)
     check_address(arguments.host, arguments.port)
-    startup = None
-    if source is not None:  # it comes up while the app is loaded
-        from app.preparation.startup import Startup  # with numba: a mistake in the arguments is answered before
-
-        address = None if source == LIVE else source
-        startup = Startup(
-            workspace,
-            address=address,
-            arguments=("--auto-serve", "5", *own),
-            say=say,
-            keys=keys,
-        )
+    startup = None if source is None else _start(workspace, source, replay, own, keys)
     try:
         _show(arguments, workspace, library, config, startup, admission, places)
     finally:
         if startup is not None:
             startup.stop()
+
+
+def _start(
+    workspace: Workspace, source: str, replay: ReplayOrder | None, own: list[str], keys: ClientKeys | None
+) -> Startup:
+    """What brings up the live rally while the app is loaded."""
+    from app.preparation.startup import Startup  # with numba: a mistake in the arguments is answered before
+
+    if replay is not None:
+        return Startup(workspace, source=open_replay(replay), say=say)
+    address = None if source == LIVE else source
+    return Startup(workspace, address=address, arguments=("--auto-serve", "5", *own), say=say, keys=keys)
 
 
 def _show(
@@ -164,8 +168,9 @@ def _check_source(source: str | None, recording: Path | None) -> str | None:
         return LIVE if recording is None else None
     if recording is not None:
         raise CommandError("a recording and a source", expected="one of them", got=f"{recording} and {source}")
-    if source != LIVE and not source.startswith("tcp://"):
-        raise CommandError("not a source", expected="live or tcp://HOST:PORT", got=repr(source), where="--source")
+    if source != LIVE and not source.startswith(("tcp://", REPLAY)):
+        expected = "live, tcp://HOST:PORT or replay:FILE[@SPEED]"
+        raise CommandError("not a source", expected=expected, got=repr(source), where="--source")
     return source
 
 
@@ -176,7 +181,7 @@ def read_keys(folder: Path | None, source: str | None) -> ClientKeys | None:
         CommandError: if there is no simulation that could ask for them.
         LinkError: if they cannot be used, or the source is beyond this machine and there are none.
     """
-    if source is None or source == LIVE:
+    if source is None or not source.startswith("tcp://"):
         if folder is not None:
             raise CommandError("keys without a source", expected="--source tcp://HOST:PORT", where="--keys")
         return None

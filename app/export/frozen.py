@@ -63,7 +63,7 @@ def write_frozen(frozen: RecordingSnapshot, span: Span, path: Path, *, progress:
     """
     sensors = {name: stream.sensor for name, stream in frozen.streams.items()}
     calibration = {name: stream.calibration for name, stream in frozen.streams.items() if stream.calibration}
-    config = {"source": "live simulation, frozen", "session": frozen.uuid}
+    config = {"source": "live rally, frozen", "session": frozen.uuid}
     with replacing(path, durable=True) as partial:
         with RecordingWriter(partial, sensors, calibration=calibration, config=config) as writer:
             for number, (name, stream) in enumerate(frozen.streams.items()):

@@ -10,11 +10,12 @@ from typing import Final
 from app.background.child import ChildProcess, share_in
 from app.preparation.chain import compile_chain, marker
 from app.preparation.steps import Preparation, Step
-from app.shared.live_rally import LiveRally
+from app.shared.live_rally import LiveRally, join_simulation
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
 from core.errors import RallyscopeError
 from core.rally.link.keys import ClientKeys
+from core.rally.link.live_source import LiveSource
 
 logger = logging.getLogger(__name__)
 
@@ -31,6 +32,7 @@ REMOTE_STEPS: Final = {
     "chain": OWN_STEPS["chain"],
     "rally": OWN_STEPS["rally"],
 }
+REPLAY_STEPS: Final = {"chain": OWN_STEPS["chain"], "rally": OWN_STEPS["rally"]}
 
 
 class Startup:
@@ -44,20 +46,23 @@ class Startup:
         workspace: Workspace,
         *,
         address: str | None = None,
+        source: LiveSource | None = None,
         arguments: Sequence[str] = (),
         say: Callable[[str], None] = lambda line: None,
         keys: ClientKeys | None = None,
     ) -> None:
         """Begin: watch the simulation at an address, or start one with the arguments of `rallyscope sim-server`.
 
+        Or watch a `source` that is there already, and is closed with the rally, or by `stop` if nobody took that.
         Beyond this machine the one at an address is watched with `keys`.
         """
         self._workspace = workspace
-        self._address, self._keys = address, keys
+        self._address, self._source, self._keys = address, source, keys
         self._say = say
         self._lock = threading.Lock()
         self._stopped = False
-        self.preparation = Preparation(dict(OWN_STEPS if address is None else REMOTE_STEPS), self._say_unless_stopped)
+        steps = REPLAY_STEPS if source is not None else OWN_STEPS if address is None else REMOTE_STEPS
+        self.preparation = Preparation(dict(steps), self._say_unless_stopped)
         self._children: list[ChildProcess] = []
         self._news = threading.Event()
         self._taker: Callable[[LiveRally], None] | None = None
@@ -65,7 +70,7 @@ class Startup:
         self.problem: RallyscopeError | None = None
         """Why there will be no live rally."""
         self._process: SimulationProcess | None = None
-        if address is None:
+        if address is None and source is None:
             self._process = SimulationProcess(*arguments, on_progress=self._simulation_progress)
         self._chain_is_compiled = threading.Event()
         self._threads = [
@@ -102,6 +107,8 @@ class Startup:
             child.stop()
         if process is not None and not taken:
             process.stop()
+        if self._source is not None and not taken:
+            self._source.close()
 
     # The steps, each in a thread.
 
@@ -140,13 +147,14 @@ class Startup:
         self._chain_is_compiled.set()
 
     def _bring_up_live(self) -> None:
-        self.preparation.begin("simulation")
+        if self._source is None:
+            self.preparation.begin("simulation")
         try:
-            live = self._own_rally() if self._process is not None else self._remote_rally()
+            live = self._replayed_rally() if self._source is not None else self._simulated_rally()
         except RallyscopeError as error:
             self.problem = error
             if not self._stopped:
-                self.preparation.fail("simulation", str(error))
+                self.preparation.fail("simulation" if self._source is None else "rally", str(error))
             self._news.set()
             return
         with self._lock:
@@ -158,6 +166,15 @@ class Startup:
         elif taker is not None:
             taker(live)
 
+    def _replayed_rally(self) -> LiveRally:
+        assert self._source is not None
+        self._chain_is_compiled.wait()
+        self.preparation.begin("rally")
+        return LiveRally(self._source)
+
+    def _simulated_rally(self) -> LiveRally:
+        return self._own_rally() if self._process is not None else self._remote_rally()
+
     def _own_rally(self) -> LiveRally:
         assert self._process is not None
         address = self._process.wait()
@@ -165,11 +182,11 @@ class Startup:
         threading.Thread(target=self._guarded, args=(self._make_demo, "demo"), name="start-demo", daemon=True).start()
         self._chain_is_compiled.wait()
         self.preparation.begin("rally")
-        return LiveRally(address, process=self._process)
+        return join_simulation(address, process=self._process)
 
     def _remote_rally(self) -> LiveRally:
         assert self._address is not None
-        live = LiveRally(self._address, preparing=self._simulation_progress, keys=self._keys)
+        live = join_simulation(self._address, preparing=self._simulation_progress, keys=self._keys)
         self.preparation.finish("simulation")
         self.preparation.begin("rally")
         return live

@@ -1,10 +1,11 @@
-"""The live rally of this app: one simulation, one player, shared by all browsers."""
+"""The live rally of this app: one source, one player, shared by all browsers."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -26,8 +27,10 @@ from core.rally.history.return_counts import BallConditions, ReturnCounts
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
 from core.rally.link.keys import ClientKeys
+from core.rally.link.live_source import LiveSource
 from core.rally.live.live_player import LivePlayer
 from core.rally.live.ring_recording import LiveConfig, RingRecording
+from core.rally.live.stream_watch import StreamWatch
 
 LIVE: Final = "live"
 """Its name in the list of recordings."""
@@ -38,35 +41,21 @@ FORGET_EVERY_US: Final = 1_000_000
 class LiveRally:
     """Listens, remembers, plays. All methods may be called from any thread."""
 
-    def __init__(
-        self,
-        address: str,
-        *,
-        process: SimulationProcess | None = None,
-        preparing: Callable[[float], None] = lambda share: None,
-        keys: ClientKeys | None = None,
-    ) -> None:
-        """Join the simulation at an address, when it is ready; `process` is ended with the rally.
-
-        `preparing` hears how far a simulation is that is not ready, 0 to 1.
-
-        Raises:
-            LinkError: if there is no simulation, or one of another version.
-        """
+    def __init__(self, source: LiveSource, *, process: SimulationProcess | None = None) -> None:
+        """Listen to a source, which is closed with the rally; so is the `process` that it comes from."""
         self._process = process
-        try:
-            self.client = SimulationClient(address, preparing=preparing, keys=keys)
-        except LinkError:
-            if process is not None:
-                process.stop()
-            raise
+        self.source = source
+        self.simulation = source if isinstance(source, SimulationClient) else None
+        """What serves, stops its clock and changes its scene; None where the source is no simulation."""
         self.recording = RingRecording(LiveConfig(seconds=REMEMBERED_S))
         self.history = RallyHistory()
         self.rows = LiveRows()
         self.bodies = PlayedBodies()
         """Who is in the scene when."""
         self.returns = ReturnCounts()
-        """Since this app was started, over all sessions of the simulation."""
+        """Since this app was started, over all sessions of the source."""
+        self.watch = StreamWatch()
+        """What is missing of it."""
         self._scene: str | None = None
         self._session = ""
         self._recorder: LiveRecorder | None = None
@@ -74,9 +63,10 @@ class LiveRally:
         self._recording_lock = threading.Lock()
         self._watched = True
         self._forgotten_us = 0
-        self.client.add_listener(self.recording)
-        self.player = LivePlayer(self.client)
-        self.client.add_listener(self)
+        source.add_listener(self.watch)
+        source.add_listener(self.recording)
+        self.player = LivePlayer(source)
+        source.add_listener(self)
         self.player.add_step_listener(self._on_step)
 
     @property
@@ -86,8 +76,13 @@ class LiveRally:
 
     @property
     def state(self) -> m.WorldState | None:
-        """The newest state that the simulation told."""
-        return self.client.state
+        """The newest state that the source told."""
+        return self.source.state
+
+    @property
+    def has_robot(self) -> bool:
+        """Whether somebody plays; otherwise balls are only watched."""
+        return self.source.robot is not None
 
     @property
     def recorded(self) -> Path | None:
@@ -100,12 +95,14 @@ class LiveRally:
         return 0.0 if self._recorder is None else time.monotonic() - self._recorded_since_s
 
     def attend(self, watched: bool) -> None:
-        """Whether anybody looks: for nobody the simulation may rest, unless the rally is being recorded."""
+        """Whether anybody looks: for nobody the source may rest, unless the rally is being recorded."""
+        if watched and not self._watched:
+            self.watch.wake()
         self._watched = watched
         self._listen()
 
     def _listen(self) -> None:
-        self.client.listen(self._watched or self._recorder is not None)
+        self.source.listen(self._watched or self._recorder is not None)
 
     def record(self, path: Path) -> None:
         """Write the rally to a file from now on.
@@ -117,7 +114,7 @@ class LiveRally:
             if self._recorder is not None:
                 raise RecordingError("the rally is being recorded already", where=self._recorder.path)
             self._recorded_since_s = time.monotonic()
-            self._recorder = LiveRecorder(self.client, path, player=self.player)
+            self._recorder = LiveRecorder(self.source, path, player=self.player)
             self._listen()
 
     def stop_recording(self) -> int:
@@ -144,11 +141,11 @@ class LiveRally:
         """Leave it; what is being recorded is finished."""
         self.stop_recording()
         self.player.close()
-        self.client.close()
+        self.source.close()
         self.recording.close()
         self.stop_simulation()
 
-    # What the link says, in its thread.
+    # What the source says, in its thread.
 
     def on_session(self, welcome: m.Reply) -> None:
         """Begin anew with another session."""
@@ -163,15 +160,17 @@ class LiveRally:
 
     def on_state(self, state: m.WorldState) -> None:
         """Where racket and ball really were."""
-        if not len(state.racket_t_us):
+        if not state.ends_block:
             return
-        if state.scene != self._scene:
+        seed, truth = self.source.welcome.seed, state.truth()
+        if state.scene and state.scene != self._scene and seed is not None:
             self._scene = state.scene
-            self.bodies = self.bodies.then(state.start_us, state.scene, self.client.welcome.seed)
-        self.history.add_rackets(state.racket_t_us, state.racket[:, :3], state.racket[:, 3:7])
-        self.rows.add_state(state)
-        if len(state.ball_t_us):
-            self.history.add_truth(state.truth())
+            self.bodies = self.bodies.then(state.start_us, state.scene, seed)
+        if len(state.racket_t_us):
+            self.history.add_rackets(state.racket_t_us, state.racket[:, :3], state.racket[:, 3:7])
+            self.rows.add_state(state)
+        if truth is not None:
+            self.history.add_truth(truth)
         if state.t_us - self._forgotten_us > FORGET_EVERY_US:
             self._forgotten_us = state.t_us
             self.history.forget_before(state.t_us - round(REMEMBERED_S * 1e6))
@@ -192,8 +191,33 @@ class LiveRally:
     def _on_step(self, session: str, state: PlayerState, decision: RacketDecision | None) -> None:
         """In the player's thread."""
         if session == self._session:
+            if not self.has_robot:  # what a racket would do that is not there
+                state, decision = replace(state, decision=None), None
             self.history.add_step(state)
             self.rows.add_step(state, decision)
+
+
+def join_simulation(
+    address: str,
+    *,
+    process: SimulationProcess | None = None,
+    preparing: Callable[[float], None] = lambda share: None,
+    keys: ClientKeys | None = None,
+) -> LiveRally:
+    """The rally of the simulation at an address, when it is ready; `process` is ended with the rally.
+
+    `preparing` hears how far a simulation is that is not ready, 0 to 1.
+
+    Raises:
+        LinkError: if there is no simulation, or one of another version.
+    """
+    try:
+        client = SimulationClient(address, preparing=preparing, keys=keys)
+    except LinkError:
+        if process is not None:
+            process.stop()
+        raise
+    return LiveRally(client, process=process)
 
 
 def positions(cameras: dict[str, Camera]) -> dict[str, NDArray[np.float64]]:

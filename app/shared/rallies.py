@@ -7,7 +7,7 @@ from typing import Final
 
 from app.shared.live_rally import LiveRally, positions
 from core.cameras import Camera
-from core.rally.history.following import Following, Followings
+from core.rally.history.following import Following, Followings, is_stereo
 from core.rally.history.rally_history import RallyHistory, RallyMoment
 from core.rally.history.rally_picture import People, RallyPicture
 from core.recordings import Recording
@@ -34,7 +34,8 @@ class Rallies:
     def of(self, recording: Recording) -> WatchedRally | None:
         """The rally in a recording; None if it cannot be seen in space."""
         if self.live is not None and recording is self.live.recording:
-            return WatchedRally(self.live.history, self.live.cameras, self.live, None)
+            live = self.live
+            return WatchedRally(live.history, live.cameras, live, None) if is_stereo(recording) else None
         following = self.followings.of(recording)
         return None if following is None else WatchedRally(following.history, following.cameras, None, following)
 
@@ -64,7 +65,9 @@ class WatchedRally:
     def picture_of(self, moment: RallyMoment) -> RallyPicture:
         """A moment as the 3D scene shows it."""
         picture = replace(moment.picture, people=self.people(moment.t_us))
-        return picture if self.live is None else replace(picture, landing_target=self.live.player.snapshot.goal_m)
+        if self.live is None or not self.live.has_robot:
+            return picture
+        return replace(picture, landing_target=self.live.player.snapshot.goal_m)
 
     def picture_at(self, t_us: int) -> RallyPicture:
         """A time as the 3D scene shows it."""

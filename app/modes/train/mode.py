@@ -128,7 +128,8 @@ class TrainMode:
         if view.details is not None or view.run is None:
             self._details = view.details
         with self._host.client.atomic():
-            self._run_panel.show(view, self._details, has_rally=self._host.services.rallies.live is not None)
+            live = self._host.services.rallies.live
+            self._run_panel.show(view, self._details, has_rally=live is not None and live.has_robot)
             self._side.show(view, self._details)
         self._tell_ends(view)
 
@@ -206,7 +207,7 @@ class TrainMode:
 
     def _let_play(self) -> None:
         host, live = self._host, self._host.services.rallies.live
-        if live is None or self._view is None or self._view.run is None:
+        if live is None or not live.has_robot or self._view is None or self._view.run is None:
             return
         name = self._view.run.name
 

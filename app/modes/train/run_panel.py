@@ -19,7 +19,7 @@ LAST_ONES: Final = "the last three"
 NOBODY: Final = "nothing"
 NO_RALLY_HTML: Final = (
     f"<div style='font-size:12.5px;padding:4px 12px;color:{theme.MUTED}'>Its policy could play a live rally, but "
-    "there is none here: start Rallyscope without a recording, or with <code>--source</code>.</div>"
+    "there is none with a robot here: start Rallyscope without a recording, or with <code>--source tcp://...</code>.</div>"
 )
 
 

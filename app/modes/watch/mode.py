@@ -13,6 +13,7 @@ from app.modes.watch.cameras_panel import CamerasPanel
 from app.modes.watch.commands import EnlargeCamera
 from app.modes.watch.missed_ball import MissedBallSearch
 from app.modes.watch.simulation_panel import SimulationPanel
+from app.modes.watch.source_panel import SourcePanel
 from app.modes.watch.status import live_html, moment_html
 from app.modes.watch.view_panel import ViewPanel
 from app.scene.view_render import render_view
@@ -45,6 +46,8 @@ class WatchMode:
     def __init__(self, host: ModeHost) -> None:
         self._host = host
         self._rally: WatchedRally | None = None
+        self._live: LiveRally | None = None
+        """That of the recording that is open."""
         self._positions: dict[str, NDArray[np.float64]] = {}
         self._active = False
         gui = host.client.gui
@@ -55,6 +58,7 @@ class WatchMode:
             )
             self._missed = MissedBallSearch(host)
             self._simulation: SimulationPanel | None = None
+            self._source: SourcePanel | None = None
         self._cameras = CamerasPanel(gui, lambda camera: host.send(EnlargeCamera(camera)))
         self._pictures = LatestWins(host.pool, render_camera_pictures, self._pictures_done, self._failed)
         self._lead_times = LatestWins(host.pool, compute_lead_times, self._show_lead_times, self._failed)
@@ -77,7 +81,7 @@ class WatchMode:
     @property
     def restless(self) -> bool:
         """A live rally moves; a recording that is being followed may soon know more."""
-        return self._rally is not None and self._rally.live is not None
+        return self._live is not None
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
@@ -92,9 +96,10 @@ class WatchMode:
         self._rally = self._host.services.rallies.of(recording)
         self._drawn = None
         self._status_s, self._predictions = 0.0, -1
-        if self._rally is not None and self._rally.live is not None and self._simulation is None:
-            with self._folder:
-                self._simulation = SimulationPanel(self._host.client.gui, self._rally.live, self._host)
+        live = self._host.services.rallies.live
+        self._live = live if live is not None and recording is live.recording else None
+        if self._live is not None and self._simulation is None and self._source is None:
+            self._add_controls(self._live)
         if self._rally is not None:
             self._positions = positions(self._rally.cameras)
             self._host.world.use_cameras(self._rally.cameras)
@@ -106,13 +111,17 @@ class WatchMode:
         if self.middle == "world":
             self._cameras.room.follow(self._host.client.camera.aspect)
         self._view.show(state, is_stereo=self._rally is not None, views=self._host.world.views)
-        live = None if self._rally is None else self._rally.live
+        live = self._live
         self._missed.tick(None if self._rally is None else self._rally.history, now_us, wall_s)
         if self._simulation is not None:
             self._simulation.set_visible(live is not None)
             if live is not None and wall_s - self._controllers_s > CONTROLLERS_EVERY_S:
                 self._controllers_s = wall_s
                 self._simulation.show_controllers()
+        if self._source is not None:
+            self._source.set_visible(live is not None)
+            if live is not None:
+                self._source.show(wall_s)
         if self._rally is None or not self._has_panel or wall_s - self._drawn_s < DRAW_EVERY_S:
             return
         self._request_lead_times(wall_s)
@@ -126,7 +135,7 @@ class WatchMode:
         moment = history.at(now_us, self._positions)
         if status_is_due:
             self._status_s = wall_s
-            self._show_status(moment, live)
+            self._show_status(moment)
         if key == self._drawn:
             return
         self._drawn, self._drawn_s = key, wall_s
@@ -161,13 +170,24 @@ class WatchMode:
         if self._active and self._has_panel:
             self._cameras.show(pngs)
 
-    def _show_status(self, moment: RallyMoment, live: LiveRally | None) -> None:
-        figures = ""
+    def _add_controls(self, live: LiveRally) -> None:
+        gui = self._host.client.gui
+        with self._folder:
+            if live.simulation is not None:
+                self._simulation = SimulationPanel(gui, live, live.simulation, self._host)
+            else:
+                self._source = SourcePanel(gui, live, self._host)
+
+    def _show_status(self, moment: RallyMoment) -> None:
+        figures, live = "", self._live
         if live is not None and live.state is not None and self._simulation is not None:
-            figures = live_html(live.player.snapshot, live.state, live.client.status)
+            cameras = live.watch.health().cameras
+            figures = live_html(live.player.snapshot, live.state, live.source.status, cameras)
             self._simulation.show(live.state)
         assert self._rally is not None
-        self._cameras.show_figures(moment_html(moment, ACTION_LIMIT_DEG, self._rally.followed), figures)
+        robot, outcomes = (True, True) if live is None else (live.has_robot, live.source.tells_outcomes)
+        said = moment_html(moment, ACTION_LIMIT_DEG, self._rally.followed, robot=robot, outcomes=outcomes)
+        self._cameras.show_figures(said, figures)
 
     def _request_lead_times(self, wall_s: float) -> None:
         recording, rally = self._host.recording, self._rally

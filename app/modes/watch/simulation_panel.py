@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Final
 
 import viser
 
 from app.modes.mode import ModeHost
+from app.modes.watch.record_button import RecordButton
 from app.modes.watch.returned_table import returned_html
 from app.shared.live_rally import LiveRally
 from app.shared.policies import BUILT_IN, let_play, run_choices
@@ -16,9 +16,9 @@ from app.widgets import Listing, when_changed, when_clicked
 from app.words.glossary import tooltip
 from core.errors import RallyscopeError
 from core.rally.link import messages as m
+from core.rally.link.client import SimulationClient
 from core.simulation.scenes.scene import SCENES
 
-RECORD: Final = "Record"
 STOP, RUN, STEP = "Stop the clock", "Run", "Step 10 ms"
 PACES: Final = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/50": 0.02}
 SPEEDS_MPS: Final = (3.0, 9.0)
@@ -31,10 +31,10 @@ GOAL_Y_M: Final = (-0.7, 0.7)
 class SimulationPanel:
     """The simulation's controls in one browser. Commands wait for their answer in the pool, never in the loop."""
 
-    def __init__(self, gui: viser.GuiApi, rally: LiveRally, host: ModeHost) -> None:
-        self._rally = rally
+    def __init__(self, gui: viser.GuiApi, rally: LiveRally, client: SimulationClient, host: ModeHost) -> None:
+        """`client` is that of the simulation that the rally is heard from."""
+        self._rally, self._client = rally, client
         self._host = host
-        client = rally.client
         self._folder = gui.add_folder("Simulation (shared by all browsers)")
         with self._folder:
             self._serve = gui.add_button("Serve", icon=viser.Icon.PING_PONG, hint="A ball at the chosen speed")
@@ -43,7 +43,7 @@ class SimulationPanel:
             self._pause = gui.add_button_group(
                 "Clock", (STOP, RUN, STEP), hint=f"A step is a block. {tooltip('Block')}"
             )
-            self._record = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color="red")
+            self._record = RecordButton(gui, rally, host)
             self._pace = gui.add_dropdown("Pace", tuple(PACES), hint=tooltip("Pace"))
             self._scene = gui.add_dropdown(
                 "Scene", tuple(SCENES), hint="What the cameras look at; people take more time"
@@ -60,7 +60,6 @@ class SimulationPanel:
                 self._count_anew = gui.add_button("Count anew", icon=viser.Icon.REFRESH, hint="For all browsers")
         when_clicked(self._count_anew, rally.returns.clear)
         when_clicked(self._serve, lambda: self._ask(lambda: client.serve(self._speed.value)))
-        when_clicked(self._record, lambda: self._ask(self._toggle_record))
         when_changed(self._speed, lambda _: self._auto_serve() if self._auto.value else None)
         when_changed(self._auto, lambda _: self._auto_serve())
         when_changed(self._pace, lambda pace: self._ask(lambda: client.set_speed(PACES[str(pace)])))
@@ -83,11 +82,7 @@ class SimulationPanel:
         """Show what the simulation says, and what came of its balls."""
         if self._returned.content != (table := returned_html(self._rally.returns.rates())):
             self._returned.content = table
-        recorded = self._rally.recorded
-        label = RECORD if recorded is None else f"Stop recording ({self._rally.recorded_s:.0f} s)"
-        if self._record.label != label:
-            self._record.label = label
-            self._record.icon = viser.Icon.PLAYER_RECORD if recorded is None else viser.Icon.PLAYER_STOP
+        self._record.show()
         if state is None:
             return
         if state.auto_serve_mps > 0:
@@ -110,11 +105,11 @@ class SimulationPanel:
 
     def _change_scene(self, name: object) -> None:
         if name in SCENES:
-            self._ask(lambda: self._rally.client.set_scene(str(name)))
+            self._ask(lambda: self._client.set_scene(str(name)))
 
     def _auto_serve(self) -> None:
         speed = _bounded(self._speed.value, SPEEDS_MPS) if self._auto.value else 0.0
-        self._ask(lambda: self._rally.client.auto_serve(speed))
+        self._ask(lambda: self._client.auto_serve(speed))
 
     def _aim(self) -> None:
         goal = _bounded(self._goal_x.value, GOAL_X_M), _bounded(self._goal_y.value, GOAL_Y_M)
@@ -129,17 +124,6 @@ class SimulationPanel:
                 self._host.later(lambda: self._host.report(failed))
 
         self._host.pool.submit(work)
-
-    def _toggle_record(self) -> None:
-        path = self._rally.recorded
-        if path is None:
-            self._rally.record(self._host.services.workspace.recording_path(time.strftime("live-%Y%m%d-%H%M%S")))
-        else:
-            duration_us = self._rally.stop_recording()
-            if duration_us == 0:
-                return  # another browser was quicker
-            text = f"{path.stem}: {duration_us / 1e6:.1f} s, now in the list of recordings"
-            self._host.later(lambda: self._host.note("Recorded", text, "green"))
 
 
 def _bounded(value: object, bounds: tuple[float, float]) -> float:

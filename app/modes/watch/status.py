@@ -9,23 +9,30 @@ from typing import Final
 import numpy as np
 
 from app import theme
+from app.modes.watch.figures import figures_html, usually
+from app.modes.watch.stream_status import camera_rows
 from app.scene.landing import CASE_NAMES, CASE_RGB
 from app.words.file_text import html_text
-from app.words.glossary import GLOSSARY, tooltip
 from app.words.percent import percent
 from core.physics.episode import Case
 from core.rally.control.decision import RacketDecision
 from core.rally.history.rally_history import Outcome, RallyMoment, RallyStep
 from core.rally.link.messages import WorldState
 from core.rally.link.pace import pace_words
-from core.rally.live.live_snapshot import Percentiles, RallySnapshot
+from core.rally.live.live_snapshot import RallySnapshot
+from core.rally.live.stream_watch import CameraHealth
 from core.trajectory.prediction import HitPlane
 
 STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
 
 
-def moment_html(moment: RallyMoment, action_limit_deg: float, followed: float) -> str:
-    """Ball, predictions and racket at one time; `followed` is the share of the recording that the chain has seen."""
+def moment_html(
+    moment: RallyMoment, action_limit_deg: float, followed: float, *, robot: bool = True, outcomes: bool = True
+) -> str:
+    """Ball, predictions and racket at one time; `followed` is the share of the recording that the chain has seen.
+
+    Without a robot nothing is said of a racket, and without word of outcomes nothing of what became of balls.
+    """
     step = moment.step
     sent = moment.sent
     rows = [
@@ -34,28 +41,32 @@ def moment_html(moment: RallyMoment, action_limit_deg: float, followed: float) -
         ("Stereo mismatch", _residual(step)),
         ("Hit predicted before the bounce", _hit(step.before.hit if step and step.before else None)),
         ("Hit predicted after the bounce", _hit(step.after.hit if step and step.after else None)),
-        ("Racket turned by", _action(sent, action_limit_deg)),
-        ("Racket pose, wxyz", "-" if sent is None else " ".join(f"{value:+.3f}" for value in sent.target.q_wxyz)),
-        ("Aims at", _target(sent)),
-        ("Last ball", _last(moment.outcomes)),
-        ("Returned", _balls(moment.outcomes)),
     ]
+    if robot:
+        rows += [
+            ("Racket turned by", _action(sent, action_limit_deg)),
+            ("Racket pose, wxyz", "-" if sent is None else " ".join(f"{value:+.3f}" for value in sent.target.q_wxyz)),
+            ("Aims at", _target(sent)),
+        ]
+    if outcomes:
+        rows += [("Last ball", _last(moment.outcomes)), ("Returned", _balls(moment.outcomes))]
     if followed < 1:
         rows.append(
             ("Followed", f"<span style='color:{theme.MUTED}'>has seen {percent(followed)} of the recording</span>")
         )
-    return _table(rows)
+    return figures_html(rows)
 
 
-def live_html(snapshot: RallySnapshot, state: WorldState, status: str) -> str:
-    """How well the live rally is followed."""
+def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: tuple[CameraHealth, ...] = ()) -> str:
+    """How well the rally of a simulation is followed, and what is wrong with its cameras if anything is."""
     health = snapshot.health
     rows = [
         ("Simulation", _simulation(state, status)),
-        ("Followed", f"{health.state_hz:.0f} times a second, {_usually(health.step)} each"),
-        ("Seen to racket", _usually(health.window_to_sent)),
+        ("Followed", f"{health.state_hz:.0f} times a second, {usually(health.step)} each"),
+        ("Seen to racket", usually(health.window_to_sent)),
         ("Controller", html_text(snapshot.controller)),
     ]
+    rows += camera_rows(cameras)
     if state.readout_delayed or state.readout_dropped:
         rows.append(("Sensor readout", _readout(state)))
     if health.blocks_dropped:
@@ -65,7 +76,7 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str) -> str:
         )
     if snapshot.problem:
         rows.append(("Problem", f"<span style='color:{theme.BAD}'>{html_text(snapshot.problem)}</span>"))
-    return _table(rows)
+    return figures_html(rows)
 
 
 def _simulation(state: WorldState, status: str) -> str:
@@ -85,10 +96,6 @@ def _simulation(state: WorldState, status: str) -> str:
     return f"<span style='color:{theme.GOOD}'>{html_text(status)}, {pace}</span>"
 
 
-def _usually(step: Percentiles) -> str:
-    return f"{_ms(step.p50_ms)} ms, seldom {_ms(step.p99_ms)} ms"
-
-
 def _readout(state: WorldState) -> str:
     """What the cameras' readouts did to the events: late ones wait in a queue, lost ones are bad."""
     late = f"{state.readout_delayed:,} late, up to {state.readout_longest_us} us"
@@ -103,20 +110,6 @@ def landing_legend_html() -> str:
         f"<span style='color:rgb{CASE_RGB[case]}'>&#9679;</span> {CASE_NAMES[case]}" for case in Case
     )
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:2px 12px'>{spots}</div>"
-
-
-def _table(rows: list[tuple[str, str]]) -> str:
-    """Columns of a fixed width: figures that change must not move the lines."""
-    name_style = f"color:{theme.MUTED};padding-right:10px;width:106px;vertical-align:top"
-    cells = "".join(
-        f"<tr><td style='{name_style}'{_title(name)}>{name}</td><td>{value}</td></tr>" for name, value in rows
-    )
-    table = f"<table style='table-layout:fixed;width:100%'>{cells}</table>"
-    return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{table}</div>"
-
-
-def _title(name: str) -> str:
-    return f" title='{html_text(tooltip(name))}'" if name in GLOSSARY else ""
 
 
 def _contact(step: RallyStep | None, t_us: int) -> str:
@@ -173,7 +166,3 @@ def _balls(outcomes: tuple[Outcome, ...]) -> str:
     counts = Counter(outcome.spot.case for outcome in outcomes)
     returned = counts[Case.RETURNED]
     return f"{returned} of {len(outcomes)} returned ({percent(returned / len(outcomes))})"
-
-
-def _ms(value: float) -> str:
-    return "-" if math.isnan(value) else f"{value:.1f}"

@@ -134,6 +134,7 @@ class RallyHistory:
         with self._lock:
             self._steps: _Line[RallyStep] = _Line()
             self._points: _Line[BallPoint] = _Line()
+            self._flights: _Line[int] = _Line()  # when each began
             self._rackets: _Line[Pose] = _Line()
             self._truths: _Line[Array | None] = _Line()
             self._outcomes: _Line[Outcome] = _Line()
@@ -181,6 +182,8 @@ class RallyHistory:
             step = RallyStep(chain.t_us, chain.point, circles, *shown, state.decision, chain.seconds.total)
             self._steps.add(chain.t_us, step)
             if chain.point is not None:
+                if chain.verdict == "new flight":
+                    self._flights.add(chain.point.t_us, chain.point.t_us)
                 self._points.add(chain.point.t_us, chain.point)
 
     def add_rackets(self, t_us: NDArray[np.int64], ps_world_m: Array, qs_wxyz: Array) -> None:
@@ -212,14 +215,15 @@ class RallyHistory:
     def forget_before(self, t_us: int) -> None:
         """Bound the memory of a live rally; outcomes stay."""
         with self._lock:
-            for line in (self._steps, self._points, self._rackets, self._truths, self._hits):
+            for line in (self._steps, self._points, self._flights, self._rackets, self._truths, self._hits):
                 line.forget_before(t_us)
 
     def at(self, t_us: int, camera_positions: dict[str, Array]) -> RallyMoment:
         """The rally at one time; rays come from the cameras' positions (3,)."""
         with self._lock:
             step = self._steps.last(t_us)
-            points = self._points.between(t_us - TRAIL_US, t_us)
+            begun_us = self._flights.last(t_us) or 0
+            points = self._points.between(max(t_us - TRAIL_US, begun_us - 1), t_us)
             racket = self._rackets.last(t_us)
             truth = self._truths.last(t_us)
             outcomes = tuple(self._outcomes.between(-1, t_us))

@@ -24,7 +24,7 @@ from core.rally.history.recorded_rally import (
     target_rows,
 )
 from core.rally.link import messages as m
-from core.rally.link.client import SimulationClient
+from core.rally.link.live_source import LiveSource
 from core.rally.live.live_player import LivePlayer
 from core.recordings import BallTruth, PixelTruth, RecordingWriter
 from core.trajectory import Prediction
@@ -49,7 +49,7 @@ class LiveRecorder:
     """Records from the next whole block until `stop`, or until the session ends. Time starts at 0 again."""
 
     def __init__(
-        self, client: SimulationClient, path: Path, *, player: LivePlayer | None = None, overwrite: bool = False
+        self, source: LiveSource, path: Path, *, player: LivePlayer | None = None, overwrite: bool = False
     ) -> None:
         """Begin. With a player, its predictions and decisions are recorded too.
 
@@ -59,13 +59,12 @@ class LiveRecorder:
         self.path = Path(path)
         self.error: RallyscopeError | None = None
         """What ended the recording early; what was written until then is kept."""
-        welcome = client.welcome
-        self._client, self._session = client, welcome.session
-        cameras = {info.name: info.camera() for info in welcome.cameras}
-        sensors = {name: camera.sensor for name, camera in cameras.items()}
-        config = {"source": "live simulation", "session": welcome.session}
+        welcome = source.welcome
+        self._source, self._session, self._seed = source, welcome.session, welcome.seed
+        sensors = {info.name: info.sensor for info in welcome.cameras}
+        config = {"source": source.description, "session": welcome.session}
         self._writer = RecordingWriter(
-            self.path, sensors, calibration=cameras, seed=welcome.seed, config=config, overwrite=overwrite
+            self.path, sensors, calibration=welcome.calibrated(), seed=welcome.seed, config=config, overwrite=overwrite
         )
         self._player = player
         self._decision: RacketDecision | None = None  # the writer's thread only
@@ -76,7 +75,7 @@ class LiveRecorder:
         self._ending = False
         self._thread = threading.Thread(target=self._write, name="live-recorder", daemon=True)
         self._thread.start()
-        client.add_listener(self)
+        source.add_listener(self)
         if player is not None:
             player.add_listener(self._on_snapshot)
 
@@ -91,7 +90,7 @@ class LiveRecorder:
         Raises:
             RecordingError: if it could not be written to its end.
         """
-        self._client.remove_listener(self)
+        self._source.remove_listener(self)
         if self._player is not None:
             self._player.remove_listener(self._on_snapshot)
         self._end()
@@ -111,7 +110,7 @@ class LiveRecorder:
 
     def on_state(self, state: m.WorldState) -> None:
         """Queue it, unless it is only a sign of life."""
-        if len(state.ball_t_us):
+        if state.ends_block:
             self._queue(state)
 
     def on_notice(self, notice: m.Notice) -> None:
@@ -186,20 +185,22 @@ class LiveRecorder:
         events, truth = batch.events(), batch.truth()
         columns = (events.x_px, events.y_px, events.on, events.sensor)
         self._writer.append(batch.camera, type(events).from_columns(events.t_us - zero_us, *columns))
-        shifted = PixelTruth(truth.t_us - zero_us, truth.u_px, truth.v_px, truth.r_px, truth.visible)
-        self._writer.write_truth(batch.camera, shifted)
+        if truth is not None:
+            shifted = PixelTruth(truth.t_us - zero_us, truth.u_px, truth.v_px, truth.r_px, truth.visible)
+            self._writer.write_truth(batch.camera, shifted)
 
     def _write_state(self, state: m.WorldState, zero_us: int) -> None:
         ball = state.truth()
-        self._writer.write_ball(
-            BallTruth(ball.t_us - zero_us, ball.p_world_m, ball.v_world_mps, ball.spin_radps, ball.visible)
-        )
-        self._writer.append_rows(RACKET, racket_rows(state, zero_us))
-        if state.scene != self._scene:
-            self._scene = state.scene
-            self._writer.append_rows(
-                SCENES_SEEN, scene_rows(state.start_us - zero_us, state.scene, self._client.welcome.seed, zero_us)
+        if ball is not None:
+            self._writer.write_ball(
+                BallTruth(ball.t_us - zero_us, ball.p_world_m, ball.v_world_mps, ball.spin_radps, ball.visible)
             )
+        if len(state.racket_t_us):
+            self._writer.append_rows(RACKET, racket_rows(state, zero_us))
+        if state.scene and state.scene != self._scene and self._seed is not None:
+            self._scene = state.scene
+            since_us = state.start_us - zero_us
+            self._writer.append_rows(SCENES_SEEN, scene_rows(since_us, state.scene, self._seed, zero_us))
         self._writer.extend_duration(state.t_us - zero_us)
         self._blocks += 1
         if self._blocks % FLUSH_BLOCKS == 0:

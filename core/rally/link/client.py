@@ -8,7 +8,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable
-from typing import Final, Literal, Protocol
+from typing import Final, Self
 
 import zmq
 
@@ -18,6 +18,7 @@ from core.rally.link import messages as m
 from core.rally.link.address import split_address
 from core.rally.link.guard import HandshakeWatch, check_reach, secure
 from core.rally.link.keys import ClientKeys
+from core.rally.link.live_source import LinkListener, SourceStatus
 
 logger = logging.getLogger(__name__)
 
@@ -30,20 +31,17 @@ EVERYTHING: Final = b""
 ASK_AGAIN_S: Final = 0.2
 SCENE_S: Final = 30.0
 """The answer to a new scene comes when every pixel has its picture: half a second in quiet."""
-Status = Literal["connected", "lost"]
-
-
-class LinkListener(Protocol):
-    """Hears everything in the client's own thread, in order. `on_session` comes before anything of a session."""
-
-    def on_session(self, welcome: m.Reply) -> None: ...
-    def on_events(self, batch: m.EventBatch) -> None: ...
-    def on_state(self, state: m.WorldState) -> None: ...
-    def on_notice(self, notice: m.Notice) -> None: ...
 
 
 class SimulationClient:
-    """A connection to a simulation server. It survives the server's end and finds its successor by itself."""
+    """A connection to a simulation server. It survives the server's end and finds its successor by itself.
+
+    It is a LiveSource with everything: cameras, a robot, outcomes and truth.
+    """
+
+    description = "live simulation"
+    tells_outcomes = True
+    behind_s = 0.0
 
     def __init__(
         self,
@@ -90,7 +88,12 @@ class SimulationClient:
         self._thread.start()
 
     @property
-    def status(self) -> Status:
+    def robot(self) -> Self:
+        """The racket over there."""
+        return self
+
+    @property
+    def status(self) -> SourceStatus:
         """Whether the server is there."""
         return "connected" if time.monotonic() - self._heard_s < LOST_S else "lost"
 

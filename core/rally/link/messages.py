@@ -97,7 +97,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WorldState:
-    """Where everything is up to `t_us`: comes last of all that belongs to its stretch, and again while paused."""
+    """Where everything is up to `t_us`: comes last of all that belongs to its stretch, and again while paused.
+
+    A source that does not know where the ball truly is, or has no racket, has no rows of it.
+    """
 
     session: str = text(64)
     seq: int = whole(0, WALL_NS)
@@ -117,6 +120,7 @@ class WorldState:
     served: int = whole(0, WALL_NS)
     returned: int = whole(0, WALL_NS)
     scene: str = text(64, default="ball")
+    """Of the simulation; empty where there is none."""
     readout_delayed: int = whole(0, WALL_NS, default=0)
     """Events of all cameras that the readout stamped late, since the session began."""
     readout_dropped: int = whole(0, WALL_NS, default=0)
@@ -139,15 +143,22 @@ class WorldState:
         _ascending("state, ball_t_us", self.ball_t_us)
         _ascending("state, racket_t_us", self.racket_t_us)
 
-    def truth(self) -> BallTruth:
-        """The ball's rows."""
+    @property
+    def ends_block(self) -> bool:
+        """Whether a stretch is complete with it; a sign of life ends none."""
+        return self.t_us > self.start_us
+
+    def truth(self) -> BallTruth | None:
+        """The ball's rows; None where nobody knows."""
+        if not len(self.ball_t_us):
+            return None
         rows = self.ball
         return BallTruth(self.ball_t_us, rows[:, :3], rows[:, 3:6], rows[:, 6:9], self.ball_visible.astype(np.bool_))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EventBatch:
-    """The events of one camera in [start_us, end_us), and where the ball is in its picture."""
+    """The events of one camera in [start_us, end_us), and, where that is known, where the ball is in its picture."""
 
     session: str = text(64)
     seq: int = whole(0, WALL_NS)
@@ -186,22 +197,24 @@ class EventBatch:
         except EventsError as error:
             raise LinkError(str(error), where="events") from error
 
-    def truth(self) -> PixelTruth:
-        """The ball's outline."""
+    def truth(self) -> PixelTruth | None:
+        """The ball's outline; None where nobody knows."""
+        if not len(self.truth_t_us):
+            return None
         u, v, r = self.circle.T
         return PixelTruth(self.truth_t_us, u, v, r, np.isfinite(u))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraInfo:
-    """A simulated camera."""
+    """A camera, with its calibration where that is known: all three parts of it or none."""
 
     name: str = text(64)
     width_px: int = whole(1, 8192)
     height_px: int = whole(1, 8192)
-    K: tuple[float, ...] = vector(9, 1e6)
-    distortion: tuple[float, ...] = vector(5, 1e3)
-    T_world_camera: tuple[float, ...] = vector(16, 1e4)
+    K: tuple[float, ...] | None = optional(vector(9, 1e6))
+    distortion: tuple[float, ...] | None = optional(vector(5, 1e3))
+    T_world_camera: tuple[float, ...] | None = optional(vector(16, 1e4))
 
     @staticmethod
     def of(name: str, camera: Camera) -> CameraInfo:
@@ -214,15 +227,27 @@ class CameraInfo:
             name=name, width_px=size.width_px, height_px=size.height_px, K=K, distortion=distortion, T_world_camera=pose
         )
 
-    def camera(self) -> Camera:
-        """The camera.
+    @staticmethod
+    def uncalibrated(name: str, sensor: SensorSize) -> CameraInfo:
+        """What to tell about a camera of which no more is known."""
+        return CameraInfo(name=name, width_px=sensor.width_px, height_px=sensor.height_px)
+
+    @property
+    def sensor(self) -> SensorSize:
+        """Its size."""
+        return SensorSize(self.width_px, self.height_px)
+
+    def camera(self) -> Camera | None:
+        """The calibrated camera; None where its calibration is not known.
 
         Raises:
             LinkError: if it is impossible.
         """
+        if self.K is None or self.distortion is None or self.T_world_camera is None:
+            return None
         try:
             K, pose = np.reshape(self.K, (3, 3)), np.reshape(self.T_world_camera, (4, 4))
-            return Camera(SensorSize(self.width_px, self.height_px), K, np.array(self.distortion), pose)
+            return Camera(self.sensor, K, np.array(self.distortion), pose)
         except RallyscopeError as error:
             raise LinkError(str(error), where=f"camera {self.name}") from error
 
@@ -238,12 +263,22 @@ class Reply:
     t_us: int = whole(0, LONGEST_US)
     """Simulated time at which the command took effect."""
     block_us: int = whole(1, 1_000_000)
-    seed: int = whole(0, WALL_NS)
+    seed: int | None = optional(whole(0, WALL_NS))
+    """Of the simulation; None where there is none."""
     cameras: tuple[CameraInfo, ...] = listing(CameraInfo, 16)
     physics: PhysicsConfig | None = optional(settings(PhysicsConfig))
     """How balls fly, bounce and leave the racket. Servers of before it was told have the paper's."""
     preparing: float | None = optional(bounded_number(0.0, 1.0))
     """While a server compiles what it needs it obeys nothing, and says here how much of that is done."""
+
+    def calibrated(self) -> dict[str, Camera]:
+        """The cameras whose calibration is known, by name.
+
+        Raises:
+            LinkError: if one is impossible.
+        """
+        found = {info.name: info.camera() for info in self.cameras}
+        return {name: camera for name, camera in found.items() if camera is not None}
 
 
 KINDS: Final[dict[str, type]] = {

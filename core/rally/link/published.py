@@ -6,29 +6,42 @@ import time
 
 import numpy as np
 
+from core.events import Events
 from core.rally.link import messages as m
 from core.rally.simulated.world import Block, JudgedBall, RacketContact
+from core.recordings import PixelTruth
 from core.simulation.episodes.rally_events import RallyEvent
 
 
 def event_batch(block: Block, camera: str, session: str, seq: int) -> m.EventBatch:
     """One camera's events, and where the ball is in its picture."""
-    events, circle = block.events[camera], block.circles[camera]
+    span_us = block.start_us, block.end_us
+    return camera_batch(camera, block.events[camera], span_us, session, seq, truth=block.circles[camera])
+
+
+def camera_batch(
+    camera: str, events: Events, span_us: tuple[int, int], session: str, seq: int, *, truth: PixelTruth | None = None
+) -> m.EventBatch:
+    """The events of a camera in a stretch, and where the ball is in its picture if that is known."""
+    start_us, end_us = span_us
+    nobody_knows = np.empty(0, np.int64), np.empty((0, 3))
+    known = None if truth is None else (truth.t_us, np.column_stack([truth.u_px, truth.v_px, truth.r_px]))
+    truth_t_us, circle = known or nobody_knows
     return m.EventBatch(
         session=session,
         seq=seq,
         wall_ns=time.time_ns(),
         camera=camera,
-        start_us=block.start_us,
-        end_us=block.end_us,
+        start_us=start_us,
+        end_us=end_us,
         width_px=events.sensor.width_px,
         height_px=events.sensor.height_px,
-        since_us=(events.t_us - block.start_us).astype(np.uint32),
+        since_us=(events.t_us - start_us).astype(np.uint32),
         x_px=events.x_px,
         y_px=events.y_px,
         on=events.on.view(np.uint8),
-        truth_t_us=circle.t_us,
-        circle=np.column_stack([circle.u_px, circle.v_px, circle.r_px]),
+        truth_t_us=truth_t_us,
+        circle=circle,
     )
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from core.errors import LinkError
 from core.rally.control.decision import RacketDecision
-from core.rally.link.client import SimulationClient
+from core.rally.link.live_source import LiveSource, Robot
 from core.rally.live.live_meter import LiveMeter
 
 logger = logging.getLogger(__name__)
@@ -32,8 +32,8 @@ class QueuedCommand(NamedTuple):
 class CommandSender:
     """One slot and one thread."""
 
-    def __init__(self, client: SimulationClient) -> None:
-        self._client = client
+    def __init__(self, source: LiveSource, robot: Robot) -> None:
+        self._source, self._robot = source, robot
         self._meter = LiveMeter()
         self._changed = threading.Condition()
         self._order: QueuedCommand | None = None
@@ -72,15 +72,15 @@ class CommandSender:
             self._send(order, meter)
 
     def _send(self, order: QueuedCommand, meter: LiveMeter) -> None:
-        state, target = self._client.state, order.decision.target
+        state, target = self._source.state, order.decision.target
         t_us = round(1e6 * target.t_s)
-        if order.session != self._client.welcome.session or (state is not None and t_us <= state.t_us):
+        if order.session != self._source.welcome.session or (state is not None and t_us <= state.t_us):
             meter.late += 1
             return
         p, q, v = (tuple(a.tolist()) for a in (target.p_m, target.q_wxyz, target.v_mps))
         sent_s = time.monotonic()
         try:
-            reply = self._client.aim_racket(p, q, v, t_us)
+            reply = self._robot.aim_racket(p, q, v, t_us)
         except LinkError as error:
             meter.refused += 1
             meter.last_refusal = str(error)

@@ -1,7 +1,7 @@
-"""The brain of a live rally: hears the simulation, follows the ball with the chain, sends the racket.
+"""The brain of a live rally: hears the source, follows the ball with the chain, sends the racket if there is one.
 
 It works on a thread of its own, so that neither the link nor a picture waits for it. Blocks that it cannot follow are
-dropped, the oldest first, and counted. It survives the end of the simulation and goes on with the next one.
+dropped, the oldest first, and counted. It survives the end of a session and goes on with the next one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from core.rally.control.controller import BuiltInController, LiveController
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import Player, PlayerState
 from core.rally.link import messages as m
-from core.rally.link.client import SimulationClient
+from core.rally.link.live_source import LiveSource
 from core.rally.live.command_sender import CommandSender, QueuedCommand
 from core.rally.live.live_flight import LiveFlight
 from core.rally.live.live_meter import LiveMeter
@@ -35,7 +35,7 @@ from core.simulation.event_cameras.event_camera import BLOCK_US
 
 MOST_WAITING: Final = 8
 """Blocks of 10 ms; older ones are dropped: a prediction from them would come too late."""
-NOBODY: Final = "no simulation has been heard yet"
+NOBODY: Final = "nothing has been heard of the source yet"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,26 +70,27 @@ StateListener = Callable[[str, PlayerState, RacketDecision | None], None]
 
 
 class LivePlayer:
-    """Plays the rally of a SimulationClient until it is closed. All methods may be called from any thread."""
+    """Plays the rally of a source until it is closed. All methods may be called from any thread."""
 
     def __init__(
         self,
-        client: SimulationClient,
+        source: LiveSource,
         controller: LiveController | None = None,
         config: LivePlayerConfig | None = None,
         *,
         playing: bool = True,
     ) -> None:
-        """Begin as soon as everything is loaded; without `playing` it only watches and sends no commands."""
-        self._client = client
-        self._physics = client.physics
-        self._controller: LiveController = (controller or BuiltInController()).for_physics(self._physics)
+        """Begin as soon as everything is loaded; without `playing`, or a robot, it only watches and sends nothing."""
+        self._source = source
+        self._physics = source.physics
+        self._controller = self._told(controller or BuiltInController())
         self._config = config or LivePlayerConfig()
         self._new_config = False
-        self._playing = playing
+        self._playing = playing and source.robot is not None
         self._changed = threading.Condition()
         self._waiting: deque[_Item] = deque()
         self._blocks_waiting = 0
+        self._just_dropped = 0  # between the block that was played last and the one that is next
         self._stop = False
         self._pending: dict[int, list[m.EventBatch]] = {}  # the link's thread only
         self._session, self._cameras = "", {}
@@ -99,9 +100,9 @@ class LivePlayer:
         self._flight = LiveFlight()
         self._listeners: tuple[StateListener, ...] = ()
         self._step_listeners: tuple[StateListener, ...] = ()
-        self._sender = CommandSender(client)
+        self._sender = None if source.robot is None else CommandSender(source, source.robot)
         self._number = itertools.count(1)
-        self._snapshot = self._flight.snapshot(0, "", self._controller, playing, self._meter, NOBODY)
+        self._snapshot = self._flight.snapshot(0, "", self._controller, self._playing, self._meter, NOBODY)
         self._thread = threading.Thread(target=self._run, name="live-player", daemon=True)
         self._thread.start()
 
@@ -126,8 +127,8 @@ class LivePlayer:
         return self._playing
 
     def use(self, controller: LiveController) -> None:
-        """Let another controller decide, from the next block on; it is told the physics of the simulation."""
-        self._controller = controller.for_physics(self._physics)
+        """Let another controller decide, from the next block on; it is told the physics of the source."""
+        self._controller = self._told(controller)
 
     def aim_at(self, goal_m: tuple[float, float]) -> None:
         """Let the present controller send the balls elsewhere.
@@ -143,8 +144,8 @@ class LivePlayer:
             self._config, self._new_config = config, True
 
     def play(self, playing: bool) -> None:
-        """Send commands, or only watch."""
-        self._playing = playing
+        """Send commands, or only watch; without a robot there is nothing else."""
+        self._playing = playing and self._source.robot is not None
 
     def add_listener(self, listener: StateListener) -> None:
         """Hear of every new prediction in the player's thread: session, state, and the decision if one was sent."""
@@ -159,13 +160,14 @@ class LivePlayer:
         self._listeners = tuple(one for one in self._listeners if one != listener)
 
     def close(self) -> None:
-        """End the threads. The client stays open."""
+        """End the threads. The source stays open."""
         with self._changed:
             self._stop = True
             self._changed.notify()
         self._thread.join()
-        self._client.remove_listener(self)
-        self._sender.close()
+        self._source.remove_listener(self)
+        if self._sender is not None:
+            self._sender.close()
 
     # What the link says, in its thread: only put into the queue.
 
@@ -174,7 +176,7 @@ class LivePlayer:
         with self._changed:
             self._pending.clear()
             self._waiting.clear()
-            self._blocks_waiting = 0
+            self._blocks_waiting = self._just_dropped = 0
             self._waiting.append(welcome)
             self._changed.notify()
 
@@ -184,7 +186,7 @@ class LivePlayer:
 
     def on_state(self, state: m.WorldState) -> None:
         """The block is complete; the oldest one that waits is dropped when there are too many."""
-        if not len(state.racket_t_us):
+        if not state.ends_block:
             return
         batches = tuple(self._pending.pop(state.start_us, ()))
         self._pending.clear()
@@ -207,6 +209,7 @@ class LivePlayer:
             if isinstance(item, _ReceivedBlock):
                 del self._waiting[index]
                 self._blocks_waiting -= 1
+                self._just_dropped += 1
                 self._meter.dropped += 1
                 return
 
@@ -214,7 +217,7 @@ class LivePlayer:
 
     def _run(self) -> None:
         self._warm_up()
-        self._client.add_listener(self)
+        self._source.add_listener(self)
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._stop or self._waiting)
@@ -222,13 +225,16 @@ class LivePlayer:
                     return
                 item = self._waiting.popleft()
                 self._blocks_waiting -= isinstance(item, _ReceivedBlock)
+                counted = self._just_dropped
+                if isinstance(item, _ReceivedBlock):
+                    self._just_dropped = 0
                 fresh, self._new_config = self._new_config, False
             if isinstance(item, m.Reply):
                 self._begin(item)
             elif fresh:
                 self._build()
             if isinstance(item, _ReceivedBlock):
-                self._play(item)
+                self._play(item, counted)
             elif isinstance(item, m.OutcomeNotice):
                 self._flight.finish(item, self._controller.goal_m)
             self._publish()
@@ -236,7 +242,7 @@ class LivePlayer:
     def _warm_up(self) -> None:
         """Before anything is heard, so that no block has to wait for it."""
         try:
-            cameras = {info.name: info.camera() for info in self._client.welcome.cameras}
+            cameras = self._source.welcome.calibrated()
             warm_up(
                 Player(RallyChain(cameras, self._chain_config()), self._controller), cameras, self._config.window_us
             )
@@ -246,11 +252,12 @@ class LivePlayer:
     def _begin(self, welcome: m.Reply) -> None:
         self._session, self._cameras = welcome.session, {}
         self._flight, self._meter = LiveFlight(), LiveMeter()
-        self._sender.begin_session(self._meter)
-        self._physics = welcome.physics or PhysicsConfig()
-        self._controller = self._controller.for_physics(self._physics)
+        if self._sender is not None:
+            self._sender.begin_session(self._meter)
+        self._physics = self._source.physics
+        self._controller = self._told(self._controller)
         try:
-            self._cameras = {info.name: info.camera() for info in welcome.cameras}
+            self._cameras = welcome.calibrated()
         except LinkError as error:
             self._player, self._problem = None, str(error)
             return
@@ -264,13 +271,19 @@ class LivePlayer:
             self._problem = str(error)
 
     def _chain_config(self) -> ChainConfig:
-        return chain_for_physics(self._config.chain, self._physics)
+        """Told how balls fly where that is known; where it is not, its filter finds out."""
+        physics = self._physics
+        return self._config.chain if physics is None else chain_for_physics(self._config.chain, physics)
 
-    def _play(self, heard: _ReceivedBlock) -> None:
+    def _told(self, controller: LiveController) -> LiveController:
+        return controller.for_physics(self._physics or PhysicsConfig())
+
+    def _play(self, heard: _ReceivedBlock, counted: int) -> None:
+        """Follow a block; of those that are missing before it, `counted` were dropped here, the others never came."""
         state, player = heard.state, self._player
         if state.session != self._session:
             return
-        self._meter.dropped += self._flight.blocks_missing(state)
+        self._meter.dropped += max(0, self._flight.blocks_missing(state) - counted)
         self._flight.see(state)
         if player is None:
             return
@@ -289,7 +302,7 @@ class LivePlayer:
         self._meter.note_step(state.chain.seconds.total + state.control_s)
         playing = self._playing
         decision = self._flight.follow(state, playing=playing)
-        if decision is not None and playing:
+        if decision is not None and playing and self._sender is not None:
             self._sender.put(self._order(decision, heard))
         for listener in self._step_listeners:
             listener(self._session, state, decision)

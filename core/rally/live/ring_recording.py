@@ -57,6 +57,7 @@ class RingRecording:
         self._uuid, self._block_us, self._duration_us = "", 10_000, 0
         self._oldest = 0
         self._first: int | None = None
+        self._sensors: dict[str, SensorSize] = {}
         self._calibration: dict[str, Camera] = {}
         self._blocks: dict[str, _CameraBlocks] = {}
         self._ball: dict[int, BallTruth] = {}
@@ -81,11 +82,14 @@ class RingRecording:
     def cameras(self) -> dict[str, CameraStream]:
         """Of the present session."""
         with self._lock:
-            return {name: LiveCamera(self, name, self._calibration[name], self._uuid) for name in self._calibration}
+            known = self._calibration
+            return {
+                name: LiveCamera(self, name, size, known.get(name), self._uuid) for name, size in self._sensors.items()
+            }
 
     @property
     def ball(self) -> BallTruth | None:
-        """The remembered part."""
+        """The remembered part of the truth; None where nobody knows."""
         with self._lock:
             parts = [self._ball[block] for block in sorted(self._ball)]
         if not parts:
@@ -112,11 +116,12 @@ class RingRecording:
 
     def on_session(self, welcome: m.Reply) -> None:
         """Begin anew."""
-        calibration = {info.name: info.camera() for info in welcome.cameras}
+        calibration = welcome.calibrated()
+        sensors = {info.name: info.sensor for info in welcome.cameras}
         with self._lock:
             self._uuid, self._block_us, self._duration_us = welcome.session, welcome.block_us, 0
-            self._calibration, self._oldest, self._first = calibration, 0, None
-            self._blocks = {name: _CameraBlocks() for name in calibration}
+            self._sensors, self._calibration, self._oldest, self._first = sensors, calibration, 0, None
+            self._blocks = {name: _CameraBlocks() for name in sensors}
             self._ball = {}
 
     def on_events(self, batch: m.EventBatch) -> None:
@@ -126,26 +131,30 @@ class RingRecording:
             LinkError: if it is not a block of one of the session's cameras.
         """
         events = batch.events()
-        camera = self._calibration.get(batch.camera)
         whole = batch.start_us % self._block_us == 0 and batch.end_us - batch.start_us == self._block_us
-        if camera is None or camera.sensor != events.sensor or not whole:
+        if self._sensors.get(batch.camera) != events.sensor or not whole:
             raise LinkError("not a block of this session", got=batch.camera, where="events")
         block = batch.start_us // self._block_us
         edges_us = np.arange(0, self._block_us + 1000, 1000) + batch.start_us
         counts = np.diff(np.searchsorted(events.t_us, edges_us)).astype(np.int64)
+        truth = batch.truth()
         with self._lock:
             store = self._blocks[batch.camera]
             store.forget(block)
-            store.events[block], store.truth[block], store.counts[block] = events, batch.truth(), counts
+            store.events[block], store.counts[block] = events, counts
+            if truth is not None:
+                store.truth[block] = truth
             store.total += len(events)
 
     def on_state(self, state: m.WorldState) -> None:
         """The stretch up to `t_us` is complete."""
-        if not len(state.ball_t_us):
+        if not state.ends_block:
             return
+        truth = state.truth()
         with self._lock:
             block = state.start_us // self._block_us
-            self._ball[block] = state.truth()
+            if truth is not None:
+                self._ball[block] = truth
             self._first = block if self._first is None else self._first
             self._duration_us = max(self._duration_us, state.t_us)
             self._forget_old(int((self._duration_us - self._config.seconds * 1e6) // self._block_us))
@@ -198,8 +207,11 @@ class RingRecording:
 class LiveCamera:
     """A CameraStream of a live recording."""
 
-    def __init__(self, recording: RingRecording, name: str, calibration: Camera, uuid: str) -> None:
-        self._recording, self._name, self._calibration, self._uuid = recording, name, calibration, uuid
+    def __init__(
+        self, recording: RingRecording, name: str, sensor: SensorSize, calibration: Camera | None, uuid: str
+    ) -> None:
+        self._recording, self._name, self._uuid = recording, name, uuid
+        self._sensor, self._calibration = sensor, calibration
 
     @property
     def name(self) -> str:
@@ -209,7 +221,7 @@ class LiveCamera:
     @property
     def sensor(self) -> SensorSize:
         """Its size."""
-        return self._calibration.sensor
+        return self._sensor
 
     @property
     def event_count(self) -> int:
@@ -218,7 +230,7 @@ class LiveCamera:
 
     @property
     def calibration(self) -> Camera | None:
-        """As the server says."""
+        """As the source says; None where it does not know."""
         return self._calibration
 
     @property

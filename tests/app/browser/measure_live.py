@@ -18,7 +18,7 @@ from playwright.sync_api import sync_playwright
 
 from app.server import App
 from app.shared.library import Library
-from app.shared.live_rally import LIVE, LiveRally
+from app.shared.live_rally import LIVE, join_simulation
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
 
@@ -26,7 +26,7 @@ from app.shared.workspace import Workspace
 def measure_alone(seconds: float, sensor: str) -> None:
     """Print one line about simulation and chain without a browser."""
     process = SimulationProcess("--auto-serve", "5", "--sensor", sensor)
-    live = LiveRally(process.wait(), process=process)
+    live = join_simulation(process.wait(), process=process)
     time.sleep(6.0)
     began_us, cpu_s, wall_s = live.recording.duration_us, time.process_time(), time.monotonic()
     time.sleep(seconds)
@@ -48,7 +48,7 @@ def measure_shown(seconds: float) -> None:
     """Print one line about the rally in a browser."""
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         process = SimulationProcess("--auto-serve", "5")
-        live = LiveRally(process.wait(), process=process)
+        live = join_simulation(process.wait(), process=process)
         workspace = Workspace(Path(folder))
         lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
         browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=FLAGS)

@@ -10,7 +10,7 @@ import pytest
 
 from app.server import App
 from app.shared.library import Library
-from app.shared.live_rally import LIVE, LiveRally
+from app.shared.live_rally import LIVE, LiveRally, join_simulation
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
 from app.state.commands import SetMethod
@@ -37,8 +37,8 @@ def live_lab(tmp_path_factory: pytest.TempPathFactory, serve_recording: Path) ->
     workspace = Workspace(tmp_path_factory.mktemp("live"))
     shutil.copy(serve_recording, workspace.recording_path("serve"))
     process = SimulationProcess("--auto-serve", "5", "--seed", "3")
-    live = LiveRally(process.wait(), process=process)
-    live.client.set_speed(0.5)  # so that a busy machine is no part of the test
+    live = join_simulation(process.wait(), process=process)
+    live.simulation.set_speed(0.5)  # so that a busy machine is no part of the test
     lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
     yield lab
     lab.stop()
@@ -98,7 +98,7 @@ def test_the_rally_rests_without_a_browser_and_goes_on_within_a_second_of_one(
     with open_window(live_lab, in_space=True):  # it returns when the recording is open
         wait_for(lambda: rally.state.t_us > stood_us, "the rally to go on", 1.0)
     wait_for(lambda: not live_lab.sessions and rests(rally), "it to rest again")
-    assert rally.client.status == "connected"
+    assert rally.source.status == "connected"
 
 
 def rests(rally: LiveRally) -> bool:
@@ -225,7 +225,7 @@ def test_the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(l
     since_us = rally.state.t_us
     wait_for(lambda: median_events(since_us) > 400, "people's events: without them it is noise most of the time")
     live_window.screenshot("live-two-persons")
-    rally.client.set_scene("ball")
+    rally.simulation.set_scene("ball")
     wait_for(lambda: live_window.page.get_by_label("Scene").first.input_value() == "ball", "the choice of another")
 
 
@@ -264,7 +264,7 @@ def test_a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live
 def test_a_simulation_that_ends_is_said_and_the_rest_goes_on(live_window, live_lab, wait_for) -> None:
     rally = rally_of(live_lab)
     rally.stop_simulation()
-    wait_for(lambda: rally.client.status == "lost", "the link to be lost")
+    wait_for(lambda: rally.source.status == "lost", "the link to be lost")
     live_window.page.get_by_text("lost, ").wait_for(timeout=10_000)
     live_window.session.open_recording("serve")
     wait_for(lambda: live_window.state.recording == "serve", "a recording to open all the same")

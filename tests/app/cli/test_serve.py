@@ -15,6 +15,7 @@ import pytest
 
 from app.cli import main, serve
 from app.cli.arguments import Parser, add_arguments, read_arguments
+from app.cli.replay import read_replay
 
 SERVE = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main(sys.argv[1:]))", "serve"]
 
@@ -74,6 +75,30 @@ def test_without_a_recording_it_shows_a_live_rally_whose_simulation_ends_with_it
             time.sleep(0.1)
 
 
+def test_a_recording_is_replayed_as_live_and_starts_nothing_else(serve_recording, tmp_path) -> None:
+    source = f"replay:{serve_recording}@0.5"
+    process, _ = start(["--source", source, "--port", "0", "--data", str(tmp_path / "data")], tmp_path / "log")
+    try:
+        assert "'live'" in (tmp_path / "log").read_text()
+    finally:
+        process.send_signal(signal.SIGTERM)
+    assert process.wait(30) == 0
+    assert "Traceback" not in (tmp_path / "log").read_text()
+
+
+def test_what_follows_the_last_at_is_the_speed_unless_the_file_is_called_so(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("pair.h5", "me@home.h5", "pair.h5@2"):
+        (tmp_path / name).touch()
+    said = ("pair.h5", "pair.h5@0.5", "me@home.h5", "me@home.h5@3", "pair.h5@2", "pair.h5@2@4")
+    found = [read_replay(f"replay:{one}") for one in said]
+    assert [(one.path.name, one.speed) for one in found if one] == [
+        ("pair.h5", 1.0), ("pair.h5", 0.5), ("me@home.h5", 1.0), ("me@home.h5", 3.0), ("pair.h5@2", 1.0),
+        ("pair.h5@2", 4.0),
+    ]  # fmt: skip
+    assert read_replay("live") is None and read_replay("tcp://127.0.0.1:5555") is None
+
+
 def test_its_own_simulation_is_told_the_physics_and_the_balls(tmp_path) -> None:
     states = tmp_path / "states.json"
     keys = ("pos_x", "pos_y", "pos_z", "vel_x", "vel_y", "vel_z", "w_vel_x", "w_vel_y", "w_vel_z")
@@ -104,6 +129,17 @@ def test_a_port_in_use_is_one_clear_line(serve_recording, tmp_path, capsys) -> N
     [
         (["no-such-file.raw"], "no-such-file.raw"),
         (["--source", "udp://127.0.0.1:1"], "not a source"),
+        (["--source", "replay:"], "no file to replay"),
+        (["--source", "replay:no-such-file.h5"], "no such file to replay"),
+        (["--source", "replay:no-such-file.h5@2"], "no such file to replay"),
+        (["--source", "replay:{data}/recordings/demo.h5@fast"], "not a speed of a replay"),
+        (["--source", "replay:{data}/recordings/demo.h5@"], "not a speed of a replay"),
+        (["--source", "replay:{data}/recordings/demo.h5@nan"], "not a speed of a replay"),
+        (["--source", "replay:{data}/recordings/demo.h5@0"], "0.01 to 20"),
+        (["--source", "replay:{data}/recordings/demo.h5@-1"], "0.01 to 20"),
+        (["--source", "replay:{data}/notes.txt"], "notes.txt"),
+        (["--source", "replay:{data}/recordings/demo.h5", "--physics", "real"], "not a simulation of its own"),
+        (["--source", "replay:{data}/recordings/demo.h5", "--keys", "no-such-folder"], "keys without a source"),
         (["--source", "tcp://127.0.0.1:1"], "no answer from a simulation server"),
         (["demo.h5", "--source", "live"], "a recording and a source"),
         (["--source", "tcp://192.0.2.1:5555"], "needs keys"),
@@ -125,6 +161,8 @@ def test_bad_arguments_are_one_clear_line(
     data = tmp_path / "data" / "recordings"
     data.mkdir(parents=True)
     shutil.copy(serve_recording, data / "demo.h5")
+    (tmp_path / "data" / "notes.txt").write_text("this is no recording")
+    arguments = [word.format(data=tmp_path / "data") for word in arguments]
     code = main(["serve", *arguments, "--data", str(tmp_path / "data")])
     error = capsys.readouterr().err
     assert code == 2 and message in error and error.count("\n") == 1

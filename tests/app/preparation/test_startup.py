@@ -5,12 +5,14 @@ import time
 
 import pytest
 
-from app.preparation.startup import Startup
+from app.preparation.startup import REPLAY_STEPS, Startup
 from app.shared.workspace import Workspace
 from core.cameras import stereo_preset
 from core.errors import LinkError
 from core.events import SensorSize
 from core.rally.link.server import ServerConfig, SimulationServer
+from core.rally.live.replay_source import ReplaySource
+from core.recordings import open_recording
 
 
 def wait_for(condition, seconds: float = 60.0) -> None:
@@ -77,8 +79,31 @@ def test_the_rally_of_a_server_is_handed_over_once(tmp_path, before) -> None:
         startup.hand_over(taken.append)
     wait_for(lambda: taken)
     (live,) = taken
-    assert live.client.status == "connected" or live.client.welcome.session
+    assert live.source.status == "connected" or live.source.welcome.session
     startup.stop()
     live.close()
     ended.set()
     running.join()
+
+
+def test_a_source_that_is_there_is_handed_over_without_a_simulation_and_closed_with_the_rally(
+    tmp_path, serve_recording
+) -> None:
+    source, taken = ReplaySource(open_recording(serve_recording), "serve.h5", speed=20.0), []
+    startup = Startup(Workspace(tmp_path), source=source)
+    startup.hand_over(taken.append)
+    wait_for(lambda: taken, 300.0)
+    (live,) = taken
+    assert [step.title for step in startup.preparation.steps] == [REPLAY_STEPS[name].title for name in REPLAY_STEPS]
+    assert live.simulation is None and not live.has_robot and set(live.cameras) == {"left", "right"}
+    wait_for(lambda: live.recording.duration_us > 0)
+    startup.stop()
+    assert source.status == "connected", "it belongs to the rally now"
+    live.close()
+    assert source.status == "lost"
+
+
+def test_a_source_that_nobody_took_is_closed(tmp_path, serve_recording) -> None:
+    source = ReplaySource(open_recording(serve_recording), "serve.h5")
+    Startup(Workspace(tmp_path), source=source).stop()
+    wait_for(lambda: source.status == "lost")

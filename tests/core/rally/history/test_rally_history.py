@@ -79,6 +79,24 @@ def test_nothing_of_the_future_is_shown(followed) -> None:
     assert early.ball is None and len(early.trail) == 0 and len(early.before_bounce) == 0
 
 
+def test_a_ball_that_is_suddenly_elsewhere_begins_a_trail_of_its_own() -> None:
+    history = RallyHistory()
+
+    def see(t_us: int, x_m: float, verdict: str) -> None:
+        point = SimpleNamespace(t_us=t_us, p_world_m=np.array([x_m, 0.0, 0.3]), uvs_px={})
+        chain = SimpleNamespace(
+            t_us=t_us, detections={}, is_new=False, point=point, verdict=verdict, seconds=SimpleNamespace(total=0.0)
+        )
+        history.add_step(SimpleNamespace(chain=chain, decision=None))
+
+    for k in range(10):
+        see(10_000 * k, -0.1 * k, "new flight" if k == 0 else "same flight")
+    for k in range(3):
+        see(100_000 + 10_000 * k, 1.2 - 0.1 * k, "new flight" if k == 0 else "same flight")
+    assert len(history.at(90_000, {}).picture.trail) == 10
+    np.testing.assert_allclose(history.at(120_000, {}).picture.trail[:, 0], [1.2, 1.1, 1.0])
+
+
 def test_outcomes_count_from_their_time_on() -> None:
     history = RallyHistory()
     spots = [LandingSpot(0.8, 0.1, Case.RETURNED), LandingSpot(2.0, 0.0, Case.OUT)]

@@ -10,6 +10,7 @@ import pytest
 
 from core.cameras import stereo_preset
 from core.errors import LinkError
+from core.events import SensorSize
 from core.physics.config import PhysicsConfig, physics_profile
 from core.physics.episode import Case
 from core.rally.link import messages as m
@@ -66,6 +67,9 @@ def welcome(physics: PhysicsConfig) -> m.Reply:
     return m.Reply(id=1, ok=True, session="s", t_us=0, block_us=10_000, seed=1, physics=physics)
 
 
+UNKNOWN = m.CameraInfo.uncalibrated("new", SensorSize(320, 240))
+
+
 def examples() -> list[object]:
     cameras = tuple(m.CameraInfo.of(name, camera) for name, camera in stereo_preset().items())
     nan = float("nan")
@@ -91,6 +95,7 @@ def examples() -> list[object]:
             net_z_m=nan,
         ),
         m.Reply(id=1, ok=True, session="s", t_us=0, block_us=10_000, seed=1, cameras=cameras),
+        m.Reply(id=0, ok=True, session="s", t_us=0, block_us=10_000, cameras=(*cameras, UNKNOWN)),
         welcome(physics_profile("real")),
         m.Hello(id=1),
         m.Serve(id=2, speed_mps=6.5),
@@ -139,6 +144,23 @@ def test_a_camera_and_its_events_are_rebuilt():
     events = m.decode(m.encode(batch()), ALL).events()
     assert events.t_us.tolist() == [10_000, 10_007, 19_999]
     assert events.on.tolist() == [True, False, True]
+
+
+def test_only_cameras_whose_calibration_is_known_are_calibrated() -> None:
+    known = m.CameraInfo.of("left", stereo_preset()["left"])
+    half = dataclasses.replace(known, name="half", T_world_camera=None)
+    reply = m.Reply(id=0, ok=True, session="s", t_us=0, block_us=10_000, cameras=(known, UNKNOWN, half))
+    assert list(reply.calibrated()) == ["left"]
+    assert UNKNOWN.camera() is None and UNKNOWN.sensor == SensorSize(320, 240)
+
+
+def test_the_truth_may_be_missing_and_a_sign_of_life_ends_no_block() -> None:
+    none = np.empty(0, np.int64)
+    blind = dataclasses.replace(state(), ball_t_us=none, ball=np.empty((0, 9)), ball_visible=np.empty(0, np.uint8))
+    assert blind.truth() is None and blind.ends_block and state().truth() is not None
+    assert not dataclasses.replace(blind, start_us=blind.t_us).ends_block
+    assert batch().truth() is not None
+    assert dataclasses.replace(batch(), truth_t_us=none, circle=np.empty((0, 3))).truth() is None
 
 
 def test_the_physics_is_whole_and_within_bounds_or_refused_and_may_grow() -> None:

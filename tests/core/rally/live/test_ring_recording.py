@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -119,6 +120,15 @@ def test_a_block_is_seen_only_once_it_is_complete(live):
     assert len(live.cameras["left"].slice(0, 10**6)) == len(before)
     live.on_state(state(10_000))
     assert len(live.cameras["left"].slice(0, 10**6)) == len(before) + 1
+
+
+def test_a_robot_that_does_not_know_where_the_ball_is_fills_the_ring_all_the_same(live):
+    send(live, 0, np.random.default_rng(0))
+    empty = {"ball_t_us": np.empty(0, np.int64), "ball": np.empty((0, 9)), "ball_visible": np.empty(0, np.uint8)}
+    live.on_state(replace(state(10_000), **empty))
+    assert live.duration_us == 20_000 and live.ball is not None and live.ball.t_us.tolist() == [0]
+    live.on_state(replace(state(50_000), **empty, t_us=50_000))
+    assert live.duration_us == 20_000, "a sign of life"
 
 
 def test_what_is_older_than_the_ring_is_forgotten_and_the_rest_stays(live):

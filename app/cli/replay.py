@@ -1,0 +1,76 @@
+"""The source `replay:FILE[@SPEED]` of the command line."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from app.cli.progress import progress_bar
+from core.errors import CommandError
+
+if TYPE_CHECKING:
+    from core.rally.live.replay_source import ReplaySource
+
+REPLAY: Final = "replay:"
+FORM: Final = "replay:FILE[@SPEED], for example replay:pair.h5@0.5"
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayOrder:
+    """A file, and how many of its seconds pass in one."""
+
+    path: Path
+    speed: float
+
+
+def read_replay(source: str) -> ReplayOrder | None:
+    """What is to be replayed; None for a source of another kind. What follows the last @ is the speed.
+
+    Raises:
+        CommandError: if there is no such file, or the speed is no number.
+    """
+    if not source.startswith(REPLAY):
+        return None
+    said = source.removeprefix(REPLAY)
+    file, at, speed = said.rpartition("@")
+    if not at or Path(said).is_file():  # there are names with an @ in them
+        file, speed = said, "1"
+    if not file:
+        raise CommandError("no file to replay", expected=FORM, got=repr(source), where="--source")
+    if not Path(file).is_file():
+        raise CommandError("no such file to replay", expected=FORM, got=file, where="--source")
+    factor = _number(speed)
+    if factor is None:
+        raise CommandError("not a speed of a replay", expected=FORM, got=repr(speed), where="--source")
+    return ReplayOrder(Path(file), factor)
+
+
+def open_replay(order: ReplayOrder) -> ReplaySource:
+    """The source, which stands still until somebody listens. A file of another format is decoded first.
+
+    Raises:
+        ConfigError: if the speed is out of bounds.
+        RecordingError: if it is no recording, or one without cameras or events.
+    """
+    from core.rally.live.replay_source import ReplaySource, check_speed
+    from core.recordings import open_recording
+
+    check_speed(order.speed)  # before a file is decoded
+    with progress_bar(f"Opening {order.path.name}") as progress:
+        recording = open_recording(order.path, progress=progress)
+        progress(1.0)
+    try:
+        return ReplaySource(recording, order.path.name, speed=order.speed)
+    except BaseException:
+        recording.close()
+        raise
+
+
+def _number(word: str) -> float | None:
+    try:
+        value = float(word)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None

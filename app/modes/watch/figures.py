@@ -1,0 +1,33 @@
+"""Names and figures beside each other, as HTML."""
+
+from __future__ import annotations
+
+import math
+
+from app import theme
+from app.words.file_text import html_text
+from app.words.glossary import GLOSSARY, tooltip
+from core.rally.live.live_snapshot import Percentiles
+
+
+def figures_html(rows: list[tuple[str, str]]) -> str:
+    """Columns of a fixed width: figures that change must not move the lines."""
+    name_style = f"color:{theme.MUTED};padding-right:10px;width:106px;vertical-align:top"
+    cells = "".join(
+        f"<tr><td style='{name_style}'{_title(name)}>{name}</td><td>{value}</td></tr>" for name, value in rows
+    )
+    table = f"<table style='table-layout:fixed;width:100%'>{cells}</table>"
+    return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{table}</div>"
+
+
+def usually(step: Percentiles) -> str:
+    """How long something takes, and what one of a hundred exceeds."""
+    return f"{_ms(step.p50_ms)} ms, seldom {_ms(step.p99_ms)} ms"
+
+
+def _title(name: str) -> str:
+    return f" title='{html_text(tooltip(name))}'" if name in GLOSSARY else ""
+
+
+def _ms(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.1f}"

@@ -1,0 +1,81 @@
+"""How a live source is doing, in plain words, as HTML."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from app import theme
+from app.modes.watch.figures import figures_html, usually
+from app.words.file_text import html_text
+from core.rally.link.live_source import LiveSource
+from core.rally.live.live_snapshot import RallySnapshot
+from core.rally.live.stream_watch import CameraHealth, StreamHealth
+
+KEPT: Final = 0.95
+"""Of the speed that was asked for: below it, that is not kept."""
+ALONE: Final = (
+    f"<div style='font-size:12px;color:{theme.MUTED};padding:4px 12px'>It has no robot, and nobody knows the truth: "
+    "nothing is served, returned or counted.</div>"
+)
+
+
+def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapshot) -> str:
+    """A source that is no simulation: whether it is there and keeps pace, its cameras, and how it is followed."""
+    rows = [("Source", _source(source, health))]
+    if source.behind_s > 0:
+        rows.append(
+            ("Behind", _muted(f"{source.behind_s:.1f} s in all: this machine was busy. All events came, later"))
+        )
+    if health.blocks_lost:
+        rows.append(("Lost blocks", _coloured(theme.WARN, f"{health.blocks_lost:,} of 10 ms never came")))
+    rows += camera_rows(health.cameras)
+    if snapshot.problem:
+        rows.append(("Not in space", _coloured(theme.WARN, html_text(snapshot.problem))))
+    else:
+        followed = snapshot.health
+        rows.append(("Followed", f"{followed.state_hz:.0f} times a second, {usually(followed.step)} each"))
+        if followed.blocks_dropped:
+            skipped = f"{followed.blocks_dropped:,} blocks of 10 ms: this machine was busy. Many? Ask for a lower speed"
+            rows.append(("Skipped blocks", _muted(skipped)))
+    return figures_html(rows) + ("" if source.robot is not None else ALONE)
+
+
+def camera_rows(cameras: tuple[CameraHealth, ...]) -> list[tuple[str, str]]:
+    """What is wrong with cameras, or was; nothing about those that never missed a block."""
+    rows = []
+    for one in cameras:
+        missing = f"{one.blocks_missing:,} blocks of 10 ms never came"
+        if one.lost:
+            said = f"lost, nothing of it for {one.absent_us / 1e6:.1f} s; {missing}. The rest goes on"
+            rows.append((html_text(one.name), _coloured(theme.BAD, said)))
+        elif one.silent:
+            said = (
+                f"not one event for {one.silent_us / 1e6:.1f} s: is it covered, or its file shorter than the other's?"
+            )
+            rows.append((html_text(one.name), _coloured(theme.WARN, said)))
+        elif one.blocks_missing:
+            rows.append((html_text(one.name), _muted(missing)))
+    return rows
+
+
+def _source(source: LiveSource, health: StreamHealth) -> str:
+    name = html_text(source.description)
+    if source.status == "lost":
+        return _coloured(theme.BAD, f"{name}, stopped: nothing more comes. Start Rallyscope again")
+    if health.stopped:
+        return _coloured(theme.BAD, f"{name}, nothing has come for {health.quiet_s:.0f} s")
+    asked = source.state.speed_factor if source.state is not None else 1.0
+    if health.pace is None:
+        return name
+    if health.pace < KEPT * asked:
+        said = f"{name}, only {health.pace:.2f} x real time instead of {asked:g}: this machine is busy"
+        return _coloured(theme.WARN, said)
+    return _coloured(theme.GOOD, f"{name}, {health.pace:.2f} x real time")
+
+
+def _coloured(colour: str, text: str) -> str:
+    return f"<span style='color:{colour}'>{text}</span>"
+
+
+def _muted(text: str) -> str:
+    return _coloured(theme.MUTED, text)

@@ -1,0 +1,56 @@
+"""What a browser is told in whatever mode it is in when a live source or one of its cameras is lost, or comes back."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from app.shared.live_rally import LiveRally
+from core.rally.link.live_source import SourceStatus
+from core.rally.live.stream_watch import StreamHealth
+
+LOOK_EVERY_S: Final = 0.5
+STOPPED: Final = "The live source has stopped"
+
+
+class News(NamedTuple):
+    """A message that goes away by itself."""
+
+    title: str
+    body: str
+    color: str
+
+
+class SourceNews:
+    """Of one browser; used by its loop."""
+
+    def __init__(self) -> None:
+        self._looked_s = float("-inf")
+        self._told: dict[str, str] = {}
+
+    def of(self, live: LiveRally | None, wall_s: float) -> list[News]:
+        """What has changed since the last look."""
+        if live is None or wall_s - self._looked_s < LOOK_EVERY_S:
+            return []
+        self._looked_s = wall_s
+        return self.compare(live.source.status, live.watch.health())
+
+    def compare(self, status: SourceStatus, health: StreamHealth) -> list[News]:
+        """What is wrong and was not before, and what no longer is; each is told once."""
+        now = _troubles(status, health)
+        begun = [News(title, body, "red") for title, body in now.items() if title not in self._told]
+        over = [
+            News("It goes on", f"Over: {title[0].lower()}{title[1:]}.", "green") for title in self._told.keys() - now
+        ]
+        self._told = now
+        return begun + over
+
+
+def _troubles(status: SourceStatus, health: StreamHealth) -> dict[str, str]:
+    """Title -> what it means."""
+    if status == "lost" or health.stopped:
+        return {STOPPED: "Nothing comes any more. What is remembered stays; Watch says more."}
+    return {
+        f"Camera {one.name} is lost": "Nothing comes of it. The rest goes on; one camera alone sees no depth."
+        for one in health.cameras
+        if one.lost
+    }

@@ -1,0 +1,123 @@
+"""A recording that is replayed as live, in headless Chromium: no truth, no robot, and a camera that is lost."""
+
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from app.server import App
+from app.shared.library import Library
+from app.shared.live_rally import LIVE, LiveRally
+from app.shared.workspace import Workspace
+from core.errors import RecordingError
+from core.events import Events
+from core.rally.live.replay_source import ReplaySource
+from core.recordings import open_recording
+
+SPACE = (slice(0, 720), slice(320, 870))
+TABLE_RGB = (48, 122, 202)
+
+
+class Pluggable:
+    """A camera of a recording whose plug can be pulled."""
+
+    def __init__(self, stream) -> None:
+        self._stream, self.pulled = stream, threading.Event()
+
+    def __getattr__(self, name: str):
+        return getattr(self._stream, name)
+
+    def slice(self, start_us: int, end_us: int) -> Events:
+        if self.pulled.is_set():
+            raise RecordingError("unplugged")
+        return self._stream.slice(start_us, end_us)
+
+
+class PluggableRecording:
+    """A recording with such cameras."""
+
+    def __init__(self, recording) -> None:
+        self._recording = recording
+        self.duration_us = recording.duration_us
+        self.cameras = {name: Pluggable(stream) for name, stream in recording.cameras.items()}
+
+    def close(self) -> None:
+        self._recording.close()
+
+
+@pytest.fixture
+def recording(serve_recording) -> PluggableRecording:
+    return PluggableRecording(open_recording(serve_recording))
+
+
+@pytest.fixture
+def replay_lab(tmp_path, recording) -> Iterator[App]:
+    workspace = Workspace(tmp_path)
+    live = LiveRally(ReplaySource(recording, "serve.h5", speed=0.5))  # so that a busy machine is no part of the test
+    lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
+    yield lab
+    lab.stop()
+
+
+def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_camera_is_said(
+    chromium, replay_lab, recording, open_window, wait_for, count_like
+) -> None:
+    rally = replay_lab.services.rallies.live
+    assert rally is not None
+    with open_window(replay_lab, in_space=True) as window:
+        page, session = window.page, window.session
+        wait_for(lambda: session.world.visible, "the 3D scene")
+        wait_for(lambda: rally.history.predicted_hits(), "the ball to be seen and predicted")
+        page.get_by_text("It has no robot").wait_for()
+        page.get_by_text("Hit predicted before the bounce").first.wait_for()
+        for name in ("Serve", "Count anew"):
+            assert not page.get_by_role("button", name=name, exact=True).count()
+        for said in ("Racket turned by", "Returned", "Pace"):
+            assert not page.get_by_text(said, exact=True).count()
+        window.wait_for_pixels("replay-watch", lambda image: count_like(image, TABLE_RGB, 45) > 20_000, SPACE)
+        picture = rally.history.at(rally.history.followed_us, {}).picture
+        assert picture.racket is None and picture.racket_target is None and picture.truth is None
+
+        window.press("Record")
+        wait_for(lambda: rally.recorded is not None, "the recording to begin")
+        path, since_us = rally.recorded, rally.recording.duration_us
+        wait_for(lambda: rally.recording.duration_us > since_us + 700_000, "more than a round of the file")
+        page.get_by_role("button", name="Stop recording").click()
+        wait_for(lambda: rally.recorded is None, "the recording to end")
+        with open_recording(path) as recorded:
+            assert recorded.ball is None and recorded.duration_us > 600_000
+            assert all(one.event_count and one.truth is None for one in recorded.cameras.values())
+
+        window.press("Tune")
+        wait_for(lambda: session.sheet.pictures, "the picture of Tune")
+        page.get_by_text("circularity min").first.wait_for()
+        window.screenshot("replay-tune")
+
+        window.press("Label")
+        mode = session._modes["Label"]
+        wait_for(lambda: mode._editor is not None and mode._pictures.shown is not None, "Label of the replay")
+        session.later(lambda: mode._use_name("lena"))
+        window.press("Pause")
+        wait_for(lambda: not window.state.playhead.playing and mode._editor.labelling.on_screen, "the cursor to stand")
+        shown = mode._pictures.shown.plan.main
+        page.keyboard.press("x")
+        wait_for(lambda: window.state.recording.startswith("live-"), "the frozen recording to open")
+        wait_for(lambda: mode._editor is not None and len(mode._editor.labelling.here.labels) == 1, "the label in it")
+        now = mode._editor.labelling
+        (label,) = now.here.labels.values()
+        frozen = now.source.stream.slice(*label.provenance.window_us)
+        live = rally.recording.cameras[now.view.camera].slice(*shown.window_us)
+        assert len(live) == len(frozen) and np.array_equal(live.x_px, frozen.x_px), "the picture that was judged"
+        window.screenshot("replay-label")
+
+        session.open_recording(LIVE)
+        window.press("Tune")
+        wait_for(lambda: window.state.recording == LIVE and window.state.playhead.following, "the replay again")
+        recording.cameras["right"].pulled.set()
+        page.get_by_text("Camera right is lost").wait_for()
+        window.press("Watch")
+        page.get_by_text("lost, nothing of it for").wait_for()
+        since_us = rally.history.followed_us
+        wait_for(lambda: rally.history.followed_us > since_us + 200_000, "the other camera to be followed")
+        window.screenshot("replay-lost")

@@ -1,0 +1,29 @@
+"""A lost camera and a stopped source are told once, and so is their return."""
+
+from dataclasses import replace
+
+from app.shared.source_news import SourceNews
+from core.rally.live.stream_watch import LOST_US, CameraHealth, StreamHealth
+
+LEFT, RIGHT = CameraHealth("left", 0, 0, 0), CameraHealth("right", 0, 0, 0)
+WELL = StreamHealth(1.0, 0.01, False, 0, (LEFT, RIGHT))
+
+
+def titles(news) -> list[str]:
+    return [one.title for one in news]
+
+
+def test_a_lost_camera_is_told_once_and_so_is_its_return() -> None:
+    news, lost = SourceNews(), replace(WELL, cameras=(LEFT, CameraHealth("right", 60, LOST_US, LOST_US)))
+    assert news.compare("connected", WELL) == []
+    assert titles(news.compare("connected", lost)) == ["Camera right is lost"]
+    assert news.compare("connected", lost) == []
+    (back,) = news.compare("connected", WELL)
+    assert back.body == "Over: camera right is lost." and news.compare("connected", WELL) == []
+
+
+def test_a_source_that_stops_is_told_whichever_way_it_is_known() -> None:
+    news, quiet = SourceNews(), replace(WELL, stopped=True)
+    assert titles(news.compare("connected", quiet)) == ["The live source has stopped"]
+    assert news.compare("lost", quiet) == []
+    assert titles(news.compare("connected", WELL)) == ["It goes on"]
