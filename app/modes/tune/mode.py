@@ -114,6 +114,7 @@ class TuneMode:
             self._host.send(BeginScore())
             self._cancel_score()
             self._start_score(state.score_by)
+        self._settings.tick(wall_s)
         self._auto.tick(wall_s)
         self._compare.tick(wall_s)
         self._request_picture(state, now_us)
