@@ -18,7 +18,7 @@ from app.modes.mode import Middle, Mode
 from app.modes.services import Services
 from app.modes.watch.commands import EnlargePicture
 from app.panels.recording_info import RecordingInfo, gather_info
-from app.panels.time_bar import Runs, TimeBar, Tracks, opening_us, tracks_of
+from app.panels.time_bar import Runs, TimeBar, Tracks, moments_of, opening_us, same_moments, tracks_of
 from app.preparation.awaited import AwaitedRecording
 from app.preparation.panel import PreparationPanel
 from app.preparation.steps import Preparation
@@ -43,6 +43,8 @@ from core.recordings import Recording
 
 logger = logging.getLogger(__name__)
 NOTE_SECONDS = 8.0
+MOMENTS_EVERY_S = 1.0
+"""A live rally is asked this often whether there were bounces and hits since."""
 SLOW_MOTION = ("Slow motion", "A bounce at 1/20 of its speed; after the return it goes on live (key End: at once)")
 
 
@@ -78,6 +80,7 @@ class Session:
         self._tracks = Tracks(0)
         self._live_uuid = ""
         self._source_news = SourceNews()
+        self._moments_s = float("-inf")
         self.plane = ImageView(client, self._clicked)
         self.world = World(client)
         self._interface = ControlPanel(client.gui, self.send, self._send_key, self)
@@ -158,7 +161,7 @@ class Session:
                 self.world.turn_to_eye()
             return
         if isinstance(self._recording, RingRecording):
-            self._grow(self._recording)
+            self._grow(self._recording, wall_s)
             for news in self._source_news.of(self.services.rallies.live, wall_s):
                 self.note(*news)
         self._state = replace(self._state, playhead=self._state.playhead.settle(wall_s))
@@ -200,12 +203,16 @@ class Session:
         if not self._files.open_listed(name):
             self._openings.submit(name)
 
-    def _grow(self, recording: RingRecording) -> None:
+    def _grow(self, recording: RingRecording, wall_s: float) -> None:
         assert self._state is not None
         if recording.uuid != self._live_uuid:  # another session of the simulation: another clock, maybe other cameras
             self._use_recording(self._state.recording, recording, None)
         head = self._state.playhead.grown(recording.start_us, recording.duration_us)
         self._state = replace(self._state, playhead=head)
+        if wall_s - self._moments_s >= MOMENTS_EVERY_S:
+            self._moments_s, moments = wall_s, moments_of(recording)
+            if not same_moments(moments, self._tracks.moments):
+                self.tracks = replace(self._tracks, moments=moments)
 
     def _choose_mode(self, state: ClientState) -> Mode:
         """The mode that is chosen; tells the one before that it is over."""

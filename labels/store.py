@@ -38,13 +38,13 @@ from labels.database.edit_log import (
 )
 from labels.database.folder import Layer
 from labels.database.migration import migrate
-from labels.database.reading import find_layers, has_labels, read_with_journal
+from labels.database.reading import find_annotators, find_layers, has_labels, read_with_journal
 from labels.database.rows import changes_since, current_arrays, current_rows, label_of, value_at
 from labels.database.salvage import salvage
 from labels.database.schema import recording_of
 from labels.model import Label, LabelState
 
-__all__ = ["LabelProgress", "LabelStore", "Layer", "UndoStep", "find_layers", "has_labels"]
+__all__ = ["LabelProgress", "LabelStore", "Layer", "UndoStep", "find_annotators", "find_layers", "has_labels"]
 _FEW_CHANGES = 64
 """Up to so many changes are worked into the sorted columns one by one (about 1 ms each at 200,000 labels); more are
 read anew."""

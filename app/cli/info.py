@@ -46,7 +46,7 @@ def recording_facts(recording: FileRecording) -> Facts:
         "uuid": recording.uuid,
         "duration_us": recording.duration_us,
         "seed": recording.seed,
-        "cameras": {name: _camera_facts(stream) for name, stream in recording.cameras.items()},
+        "cameras": {name: _camera_facts(stream, recording.duration_us) for name, stream in recording.cameras.items()},
         "ball_truth_samples": 0 if ball is None else len(ball.t_us),
         "frames": {name: len(frames) for name, frames in recording.frames.items()},
         "groups": list(recording.groups),
@@ -54,16 +54,15 @@ def recording_facts(recording: FileRecording) -> Facts:
     }
 
 
-def _camera_facts(stream: CameraStream) -> Facts:
+def _camera_facts(stream: CameraStream, duration_us: int) -> Facts:
     counts = stream.counts_per_ms()
-    seconds = max(len(counts), 1) / 1000
     smooth = np.convolve(counts, np.ones(min(10, max(1, len(counts)))), "valid") if len(counts) else np.zeros(1)
     truth = stream.truth
     return {
         "width_px": stream.sensor.width_px,
         "height_px": stream.sensor.height_px,
         "events": stream.event_count,
-        "mean_rate_hz": stream.event_count / seconds,
+        "mean_rate_hz": stream.event_count * 1e6 / max(duration_us, 1),
         "peak_rate_hz": float(smooth.max()) * 1000 / min(10, max(1, len(counts))),
         "triggers": len(stream.triggers.t_us),
         "calibrated": stream.calibration is not None,
@@ -76,7 +75,7 @@ def _lines(recording: FileRecording, facts: Facts) -> list[str]:
     if recording.seed is not None:
         lines.append(f"  seed         {recording.seed}")
     for name, stream in recording.cameras.items():
-        lines += [f"  camera {name}: {stream.sensor}", *_camera_lines(_camera_facts(stream))]
+        lines += [f"  camera {name}: {stream.sensor}", *_camera_lines(_camera_facts(stream, recording.duration_us))]
     if recording.ball is not None:
         lines.append(f"  ball truth   {facts['ball_truth_samples']:,} samples")
     lines += [f"  frames {name}: {len(frames):,}" for name, frames in recording.frames.items()]

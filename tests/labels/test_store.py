@@ -14,7 +14,7 @@ import pytest
 
 from core.errors import LabelError
 from labels.model import Label, LabelState, PositionSource, Provenance
-from labels.store import LabelStore, Layer, find_layers
+from labels.store import LabelStore, Layer, find_annotators, find_layers
 from labels.store_registry import LabelStoreRegistry
 
 UUID = "9f3c-1"
@@ -52,6 +52,16 @@ def test_labels_are_there_after_a_restart_to_the_last_bit(tmp_path: Path) -> Non
         assert store.at(label.t_us) == label
     with open_store(tmp_path) as store:
         assert store.all() == (label,)
+
+
+def test_who_has_only_begun_a_layer_has_not_labelled(tmp_path: Path) -> None:
+    for annotator, blind in (("anna", False), ("zoe", False), ("mia", True)):
+        with LabelStore.open(tmp_path, UUID, "left", annotator, blind=blind) as store:
+            if annotator != "anna":
+                store.put(ball(5))
+    assert {layer.annotator for layer in find_layers(tmp_path, UUID)} == {"anna", "mia", "zoe"}
+    assert find_annotators(tmp_path, UUID) == ("zoe",)
+    assert find_annotators(tmp_path, "another") == ()
 
 
 def test_the_store_says_who_made_a_label_and_when(tmp_path: Path) -> None:

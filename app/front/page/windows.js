@@ -14,6 +14,14 @@
     if (button.isConnected) button.click();
   };
 
+  const opened = new WeakSet(); // what such a window offers in its first field is replaced by what is typed at once
+  addEventListener("focusin", (event) => {
+    const over = event.target instanceof Element && event.target.closest("[class*=mantine-Modal-content]");
+    if (!over || opened.has(over) || !event.target.matches("input:not([type=checkbox])") || !isOurs(over)) return;
+    opened.add(over);
+    event.target.select();
+  });
+
   addEventListener("keydown", (event) => {
     if (event.isComposing || event.ctrlKey || event.metaKey || event.altKey) return;
     const over = [...document.querySelectorAll("[class*=mantine-Modal-content]")].at(-1);

@@ -32,7 +32,7 @@ from core.errors import CommandError
 from core.rally import ChainConfig
 from core.rally.live.ring_recording import RingRecording
 from core.recordings import Recording
-from labels.store import find_layers
+from labels.store import find_annotators
 
 LOOK_EVERY_S: Final = 0.3
 OFFER_EVERY_S: Final = 2.0
@@ -123,8 +123,7 @@ class ExportMode:
     def _annotators(self) -> tuple[str, ...]:
         if self._host.recording is None:
             return ()
-        layers = find_layers(self._host.services.workspace.labels, self._host.recording.uuid)
-        return tuple(sorted({layer.annotator for layer in layers if not layer.blind}))
+        return find_annotators(self._host.services.workspace.labels, self._host.recording.uuid)
 
     def _start(self) -> None:
         plan, state = self._plan.plan, self._host.state

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import viser
 
@@ -36,3 +37,8 @@ class ConfigFilesPanel:
     def _load(self) -> None:
         if self._saved.chosen is not None:
             self._load_name(self._saved.chosen)
+
+
+def detect_command(method: str, config: Path) -> str:
+    """What to type into a terminal to use a saved config on a recording."""
+    return f"rallyscope detect RECORDING --method {method} --config {config} --out ball.csv"

@@ -11,7 +11,7 @@ from app.modes.mode import Middle, ModeHost
 from app.modes.tune.auto.auto_tune import AutoTune
 from app.modes.tune.compare.over_time import CompareOverTime
 from app.modes.tune.compare.run import KnownReferences
-from app.modes.tune.config_files import ConfigFilesPanel
+from app.modes.tune.config_files import ConfigFilesPanel, detect_command
 from app.modes.tune.label_score import LabelScore, find_reference, score_with_labels
 from app.modes.tune.results_panel import ResultsPanel
 from app.modes.tune.settings import SettingsPanel
@@ -114,6 +114,7 @@ class TuneMode:
             self._host.send(BeginScore())
             self._cancel_score()
             self._start_score(state.score_by)
+        self._settings.tick(wall_s)
         self._auto.tick(wall_s)
         self._compare.tick(wall_s)
         self._request_picture(state, now_us)
@@ -211,7 +212,7 @@ class TuneMode:
             wanted, path = workspace.config_path(name), workspace.keep_config(name, state.config)
             self._files.show(workspace.config_names(), chosen=path.stem)
             other = "" if path == wanted else f"there is another {wanted.stem} already, so this is {path.stem}; "
-            command = f"rallyscope detect RECORDING --method {state.tune.method} --config {path}"
+            command = detect_command(state.tune.method, path)
             self._host.note(f"Saved as {path.stem}", f"{other}In a terminal: {command}", "green")
 
     def _load_config(self, name: str) -> None:

@@ -13,9 +13,10 @@ from app.state.client_state import ClientState, Overlay
 from app.state.commands import Command, CopyToOther, EditSetting, Redo, ResetConfig, SetMethod, Undo
 from app.widgets import when_changed
 from app.words.percent import percent
-from core.config import FieldSpec, field_specs, get_setting
+from core.config import FieldSpec, field_specs, get_setting, replace_setting
 from core.detection import DetectorConfig, PipelineTrace
 from core.detection.methods import METHODS, SECTIONS, STAGED, Method
+from core.errors import ConfigError
 from core.tuning.parameters import tunable_parameters
 
 FOLDED = ("hot_pixels", "flicker", "roi")
@@ -30,6 +31,8 @@ STAGE_OF: Final[dict[Overlay, str]] = {
 }
 """The section whose sliders belong to what the picture shows: it comes first."""
 TITLES = {"ebpp": "EBPP", "fe_fusion": "F-E Fusion"}
+REST_S: Final = 1.0
+"""A value that does not go with the others (a 3 on the way to 30) is judged when nothing was typed for so long."""
 
 
 class SettingsPanel:
@@ -41,6 +44,9 @@ class SettingsPanel:
         self._sections: dict[str, viser.GuiFolderHandle] = {}
         self._shown: Method | None = None
         self._first: str | None = None
+        self._send = send
+        self._config = DetectorConfig()
+        self._held = HeldEdit()
         self.folder = gui.add_folder("Detector")
         with self.folder:
             self._method = gui.add_dropdown("Method", tuple(METHODS), hint="The detector that is tuned")
@@ -60,7 +66,7 @@ class SettingsPanel:
                     for spec in specs:
                         if spec.path[0] == stage:
                             handle = self._handles[spec.path] = add_field_control(gui, spec, slider=True)
-                            when_changed(handle, lambda value, spec=spec: _edit(send, spec, value))
+                            when_changed(handle, lambda value, spec=spec: self._edit(spec, value))
 
         self._orders = {stage: folder.order for stage, folder in self._sections.items()}
         when_changed(self._method, lambda method: send(SetMethod(method)))  # type: ignore[arg-type]
@@ -77,8 +83,22 @@ class SettingsPanel:
             self._shown = state.tune.method
             self._offer(state.tune.method)
         self._put_first(STAGE_OF[state.tune.overlay] if state.tune.method in STAGED else None)
+        self._config, held = state.config, self._held.edit
         for path, handle in self._handles.items():
-            handle.value = get_setting(state.config, path)
+            if held is None or path != held.path:
+                handle.value = get_setting(state.config, path)
+
+    def tick(self, wall_s: float) -> None:
+        """Send what was held back, once nothing more is typed: if it is refused now, that is said."""
+        if (edit := self._held.rested(wall_s)) is not None:
+            self._send(edit)
+
+    def _edit(self, spec: FieldSpec, value: object) -> None:
+        if is_half_typed(spec, value):
+            return
+        edit = EditSetting(spec.path, value)  # type: ignore[arg-type]
+        if not self._held.hold(edit, self._config):
+            self._send(edit)
 
     def _put_first(self, stage: str | None) -> None:
         """The sliders of the stage that the picture shows are seen without scrolling; the others keep their order."""
@@ -115,16 +135,41 @@ class SettingsPanel:
                 )
 
 
+class HeldEdit:
+    """The last edit, if the config does not take it as it stands: perhaps only a part of a number is typed."""
+
+    def __init__(self) -> None:
+        self.edit: EditSetting | None = None
+        self._waiting: EditSetting | None = None
+        self._since_s = 0.0
+
+    def hold(self, edit: EditSetting, config: DetectorConfig) -> bool:
+        """Hold an edit back if it would be refused. One that would not, of the same setting, replaces what is held."""
+        try:
+            replace_setting(config, edit.path, edit.value)
+        except ConfigError:
+            self.edit = edit
+            return True
+        if self.edit is not None and self.edit.path == edit.path:
+            self.edit = None
+        return False
+
+    def rested(self, wall_s: float) -> EditSetting | None:
+        """What was held for REST_S; it is not held any more."""
+        edit = self.edit
+        if edit is not self._waiting:
+            self._waiting, self._since_s = edit, wall_s
+        if edit is None or wall_s - self._since_s < REST_S:
+            return None
+        self.edit = self._waiting = None
+        return edit
+
+
 def is_half_typed(spec: FieldSpec, value: object) -> bool:
     """Whether a number is outside of what its box takes: the box itself brings it inside when it is left."""
     if spec.bounds is None or isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     return not spec.bounds.low <= value <= spec.bounds.high
-
-
-def _edit(send: Callable[[Command], None], spec: FieldSpec, value: object) -> None:
-    if not is_half_typed(spec, value):
-        send(EditSetting(spec.path, value))  # type: ignore[arg-type]
 
 
 def stage_anchor(stage: str) -> str:

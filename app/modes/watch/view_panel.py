@@ -17,7 +17,7 @@ from app.widgets import Choice, when_changed, when_clicked, when_triggered
 IN_SPACE, FLAT = "3D", "Pictures"
 WHY_FLAT_HTML = (
     f"<div style='font-size:12.5px;color:{theme.MUTED};padding:4px 12px'>Pictures only: 3D needs two cameras and their "
-    "calibration (<code>rallyscope import LEFT RIGHT --calibration FILE</code>).</div>"
+    "calibration (<code>rallyscope import LEFT RIGHT OUT.h5 --calibration FILE</code>).</div>"
 )
 
 

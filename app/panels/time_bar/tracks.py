@@ -46,11 +46,20 @@ class Tracks:
 def tracks_of(recording: Recording, info: RecordingInfo | None) -> Tracks:
     """What a recording knows by itself. Its rates come from `info`."""
     rates = {} if info is None else {name: curve.rate_hz for name, curve in info.curves.items()}
-    moments: dict[str, Times] = {}
-    if recording.ball is not None:
-        points = turning_points(recording.ball)
-        moments = {"bounce": points.bounces_us, "hit": points.hits_us}
-    return Tracks(recording.duration_us, rates, moments)
+    return Tracks(recording.duration_us, rates, moments_of(recording))
+
+
+def moments_of(recording: Recording) -> dict[str, Times]:
+    """Its bounces and hits so far, where it knows the truth; those of a live recording change as it goes on."""
+    if recording.ball is None:
+        return {}
+    points = turning_points(recording.ball)
+    return {"bounce": points.bounces_us, "hit": points.hits_us}
+
+
+def same_moments(first: Mapping[str, Times], second: Mapping[str, Times]) -> bool:
+    """Whether both tell of the same happenings."""
+    return first.keys() == second.keys() and all(np.array_equal(first[kind], second[kind]) for kind in first)
 
 
 def opening_us(recording: Recording) -> int:

@@ -341,6 +341,8 @@ def test_the_first_label_of_a_browser_asks_who_labels(window, wait_for, workspac
             window.page.wait_for_timeout(3000)
     asked.wait_for()
     field = window.field("Your name")
+    selected = "box => box.value.length > 0 && box.selectionStart === 0 && box.selectionEnd === box.value.length"
+    wait_for(lambda: field.evaluate(selected), "the name that is offered to be replaced by what is typed")
     window.page.wait_for_timeout(500)
     window.screenshot("label-who")
     assert t_us not in mode._editor.labelling.here.labels

@@ -69,6 +69,12 @@ def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for,
     assert len(spots) >= 2
 
 
+def test_the_time_line_goes_on_with_the_bounces_and_hits_of_the_live_rally(live_window, wait_for) -> None:
+    opened_us = live_window.state.playhead.duration_us
+    for kind in ("bounce", "hit"):
+        wait_for(lambda kind=kind: (live_window.session.tracks.moments[kind] > opened_us).any(), f"a later {kind}")
+
+
 def test_a_browser_that_was_never_here_sees_a_bounce_in_slow_motion_and_then_the_rally(
     live_lab, open_window, wait_for
 ) -> None:

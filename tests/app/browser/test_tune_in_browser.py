@@ -174,6 +174,21 @@ def test_a_number_is_judged_when_it_is_complete(tune, wait_for) -> None:
     assert page.get_by_text("Out of range").count() == 0
 
 
+def test_a_number_may_be_typed_through_values_that_do_not_go_with_the_others(tune, wait_for) -> None:
+    """The 3 of 30 lies below the smallest radius: what is shown at the end is what is used, and nothing complains."""
+    largest, complaint = tune.field("radius max [px]"), tune.page.get_by_text("No radius is allowed")
+    tune.field("radius min [px]").fill("10")
+    wait_for(lambda: tune.state.config.localise.radius_min_px == 10, "the smallest radius")
+    largest.dblclick()
+    tune.page.keyboard.type("30", delay=200)
+    wait_for(lambda: tune.state.config.localise.radius_max_px == 30, "the largest radius")
+    assert float(largest.input_value()) == 30 and complaint.count() == 0
+
+    largest.fill("3")  # and no more of it
+    complaint.wait_for()
+    wait_for(lambda: float(largest.input_value()) == 30, "the value that is used")
+
+
 def test_following_the_ball_is_offered_only_where_it_does_something(tune, wait_for) -> None:
     assert tune.page.get_by_role("button", name="Follow the ball: zoom in first").is_disabled()
     tune.field("Zoom").fill("8")

@@ -54,6 +54,17 @@ def test_text_says_the_same_to_people(recording, capsys):
         assert line in out
 
 
+def test_the_mean_rate_is_over_the_duration_and_not_over_begun_milliseconds(tmp_path, capsys):
+    rows = np.arange(500)
+    with RecordingWriter(tmp_path / "a.h5", {"left": SENSOR}) as writer:
+        writer.append("left", Events.from_columns(rows * 3, rows % 320, rows % 240, rows % 2, SENSOR))
+        writer.extend_duration(2_001)
+    assert main(["info", str(tmp_path / "a.h5"), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["cameras"]["left"]["mean_rate_hz"] == pytest.approx(500 / facts["duration_us"] * 1e6)
+    assert facts["duration_us"] == 2_001
+
+
 def test_an_event_file_of_another_format_is_described_without_importing_it(shared_data, capsys):
     path = shared_data / "events" / "walker_evt3_640x480.raw"
     assert main(["info", str(path), "--json"]) == 0

@@ -12,7 +12,7 @@ import pytest
 
 from core.errors import LabelError
 from labels.model import LabelState
-from labels.store import LabelStore, Layer, find_layers
+from labels.store import LabelStore, Layer, find_annotators, find_layers
 
 UUID = "9f3c-1"
 LAYER = Layer(UUID, "left", "anna")
@@ -52,6 +52,7 @@ def test_a_journal_is_taken_over_and_kept_beside(tmp_path: Path) -> None:
     write_journal(tmp_path, put(ball(7)), layer=blind)
     write_journal(tmp_path, put(ball(8)), layer=other)
     assert set(find_layers(tmp_path)) == {LAYER, blind, other}
+    assert find_annotators(tmp_path, UUID) == ("Jörg Ö./2", "anna")
     with LabelStore.open(tmp_path, UUID, "left", "anna") as store:
         assert store.labels().x_px.tolist() == [11.0, 10.0]
         label = store.at(1)
