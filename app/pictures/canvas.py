@@ -37,6 +37,10 @@ class Region:
         height = max(8, round(sensor.height_px / zoom))
         return Region(round(u_px - (width - 1) / 2), round(v_px - (height - 1) / 2), width, height)
 
+    def holds(self, u_px: float, v_px: float) -> bool:
+        """Whether a point lies in it; the centre of its first pixel is (x, y)."""
+        return -0.5 <= u_px - self.x < self.width - 0.5 and -0.5 <= v_px - self.y < self.height - 0.5
+
 
 @dataclass(frozen=True, slots=True)
 class PictureText:

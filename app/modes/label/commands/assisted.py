@@ -42,6 +42,8 @@ class Accept:
         if not labelling.on_screen:
             return LabelStep(labelling)
         draft, step = labelling.draft(labelling.t_us), LabelStep(labelling)
+        if draft is not None and not _seen(labelling, draft):
+            return _looked_at(labelling, draft)
         if draft is not None:
             label = accepted(draft, labelling.judged_picture(wall_s))
             step = change_label(labelling, labelling.t_us, lambda before: before or label, wall_s)
@@ -56,6 +58,8 @@ class Reject:
         here, draft = labelling.here, labelling.draft(labelling.t_us)
         if not labelling.on_screen or draft is None:
             return LabelStep(labelling)
+        if not _seen(labelling, draft):
+            return _looked_at(labelling, draft)
 
         def act(store: LabelStore) -> tuple[int, ...]:
             store.reject(draft.t_us, draft.x_px, draft.y_px, draft.r_px, draft.detector)
@@ -115,6 +119,21 @@ class Interpolate:
             return tuple(label.t_us for label in labels)
 
         return LabelStep(labelling, LabelEdit(act, said=_interpolated))
+
+
+def _seen(labelling: Labelling, draft: ProposedLabel) -> bool:
+    return labelling.shown is not None and labelling.shown.main.region.holds(draft.x_px, draft.y_px)
+
+
+def _looked_at(labelling: Labelling, draft: ProposedLabel) -> LabelStep:
+    """What is proposed lies outside the picture: the picture goes there, and the key is for nothing."""
+    view = replace(labelling.view, centre_px=(draft.x_px, draft.y_px))
+    if view == labelling.view:
+        return LabelStep(labelling)
+    note = Note(
+        "Not judged yet", "What is proposed was outside the picture. Now it is in it: press the key again.", "yellow"
+    )
+    return LabelStep(replace(labelling, view=view), note=note)
 
 
 def _unjudged(labelling: Labelling, proposals: Proposals, first_us: int, last_us: int) -> tuple[ProposedLabel, ...]:

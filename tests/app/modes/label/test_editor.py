@@ -290,6 +290,26 @@ def test_what_is_not_on_the_screen_is_not_accepted(bench: Bench) -> None:
     assert sorted(bench.work.here.labels) == [BALL_US]
 
 
+@pytest.mark.parametrize("key", ["accept", "reject"])
+def test_a_proposal_outside_the_zoomed_picture_is_shown_before_it_is_judged(bench: Bench, key: str) -> None:
+    propose(bench, BALL_US)
+    bench.editor.send(ChangeView({"zoom": 10.0}))
+    bench.editor.send(GoTo(BALL_US))
+    draft = bench.work.draft(BALL_US)
+    assert draft is not None
+    away = plan_at(bench.scene(), BALL_US, (draft.x_px + 200.0, draft.y_px))  # it came after this was drawn
+    bench.editor.show(away)
+    for _ in range(2):  # a key that is held
+        bench.editor.send(COMMANDS[key])
+    bench.wait()
+    assert not bench.work.here.labels and bench.work.draft(BALL_US) == draft and bench.work.t_us == BALL_US
+    assert [note.title for note in bench.notes] == ["Not judged yet"]
+    bench.editor.show(plan_at(bench.scene(), BALL_US, centre_at(bench.scene(), BALL_US, None)))
+    bench.editor.send(COMMANDS[key])
+    bench.wait()
+    assert (BALL_US in bench.work.here.labels) == (key == "accept") and bench.work.here.draft(BALL_US) != draft
+
+
 def test_a_rejected_proposal_is_gone_and_the_time_stays_unchecked(bench: Bench) -> None:
     propose(bench, BALL_US)
     assert bench.work.here.draft(BALL_US) is not None
