@@ -5,9 +5,9 @@ Unchecked times and occluded balls count neither for nor against it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from labels.arrays import SOURCES, STATES, LabelArrays
 from labels.model import LabelState, PositionSource
 
 Array = NDArray[np.float64]
+Rows = TypeVar("Rows", WindowAnswers, LabelArrays)
 TOLERANCES_PX: Final = (1.0, 2.0, 4.0, 8.0)
 LEAD_IN_WINDOWS: Final = 10
 """Windows that a detector sees before a label that stands alone, to find the ball and lock on."""
@@ -27,6 +28,10 @@ LEAD_IN_US: Final = 20_000
 """So much time at least, if windows are short, and before each part that is looked through for proposals."""
 MOTION_GAP_US: Final = 50_000
 """Labels farther apart do not tell the direction of motion."""
+SEAM_US: Final = 1_000_000
+"""Between two recordings whose labels are scored together."""
+ANSWER_COLUMNS: Final = ("end_us", "t_us", "u_px", "v_px", "r_px", "extra_circles")
+LABEL_COLUMNS: Final = ("t_us", "x_px", "y_px", "r_px", "state", "source")
 GROUPS: Final[dict[str, tuple[PositionSource, ...]]] = {
     "all": tuple(PositionSource),
     "by hand": (PositionSource.BY_HAND, PositionSource.SNAPPED, PositionSource.EPIPOLAR),
@@ -133,6 +138,29 @@ def score_groups(answers: WindowAnswers, labels: LabelArrays) -> tuple[GroupScor
         if len(rows):
             scores.append(_score_group(name, answers.rows(rows), labels.rows(rows), motion[rows]))
     return tuple(scores)
+
+
+def pooled(parts: Sequence[tuple[WindowAnswers, LabelArrays]]) -> tuple[WindowAnswers, LabelArrays]:
+    """Answers and labels of several recordings, as if one came after the other: later ones are moved on in time.
+
+    The gap between two is longer than motion is told across.
+    """
+    moved_answers, moved_labels, end_us = [], [], 0
+    for answers, labels in parts:
+        if not len(labels):
+            continue
+        by_us = end_us - int(labels.t_us[0])
+        moved_answers.append(replace(answers, end_us=answers.end_us + by_us, t_us=answers.t_us + by_us))
+        moved_labels.append(replace(labels, t_us=labels.t_us + by_us))
+        end_us = int(moved_labels[-1].t_us[-1]) + SEAM_US
+    if not moved_labels:
+        return parts[0]
+    return _joined(WindowAnswers, moved_answers, ANSWER_COLUMNS), _joined(LabelArrays, moved_labels, LABEL_COLUMNS)
+
+
+def _joined(kind: type[Rows], parts: Sequence[Rows], columns: tuple[str, ...]) -> Rows:
+    values: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}
+    return kind(**values)
 
 
 def _score_group(name: str, answers: WindowAnswers, labels: LabelArrays, motion: Array) -> GroupScore:

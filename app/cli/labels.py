@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import csv
-import json
-from collections.abc import Collection, Iterable, Iterator
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from math import isnan
@@ -15,65 +13,23 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from app.cli.arguments import DATA, PositiveInt, flag, positional
-from app.cli.detect import choose_camera
-from app.cli.detector_arguments import MethodArguments
+from app.cli.arguments import PositiveInt, flag, positional
+from app.cli.labels_layer import LayerArguments, read_layer
 from app.cli.labels_merge import run_merge
+from app.cli.labels_score import run_score
 from app.cli.progress import progress_bar
-from app.cli.tables import json_ready
-from app.cli.terminal import say, say_each
 from app.modes.label.results.label_files import LabelFilesRequest, write_label_files
-from app.modes.label.sources import LabelSource, sources_of
-from core.detection import make_detector
+from app.modes.label.sources import LabelSource
 from core.errors import CommandError, LabelError
-from core.recordings import CameraStream, Recording, open_recording
 from labels.agreement import Agreement, made_independently, measure_agreement
-from labels.arrays import STATES
 from labels.formats import FORMATS, ExportOptions, ImportContext
-from labels.formats.exchange import write_text
-from labels.model import LabelState
-from labels.score import GroupScore, answers_at, score_groups
-from labels.score_picture import measure_curves, score_svg
-from labels.store import LabelStore, Layer, find_layers, has_labels
+from labels.store import LabelStore, Layer
 
-Labelled = CameraStream | LabelSource
-"""An event camera, or the frames of an ordinary one."""
 MAX_SHOWN = 20
 """Rejections printed one by one; `--json` has them all."""
 
 
 FORMAT_HELP = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LayerArguments:
-    """Which labels of what."""
-
-    recording: Path = positional("the recording that was labelled", "REC")
-    camera: str | None = flag("which camera; needed if there are several", "NAME")
-    annotator: str | None = flag("whose labels; needed if there are several", "NAME")
-    data: Path = flag("workspace", "DIR", DATA)
-    json: bool = flag("print the result as JSON")
-
-    @property
-    def folder(self) -> Path:
-        """Where the labels are."""
-        return self.data / "labels"
-
-    @contextmanager
-    def open(self) -> Iterator[tuple[Recording, Labelled]]:
-        """The recording and what was labelled of it, until the block ends."""
-        with closing(open_recording(self.recording)) as recording:
-            frames = sources_of(recording).get(self.camera or "")
-            stream = frames if frames is not None and frames.frames is not None else None
-            yield recording, stream or choose_camera(recording, self.camera)
-
-    def tell(self, report: dict[str, object], lines: Iterable[str]) -> None:
-        """What came out, for a program or a person."""
-        if self.json:
-            say(json.dumps(json_ready(report)))
-        else:
-            say_each(lines)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,16 +55,6 @@ class LabelExportArguments:
     stride_us: PositiveInt | None = flag("time between the pictures of the clip", "N")
     unchecked: Literal["refuse", "drop"] = flag("tracknet: pictures without label", default="refuse")
     decimals: bool = flag("voc, tracknet: do not round to whole pixels")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LabelScoreArguments:
-    """Score a detector against labels."""
-
-    layer: LayerArguments
-    detector: MethodArguments
-    window_us: PositiveInt | None = flag("length of a window", "N", "the config's")
-    picture: Path | None = flag("precision, recall and errors as a picture", "FILE.svg")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +93,7 @@ def run_export(arguments: LabelExportArguments) -> None:
     out, layer = arguments.out, arguments.layer
     with layer.open() as (recording, stream):
         source = stream if isinstance(stream, LabelSource) else LabelSource(stream.name, stream.sensor, stream)
-        store = _read_layer(layer, recording, stream)
+        store = read_layer(layer, recording, stream)
         frames_us = tuple(range(0, recording.duration_us, arguments.stride_us)) if arguments.stride_us else None
         request = LabelFilesRequest(
             format=arguments.format,
@@ -168,39 +114,10 @@ def run_export(arguments: LabelExportArguments) -> None:
     layer.tell({**counts, "out": str(out), "losses": list(made.losses)}, lines)
 
 
-def run_score(arguments: LabelScoreArguments) -> None:
-    """Detect where there are labels, and compare."""
-    method, folder = arguments.detector.method, arguments.layer.folder
-    with arguments.layer.open() as (recording, stream):
-        if isinstance(stream, LabelSource):
-            raise CommandError("the detector works on events", got=f"the frames of {stream.name!r}", where="--camera")
-        store = _read_layer(arguments.layer, recording, stream)
-        config = arguments.detector.settings()
-        window_us = arguments.window_us or config.window.window_us
-        detector = make_detector(method, stream.sensor, config)
-        labels = store.labels()
-        asked = labels.rows(labels.state != STATES.index(LabelState.OCCLUDED))
-        with progress_bar("Scoring") as progress:
-            answers = answers_at(stream, detector, asked.t_us, window_us, progress=progress)
-    scores, annotator, noise = score_groups(answers, asked), store.layer.annotator, _own_noise(folder, store)
-    if arguments.picture is not None:
-        title = f"{method}, {store.layer.camera}, against {len(labels)} labels by {annotator}"
-        sigma_px = None if noise is None or not noise.both_seen else noise.sigma_px
-        write_text(arguments.picture, score_svg(measure_curves(answers, asked), title, noise_px=sigma_px))
-    report = {
-        "annotator": annotator,
-        "method": method,
-        "window_us": window_us,
-        "rows": [asdict(score) for score in scores],
-        "annotator_noise": None if noise is None else asdict(noise),
-    }
-    arguments.layer.tell(report, [*_score_table(scores), _noise_line(noise)])
-
-
 def run_agree(arguments: LabelAgreeArguments) -> None:
     """Compare the labels of the same instants."""
     with arguments.layer.open() as (recording, stream):
-        first = _read_layer(arguments.layer, recording, stream)
+        first = read_layer(arguments.layer, recording, stream)
     mine = first.layer.annotator
     name, blind = arguments.other or mine, arguments.other is None
     layer = Layer(first.layer.recording_uuid, first.layer.camera, name, blind)
@@ -234,56 +151,6 @@ def _agreement_lines(found: Agreement) -> list[str]:
 
 
 ACTS = {"import": run_import, "export": run_export, "score": run_score, "agree": run_agree, "merge": run_merge}
-
-
-def read_layers(
-    folder: Path, recording: Recording, cameras: Collection[str], annotator: str | None
-) -> tuple[LabelStore, ...]:
-    """What one annotator said of those cameras, a store for each that has labels.
-
-    Raises:
-        CommandError: if there is none, or several annotators and no name.
-    """
-    layers = [layer for layer in find_layers(folder, recording.uuid) if layer.camera in cameras and not layer.blind]
-    names = sorted({layer.annotator for layer in layers})
-    if not names:
-        remedy = "label it in the app, or name the folder with --data"
-        which = f"{'camera' if len(cameras) == 1 else 'cameras'} {', '.join(map(repr, cameras))}"
-        raise CommandError(f"no labels of {which} of this recording", where=folder, remedy=remedy)
-    if annotator is None and len(names) > 1:
-        raise CommandError("whose labels?", expected=f"--annotator with one of {', '.join(names)}")
-    name = annotator or names[0]
-    if name not in names:
-        raise CommandError(f"no labels by {name!r}", expected=f"one of {', '.join(names)}", where="--annotator")
-    return tuple(LabelStore.read(folder, layer) for layer in layers if layer.annotator == name)
-
-
-def _read_layer(arguments: LayerArguments, recording: Recording, stream: Labelled) -> LabelStore:
-    """The layer that is meant; raises CommandError."""
-    (store,) = read_layers(arguments.folder, recording, (stream.name,), arguments.annotator)
-    return store
-
-
-def _own_noise(folder: Path, store: LabelStore) -> Agreement | None:
-    layer = Layer(store.layer.recording_uuid, store.layer.camera, store.layer.annotator, blind=True)
-    if not has_labels(folder, layer):
-        return None
-    return measure_agreement(store.labels(), LabelStore.read(folder, layer).labels())
-
-
-def _score_table(scores: tuple[GroupScore, ...]) -> list[str]:
-    lines = ["labels         number  balls   P / R / F1 at 1, 2, 4, 8 px" + " " * 44 + "median   p95  along across px"]
-    for score in scores:
-        at = "   ".join(f"{row.precision:.3f}/{row.recall:.3f}/{row.f1:.3f}" for row in score.at)
-        errors = f"{score.median_px:6.2f} {score.p95_px:6.2f} {score.along_px:+6.2f} {score.across_px:+6.2f}"
-        lines.append(f"{score.group:<13} {score.labels:7d} {score.with_ball:6d}   {at}  {errors}")
-    return lines
-
-
-def _noise_line(noise: Agreement | None) -> str:
-    if noise is None or not noise.both_seen:
-        return "the annotator's own noise is not known: no blind repeats yet"
-    return f"the annotator's own noise: median {noise.median_px:.2f} px, p95 {noise.p95_px:.2f} px between two looks"
 
 
 def _frame_times(path: Path) -> NDArray[np.int64]:

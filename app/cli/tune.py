@@ -16,7 +16,7 @@ from app.cli.detector_arguments import MethodArguments
 from app.cli.ending import end_event
 from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.files import check_folder
-from app.cli.labels import read_layers
+from app.cli.labels_layer import read_layers
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table, json_ready
 from app.cli.terminal import say

@@ -11,7 +11,7 @@ from core.events import Events, SensorSize, Window
 from labels.agreement import measure_agreement
 from labels.arrays import LabelArrays, label_arrays
 from labels.model import Label, LabelState, PositionSource, Provenance
-from labels.score import LEAD_IN_WINDOWS, answers_at, motion_of, score_labels
+from labels.score import LEAD_IN_WINDOWS, answers_at, motion_of, pooled, score_groups, score_labels
 
 SENSOR = SensorSize(1280, 720)
 STREAM = SimpleNamespace(slice=lambda start, end: Events.empty(SENSOR), sensor=SENSOR)
@@ -177,3 +177,24 @@ def test_the_noise_of_one_annotator_comes_out_of_two_looks() -> None:
     assert found.median_low_px < found.median_px < found.median_high_px
     assert np.isnan(found.kappa)  # both only ever say the same one thing
     assert measure_agreement(label_arrays([]), look()).common == 0
+
+
+def test_recordings_are_scored_together_as_if_one_came_after_the_other() -> None:
+    ahead, behind = label_arrays(ball(t) for t in range(10_000, 60_000, 4000)), label_arrays([ball(5000), ball(9000)])
+    parts = [
+        (answers_at(STREAM, KnownDetector(ahead_px=by), labels.t_us, 2000), labels)  # type: ignore[arg-type]
+        for by, labels in ((+1.5, ahead), (0.0, label_arrays(())), (-0.5, behind))
+    ]
+    answers, labels = pooled(parts)
+    assert len(labels) == len(ahead) + 2 and (np.diff(labels.t_us) > 0).all() and (answers.t_us == labels.t_us).all()
+    (everything, _) = score_groups(answers, labels)
+    assert everything.labels == 15 and [at.recall for at in everything.at] == [pytest.approx(2 / 15), 1.0, 1.0, 1.0]
+    assert everything.along_px == pytest.approx((13 * 1.5 - 2 * 0.5) / 15)
+    assert np.isfinite(motion_of(labels)).all(), "each has a neighbour of its own recording"
+    alone = pooled([parts[0], (parts[2][0].rows(np.array([0])), behind.rows(slice(0, 1)))])[1]
+    assert np.isnan(motion_of(alone)[-1]).all(), "another recording's label tells nothing of its motion"
+
+
+def test_recordings_without_a_label_that_can_be_asked_for_have_no_scores() -> None:
+    nothing = (answers_at(STREAM, KnownDetector(), np.empty(0, np.int64), 2000), label_arrays(()))  # type: ignore[arg-type]
+    assert score_groups(*pooled([nothing, nothing])) == ()

@@ -119,6 +119,33 @@ def test_a_detector_is_scored_against_the_labels(
     assert "blind repeats: 1 common" in text
 
 
+def test_several_recordings_are_scored_one_by_one_and_together_however_they_are_worked_on(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path, clip
+) -> None:
+    other, uuid = tmp_path / "other.h5", "22222222-2222-4333-8444-555555555555"
+    with RecordingWriter(other, {"left": SENSOR}, uuid=uuid) as writer:
+        writer.append("left", clip.events)
+    missing = [recording, other, "--camera", "left", "--data", data]
+    code, out, err = call(capsys, "score", *missing)
+    assert (code, out) == (2, "") and "no labels of camera 'left'" in err, "before anything is done"
+    with LabelStore.open(data / "labels", uuid, "left", "bea") as store:
+        x, y = float(clip.truth.u_px[0]), float(clip.truth.v_px[0])
+        store.put(Label(t_us=MIDDLE_US, state=LabelState.VISIBLE, x_px=x + 3.0, y_px=y, r_px=9.0))
+    singles = [json.loads(call(capsys, "score", *common(one, data), "--json")[1]) for one in (recording, other)]
+    picture = tmp_path / "score.svg"
+    told = [call(capsys, "score", *missing, "--json", "--jobs", jobs, "--picture", picture)[1] for jobs in ("1", "2")]
+    assert told[0] == told[1] and "10 labels of 2 recordings" in picture.read_text()
+    report = json.loads(told[0])
+    assert [one.pop("recording") for one in report["recordings"]] == [str(recording), str(other)]
+    assert report["recordings"] == singles and [one["annotator"] for one in singles] == ["anna", "bea"]
+    everything = report["rows"][0]
+    assert (everything["group"], everything["labels"], everything["with_ball"]) == ("all", 10, 10)
+    hits = [round(one["rows"][0]["at"][3]["recall"] * one["rows"][0]["labels"]) for one in singles]
+    assert everything["at"][3]["recall"] == pytest.approx(sum(hits) / 10) and sum(hits) > 5
+    code, text, _ = call(capsys, "score", *missing)
+    assert code == 0 and f"{other}: labels 1 by bea, balls 1" in text and "all 2 recordings" in text
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -1,6 +1,8 @@
 """What the verbs send to a cluster comes back as if it had been done here."""
 
 import hashlib
+import json
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +21,9 @@ from core.learning.config import CurriculumConfig
 from core.rally.data_sets import plan_data_set, run_data_set
 from core.rally.data_sets.plan import DataSetPlan, Making, PlannedRecording
 from core.rally.data_sets.run import LOCK
+from core.recordings import open_recording
+from labels.model import Label, LabelState
+from labels.store import LabelStore
 
 pytest.importorskip("distributed")
 SMALL = Making(sensor=SensorSize(48, 32))
@@ -102,3 +107,23 @@ def test_recordings_are_looked_at_by_the_workers_and_the_tables_are_written_here
     assert main([*arguments, "--out", str(tmp_path / "here"), "--jobs", "1"]) == 0
     assert main([*arguments, "--out", str(tmp_path / "there"), "--cluster", cluster.address]) == 0
     assert digests(tmp_path / "here") == digests(tmp_path / "there") and len(recordings) == 2
+
+
+def test_recordings_are_scored_by_the_workers_against_labels_that_are_sent_to_them(
+    cluster, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made, data = tmp_path / "made", tmp_path / "data"
+    run_data_set(PLAN, made, engine=ALONE)
+    recordings = sorted(map(str, made.glob("*.h5")))
+    for number, path in enumerate(recordings):
+        with closing(open_recording(path)) as recording:
+            uuid = recording.uuid
+        with LabelStore.open(data / "labels", uuid, "left", "anna") as store:
+            store.put(Label(t_us=20_000 + 2000 * number, state=LabelState.NO_BALL))
+    arguments = ["labels", "score", *recordings, "--camera", "left", "--data", str(data), "--json"]
+    capsys.readouterr()
+    told = []
+    for where in (["--jobs", "1"], ["--cluster", cluster.address]):
+        assert main([*arguments, *where]) == 0
+        told.append(json.loads(capsys.readouterr().out))
+    assert told[0] == told[1] and told[0]["rows"][0]["labels"] == len(recordings) == 2

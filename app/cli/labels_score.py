@@ -1,0 +1,183 @@
+"""`rallyscope labels score`: a detector against labels, of one recording or of several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final
+
+from app.cli.arguments import DATA, PositiveInt, flag, positional
+from app.cli.detector_arguments import MethodArguments
+from app.cli.engine_arguments import SharedEngineArguments
+from app.cli.labels_layer import LayerArguments, read_layer
+from app.cli.progress import progress_bar
+from app.modes.label.sources import LabelSource
+from core.detection import DetectorConfig, make_detector
+from core.detection.methods import Method
+from core.errors import CommandError
+from core.jobs import ALONE, PieceControl, open_jobs
+from core.metrics import WindowAnswers
+from core.recordings import open_recording
+from labels.agreement import Agreement, measure_agreement
+from labels.arrays import STATES, LabelArrays
+from labels.formats.exchange import write_text
+from labels.model import LabelState
+from labels.score import GroupScore, answers_at, pooled, score_groups
+from labels.score_picture import measure_curves, score_svg
+from labels.store import LabelStore, Layer, has_labels
+
+SHOWN_AT: Final = 1
+"""Row of TOLERANCES_PX that the line of one recording of several shows."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelScoreArguments:
+    """Score a detector against labels."""
+
+    recordings: tuple[Path, ...] = positional("recordings that were labelled", "REC")
+    camera: str | None = flag("which camera; needed if there are several", "NAME")
+    annotator: str | None = flag("whose labels; needed if there are several", "NAME")
+    data: Path = flag("workspace", "DIR", DATA)
+    json: bool = flag("print the result as JSON")
+    detector: MethodArguments
+    window_us: PositiveInt | None = flag("length of a window", "N", "the config's")
+    picture: Path | None = flag("precision, recall and errors as a picture", "FILE.svg")
+    engine: SharedEngineArguments
+
+    def layer(self, recording: Path) -> LayerArguments:
+        """The labels that are meant of one of them."""
+        return LayerArguments(
+            recording=recording, camera=self.camera, annotator=self.annotator, data=self.data, json=self.json
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelledRecording:
+    """What is asked of one recording: a piece of work."""
+
+    path: Path
+    camera: str
+    annotator: str
+    count: int
+    """Of all labels; occluded balls are not asked for."""
+    asked: LabelArrays
+    noise: Agreement | None
+    """The annotator's own, from the blind repeats."""
+
+    def __str__(self) -> str:
+        return str(self.path)
+
+
+@dataclass(frozen=True, slots=True)
+class AnswerLabels:
+    """What a detector says at the labels of a recording."""
+
+    method: Method
+    config: DetectorConfig
+    window_us: int
+
+    def __call__(self, piece: LabelledRecording, control: PieceControl) -> WindowAnswers:
+        """Detect where there are labels."""
+        with closing(open_recording(piece.path)) as recording:
+            stream = recording.cameras[piece.camera]
+            detector = make_detector(self.method, stream.sensor, self.config)
+            return answers_at(stream, detector, piece.asked.t_us, self.window_us, progress=control)
+
+
+def run_score(arguments: LabelScoreArguments) -> None:
+    """Read the labels here, detect wherever the engine says, and compare."""
+    config, several = arguments.detector.settings(), len(arguments.recordings) > 1
+    work = AnswerLabels(arguments.detector.method, config, arguments.window_us or config.window.window_us)
+    engine = arguments.engine.engine()
+    if engine.cluster is None and not several:
+        engine = ALONE
+    with open_jobs(engine, len(arguments.recordings)) as jobs, progress_bar("Scoring") as progress:
+        pieces = [_piece(arguments.layer(path), jobs.share_file(path)) for path in arguments.recordings]
+        answers = jobs.run(work, pieces, name=str, progress=progress)
+    reports = [_report(work, piece, given) for piece, given in zip(pieces, answers, strict=True)]
+    labels, given = pieces[0].asked, answers[0]
+    if several:
+        given, labels = pooled(list(zip(answers, (piece.asked for piece in pieces), strict=True)))
+    scores = score_groups(given, labels)
+    if arguments.picture is not None:
+        title, noise_px = _title(work, pieces)
+        write_text(arguments.picture, score_svg(measure_curves(given, labels), title, noise_px=noise_px))
+    layer = arguments.layer(arguments.recordings[0])
+    if not several:
+        layer.tell(reports[0], [*_score_table(scores), _noise_line(pieces[0].noise)])
+        return
+    named = [{"recording": str(path)} | report for path, report in zip(arguments.recordings, reports, strict=True)]
+    told = {"method": work.method, "window_us": work.window_us, "recordings": named}
+    told["rows"] = [asdict(score) for score in scores]
+    lines = [
+        _line(path, *pair) for path, pair in zip(arguments.recordings, zip(pieces, answers, strict=True), strict=True)
+    ]
+    layer.tell(told, [*lines, f"all {len(pieces)} recordings", *_score_table(scores)])
+
+
+def _piece(arguments: LayerArguments, path: Path) -> LabelledRecording:
+    """The labels of a recording; raises CommandError for frames, and if there are none."""
+    with arguments.open() as (recording, stream):
+        if isinstance(stream, LabelSource):
+            raise CommandError("the detector works on events", got=f"the frames of {stream.name!r}", where="--camera")
+        store = read_layer(arguments, recording, stream)
+        labels = store.labels()
+    asked = labels.rows(labels.state != STATES.index(LabelState.OCCLUDED))
+    return LabelledRecording(
+        path, stream.name, store.layer.annotator, len(labels), asked, _own_noise(arguments.folder, store)
+    )
+
+
+def _report(work: AnswerLabels, piece: LabelledRecording, answers: WindowAnswers) -> dict[str, object]:
+    return {
+        "annotator": piece.annotator,
+        "method": work.method,
+        "window_us": work.window_us,
+        "rows": [asdict(score) for score in score_groups(answers, piece.asked)],
+        "annotator_noise": None if piece.noise is None else asdict(piece.noise),
+    }
+
+
+def _title(work: AnswerLabels, pieces: Sequence[LabelledRecording]) -> tuple[str, float | None]:
+    """Words over the picture, and the annotator's own noise in pixels where it is that of all labels."""
+    count, first = sum(piece.count for piece in pieces), pieces[0]
+    if len(pieces) > 1:
+        return f"{work.method}, against {count} labels of {len(pieces)} recordings", None
+    noise_px = None if first.noise is None or not first.noise.both_seen else first.noise.sigma_px
+    return f"{work.method}, {first.camera}, against {count} labels by {first.annotator}", noise_px
+
+
+def _line(path: Path, piece: LabelledRecording, answers: WindowAnswers) -> str:
+    """One recording of several."""
+    scores = score_groups(answers, piece.asked)
+    if not scores:
+        return f"{path}: no label that can be asked for"
+    score, at = scores[0], scores[0].at[SHOWN_AT]
+    return (
+        f"{path}: labels {score.labels} by {piece.annotator}, balls {score.with_ball}, "
+        f"F1 {at.f1:.3f} at {at.tolerance_px:g} px, median {score.median_px:.2f} px"
+    )
+
+
+def _own_noise(folder: Path, store: LabelStore) -> Agreement | None:
+    layer = Layer(store.layer.recording_uuid, store.layer.camera, store.layer.annotator, blind=True)
+    if not has_labels(folder, layer):
+        return None
+    return measure_agreement(store.labels(), LabelStore.read(folder, layer).labels())
+
+
+def _score_table(scores: tuple[GroupScore, ...]) -> list[str]:
+    lines = ["labels         number  balls   P / R / F1 at 1, 2, 4, 8 px" + " " * 44 + "median   p95  along across px"]
+    for score in scores:
+        at = "   ".join(f"{row.precision:.3f}/{row.recall:.3f}/{row.f1:.3f}" for row in score.at)
+        errors = f"{score.median_px:6.2f} {score.p95_px:6.2f} {score.along_px:+6.2f} {score.across_px:+6.2f}"
+        lines.append(f"{score.group:<13} {score.labels:7d} {score.with_ball:6d}   {at}  {errors}")
+    return lines
+
+
+def _noise_line(noise: Agreement | None) -> str:
+    if noise is None or not noise.both_seen:
+        return "the annotator's own noise is not known: no blind repeats yet"
+    return f"the annotator's own noise: median {noise.median_px:.2f} px, p95 {noise.p95_px:.2f} px between two looks"
