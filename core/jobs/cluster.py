@@ -174,7 +174,8 @@ def _connect(address: str) -> Client:
     try:
         return Client(address, security=security, timeout=CONNECT_S, set_as_default=False, name="rallyscope")
     except (OSError, TimeoutError, ValueError) as error:
-        remedy = "is `dask scheduler` running there, and this its address?"
+        trusted = f", and its certificate of the authority in {CERTIFICATES['tls_ca_file']}" if security else ""
+        remedy = f"is `dask scheduler` running there, and this its address{trusted}?"
         raise JobsError("no scheduler of a cluster answers", where=address, remedy=remedy) from error
 
 
