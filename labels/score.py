@@ -6,7 +6,7 @@ Unchecked times and occluded balls count neither for nor against it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -30,8 +30,6 @@ MOTION_GAP_US: Final = 50_000
 """Labels farther apart do not tell the direction of motion."""
 SEAM_US: Final = 1_000_000
 """Between two recordings whose labels are scored together."""
-ANSWER_COLUMNS: Final = ("end_us", "t_us", "u_px", "v_px", "r_px", "extra_circles")
-LABEL_COLUMNS: Final = ("t_us", "x_px", "y_px", "r_px", "state", "source")
 GROUPS: Final[dict[str, tuple[PositionSource, ...]]] = {
     "all": tuple(PositionSource),
     "by hand": (PositionSource.BY_HAND, PositionSource.SNAPPED, PositionSource.EPIPOLAR),
@@ -155,11 +153,13 @@ def pooled(parts: Sequence[tuple[WindowAnswers, LabelArrays]]) -> tuple[WindowAn
         end_us = int(moved_labels[-1].t_us[-1]) + SEAM_US
     if not moved_labels:
         return parts[0]
-    return _joined(WindowAnswers, moved_answers, ANSWER_COLUMNS), _joined(LabelArrays, moved_labels, LABEL_COLUMNS)
+    return _joined(WindowAnswers, moved_answers), _joined(LabelArrays, moved_labels)
 
 
-def _joined(kind: type[Rows], parts: Sequence[Rows], columns: tuple[str, ...]) -> Rows:
-    values: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in columns}
+def _joined(kind: type[Rows], parts: Sequence[Rows]) -> Rows:
+    """One after the other; the answers' own detections are not kept."""
+    names = [field.name for field in fields(kind) if field.name != "detections"]
+    values: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return kind(**values)
 
 

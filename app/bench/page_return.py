@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -54,10 +53,10 @@ def measure_in(
     """The same in a browser that is there."""
     file = folder / "return.h5"
     simulate_recording(file, StereoConfig(sensor=SensorConfig()), stereo_preset(), [LaunchConfig()], seed=1)
-    port = _free_port()
     pages = [browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]}) for _ in range(2)]
     taken_s = []
-    with served(folder, str(file), port=port) as app:
+    with served(folder, str(file)) as app:
+        port = app.port
         pages[0].goto(f"http://127.0.0.1:{port}/")
         pages[0].wait_for_function("location.href.includes('recording=return')", timeout=1e3 * PATIENCE_S)
         pages[0].get_by_role("button", name=MODE, exact=True).first.click(timeout=1e3 * PATIENCE_S)
@@ -85,9 +84,3 @@ def _wait_for_page(page: Page) -> None:
     page.get_by_role("button", name=f"● {MODE}").wait_for(timeout=1e3 * PATIENCE_S)
     said = f"location.href.includes('recording=return') && location.href.includes('mode={MODE}')"
     page.wait_for_function(said, timeout=1e3 * PATIENCE_S)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]

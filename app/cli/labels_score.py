@@ -17,7 +17,7 @@ from app.modes.label.sources import LabelSource
 from core.detection import DetectorConfig, make_detector
 from core.detection.methods import Method
 from core.errors import CommandError
-from core.jobs import ALONE, PieceControl, open_jobs
+from core.jobs import PieceControl, open_jobs
 from core.metrics import WindowAnswers
 from core.recordings import open_recording
 from labels.agreement import Agreement, measure_agreement
@@ -88,33 +88,27 @@ class AnswerLabels:
 
 def run_score(arguments: LabelScoreArguments) -> None:
     """Read the labels here, detect wherever the engine says, and compare."""
-    config, several = arguments.detector.settings(), len(arguments.recordings) > 1
+    config, paths = arguments.detector.settings(), arguments.recordings
     work = AnswerLabels(arguments.detector.method, config, arguments.window_us or config.window.window_us)
-    engine = arguments.engine.engine()
-    if engine.cluster is None and not several:
-        engine = ALONE
-    with open_jobs(engine, len(arguments.recordings)) as jobs, progress_bar("Scoring") as progress:
-        pieces = [_piece(arguments.layer(path), jobs.share_file(path)) for path in arguments.recordings]
+    with open_jobs(arguments.engine.engine(), len(paths)) as jobs, progress_bar("Scoring") as progress:
+        pieces = [_piece(arguments.layer(path), jobs.share_file(path)) for path in paths]
         answers = jobs.run(work, pieces, name=str, progress=progress)
-    reports = [_report(work, piece, given) for piece, given in zip(pieces, answers, strict=True)]
-    labels, given = pieces[0].asked, answers[0]
-    if several:
-        given, labels = pooled(list(zip(answers, (piece.asked for piece in pieces), strict=True)))
-    scores = score_groups(given, labels)
+    scores = [score_groups(found, piece.asked) for found, piece in zip(answers, pieces, strict=True)]
+    together, labels = pooled([(found, piece.asked) for found, piece in zip(answers, pieces, strict=True)])
     if arguments.picture is not None:
         title, noise_px = _title(work, pieces)
-        write_text(arguments.picture, score_svg(measure_curves(given, labels), title, noise_px=noise_px))
-    layer = arguments.layer(arguments.recordings[0])
-    if not several:
-        layer.tell(reports[0], [*_score_table(scores), _noise_line(pieces[0].noise)])
+        write_text(arguments.picture, score_svg(measure_curves(together, labels), title, noise_px=noise_px))
+    reports = [_report(work, *each) for each in zip(pieces, scores, strict=True)]
+    layer = arguments.layer(paths[0])
+    if len(paths) == 1:
+        layer.tell(reports[0], [*_score_table(scores[0]), _noise_line(pieces[0].noise)])
         return
-    named = [{"recording": str(path)} | report for path, report in zip(arguments.recordings, reports, strict=True)]
+    everything = score_groups(together, labels)
+    named = [{"recording": str(path)} | report for path, report in zip(paths, reports, strict=True)]
     told = {"method": work.method, "window_us": work.window_us, "recordings": named}
-    told["rows"] = [asdict(score) for score in scores]
-    lines = [
-        _line(path, *pair) for path, pair in zip(arguments.recordings, zip(pieces, answers, strict=True), strict=True)
-    ]
-    layer.tell(told, [*lines, f"all {len(pieces)} recordings", *_score_table(scores)])
+    told["rows"] = [asdict(score) for score in everything]
+    lines = [_line(*each) for each in zip(paths, pieces, scores, strict=True)]
+    layer.tell(told, [*lines, f"all {len(paths)} recordings", *_score_table(everything)])
 
 
 def _piece(arguments: LayerArguments, path: Path) -> LabelledRecording:
@@ -130,12 +124,12 @@ def _piece(arguments: LayerArguments, path: Path) -> LabelledRecording:
     )
 
 
-def _report(work: AnswerLabels, piece: LabelledRecording, answers: WindowAnswers) -> dict[str, object]:
+def _report(work: AnswerLabels, piece: LabelledRecording, scores: tuple[GroupScore, ...]) -> dict[str, object]:
     return {
         "annotator": piece.annotator,
         "method": work.method,
         "window_us": work.window_us,
-        "rows": [asdict(score) for score in score_groups(answers, piece.asked)],
+        "rows": [asdict(score) for score in scores],
         "annotator_noise": None if piece.noise is None else asdict(piece.noise),
     }
 
@@ -149,9 +143,8 @@ def _title(work: AnswerLabels, pieces: Sequence[LabelledRecording]) -> tuple[str
     return f"{work.method}, {first.camera}, against {count} labels by {first.annotator}", noise_px
 
 
-def _line(path: Path, piece: LabelledRecording, answers: WindowAnswers) -> str:
+def _line(path: Path, piece: LabelledRecording, scores: tuple[GroupScore, ...]) -> str:
     """One recording of several."""
-    scores = score_groups(answers, piece.asked)
     if not scores:
         return f"{path}: no label that can be asked for"
     score, at = scores[0], scores[0].at[SHOWN_AT]

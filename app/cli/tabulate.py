@@ -12,7 +12,7 @@ from app.cli.files import table_paths, write_text
 from app.cli.progress import progress_bar
 from app.cli.terminal import say
 from core.errors import RecordingError
-from core.jobs import ALONE, PieceControl, open_jobs
+from core.jobs import PieceControl, open_jobs
 
 Summary = dict[str, object]
 
@@ -48,8 +48,6 @@ def tabulate(
     for path in recordings:
         if not path.exists() and (several or chosen.cluster):
             raise RecordingError("no such file", where=path)
-    if chosen.cluster is None and not several:
-        chosen = ALONE
     summaries: dict[int, Summary] = {}
 
     def write(number: int, table: RecordingTable) -> None:
