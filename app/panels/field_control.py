@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import viser
 
+from app.words.field_words import field_words
 from core.config import FieldSpec
 
-UNITS = {"us": "µs", "ms": "ms", "px": "px", "hz": "Hz", "s": "s", "rad": "rad", "mps": "m/s", "m": "m", "deg": "°"}
 TITLES = {"roi": "ROI", "ddpg": "DDPG", "rival": "Stable-Baselines3", "landing_model": "Landing model"}
 
 
@@ -20,14 +19,7 @@ def section_title(path: tuple[str, ...]) -> str:
 
 def field_label(spec: FieldSpec) -> str:
     """A field's name with its unit suffix set apart: `eps_px` -> "eps [px]"."""
-    field = spec.path[-1]
-    for above, below in itertools.product(UNITS, UNITS):
-        if field.endswith(f"_{above}_per_{below}"):
-            return f"{field.removesuffix(f'_{above}_per_{below}').replace('_', ' ')} [{UNITS[above]}/{UNITS[below]}]"
-    name, _, suffix = field.rpartition("_")
-    if name and suffix in UNITS:
-        return f"{name.replace('_', ' ')} [{UNITS[suffix]}]"
-    return (spec.path[-2] if spec.path[-1] == "kind" else spec.path[-1]).replace("_", " ")
+    return field_words(spec.path[-2] if spec.path[-1] == "kind" else spec.path[-1])
 
 
 def add_field_control(gui: viser.GuiApi, spec: FieldSpec, *, slider: bool = False) -> viser.GuiInputHandle:

@@ -31,7 +31,8 @@ def gather_info(library: Library, name: str) -> RecordingInfo:
     """Rates and health of every camera (some 0.1 s a camera)."""
     recording: Recording = library.open(name)
     curves = {
-        camera: rate_curve(stream.counts_per_ms(), bins=PLOT_BINS) for camera, stream in recording.cameras.items()
+        camera: rate_curve(stream.counts_per_ms(), recording.duration_us, bins=PLOT_BINS)
+        for camera, stream in recording.cameras.items()
     }
     health = {camera: library.health(name, camera) for camera in recording.cameras}
     return RecordingInfo(name, curves, health, recording.notes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from app.words.field_words import in_control_words
 from core.errors import RallyscopeError
 
 LONGEST_TITLE: Final = 80
@@ -15,4 +16,4 @@ def notice_of(error: RallyscopeError) -> tuple[str, str]:
     if len(what) > LONGEST_TITLE:
         cut = what[:LONGEST_TITLE].rpartition(" ")[0] or what[:LONGEST_TITLE]
         return f"{cut} ...", str(error)
-    return what, error.details
+    return what, in_control_words(error.details)

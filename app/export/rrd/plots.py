@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from app.export.rrd.paths import PLOTS, send_scalars
 from app.export.selection import Span
 from app.export.steps import ChainStep
+from core.events import rate_curve
 from core.rally.chain.follow import true_positions
 from core.recordings import Recording
 from core.recordings.layout import Rows
@@ -39,13 +40,11 @@ def log_styles(stream: rr.RecordingStream, cameras: Sequence[str]) -> None:
 def send_rates(stream: rr.RecordingStream, recording: Recording, span: Span) -> None:
     """Events per millisecond of every camera, from the index."""
     first, last = span.start_us // 1000, -(-span.end_us // 1000)
+    length_us = min(1000 * last, recording.duration_us) - 1000 * first
     for name, camera in recording.cameras.items():
         counts = camera.counts_per_ms()[first:last]
-        starts = np.arange(0, len(counts), RATE_BIN_MS)
-        if len(starts):
-            sums = np.add.reduceat(counts, starts)
-            widths = np.minimum(starts + RATE_BIN_MS, len(counts)) - starts
-            send_scalars(stream, f"{RATES}/{name}", span.start_us + 1000 * (starts + widths), sums / widths)
+        curve = rate_curve(counts, length_us, bins=-(-len(counts) // RATE_BIN_MS))
+        send_scalars(stream, f"{RATES}/{name}", 1000 * first + 1e6 * curve.t_s, curve.rate_hz / 1e3)
 
 
 def send_step_curves(stream: rr.RecordingStream, recording: Recording, steps: Sequence[ChainStep]) -> None:

@@ -1,5 +1,10 @@
+import pytest
+
+from app.panels.field_control import field_label
 from app.words.notices import LONGEST_TITLE, notice_of
-from core.errors import CommandError, LinkError, NotReadyError
+from core.config import FieldSpec
+from core.detection.stages.localise import LocaliseConfig
+from core.errors import CommandError, ConfigError, LinkError, NotReadyError
 
 
 def test_the_title_says_what_did_not_work_and_the_text_where_and_what_to_do() -> None:
@@ -14,3 +19,17 @@ def test_a_long_message_is_whole_in_the_text() -> None:
     title, text = notice_of(LinkError("refused: " + "many words " * 20))
     assert len(title) <= LONGEST_TITLE + 4 and title.startswith("Refused: many words")
     assert text.count("many") == 20
+
+
+def test_a_setting_is_called_what_its_slider_is_called() -> None:
+    with pytest.raises(ConfigError) as raised:
+        LocaliseConfig(radius_min_px=9.0, radius_max_px=6.0)
+    title, text = notice_of(raised.value)
+    assert title == "No radius is allowed" and text.startswith('"radius max [px]"; expected radius max [px] above 9')
+    slider = FieldSpec(("localise", "radius_max_px"), float, 24.0, None, (), "")
+    assert f'"{field_label(slider)}"' in text
+
+
+def test_the_name_of_a_file_stays_as_it_is() -> None:
+    error = ConfigError("unknown setting 'radius_px'", where="my_config.toml")
+    assert notice_of(error) == ("Unknown setting 'radius_px'", "my_config.toml")
