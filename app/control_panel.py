@@ -59,13 +59,13 @@ class ControlPanel:
         # Until a recording is open there is nothing that these could be about.
         self._picture.folder.visible = self._info.panel.visible = False
 
-    def show(self, state: ClientState, *, uses_recording: bool, shows_events: bool) -> None:
+    def show(self, state: ClientState, *, uses_recording: bool, shows_events: bool, knows_ball: bool) -> None:
         """Make every control follow the state."""
         self._recording.visible = self._open.visible = self._picture.folder.visible = uses_recording
         self._mode.show(state.mode)
         self._recording.show(state.recording)
         self._info.panel.visible = shows_events and not state.playhead.live
-        self._picture.show(state)
+        self._picture.show(state, knows_ball=knows_ball)
 
     def show_recordings(self, names: tuple[str, ...]) -> None:
         """Offer these recordings."""

@@ -39,7 +39,7 @@ from core.detection import DetectorConfig
 from core.errors import RallyscopeError, RecordingError
 from core.rally.history.following import is_stereo
 from core.rally.live.ring_recording import RingRecording
-from core.recordings import Recording
+from core.recordings import Recording, knows_ball
 
 logger = logging.getLogger(__name__)
 NOTE_SECONDS = 8.0
@@ -74,7 +74,8 @@ class Session:
         self._openings = LatestWins(pool, self._open, self._opened, self._failed)
         self._state: ClientState | None = None
         self._recording: Recording | None = None
-        self._shown: tuple[ClientState, Middle] | None = None
+        self.knows_ball = False
+        self._shown: tuple[ClientState, Middle, bool] | None = None
         self._requested: object = None
         self._autoplay = False
         self._tracks = Tracks(0)
@@ -169,7 +170,7 @@ class Session:
             self._open_slowly(self._opening, self._recording, wall_s)
         now_us = self._state.playhead.position_us(wall_s)
         mode = self._choose_mode(self._state)
-        shown = (self._state.without_growth(), mode.middle)
+        shown = (self._state.without_growth(), mode.middle, self.knows_ball)
         if shown != self._shown:
             self._shown = shown
             with self.client.atomic():
@@ -177,6 +178,7 @@ class Session:
                     self._state,
                     uses_recording=mode.uses_recording,
                     shows_events=mode.middle == "events",
+                    knows_ball=self.knows_ball,
                 )
         uses_time = mode.uses_recording
         self._bar.show(self._state, now_us, wall_s, visible=uses_time, keys=uses_time and not mode.takes_keys)
@@ -209,6 +211,7 @@ class Session:
             self._use_recording(self._state.recording, recording, None)
         head = self._state.playhead.grown(recording.start_us, recording.duration_us)
         self._state = replace(self._state, playhead=head)
+        self.knows_ball = self.knows_ball or knows_ball(recording)
         if wall_s - self._moments_s >= MOMENTS_EVERY_S:
             self._moments_s, moments = wall_s, moments_of(recording)
             if not same_moments(moments, self._tracks.moments):
@@ -307,7 +310,7 @@ class Session:
         self._use_recording(self.services.library.settled_name(name), *answer)
 
     def _use_recording(self, name: str, recording: Recording, info: RecordingInfo | None) -> None:
-        self._recording = recording
+        self._recording, self.knows_ball = recording, knows_ball(recording)
         cameras = tuple(recording.cameras)
         opens_us = opening_us(recording)
         playhead = Playhead(recording.duration_us, anchor_us=opens_us, speed=0.25 if is_stereo(recording) else 0.05)

@@ -48,6 +48,11 @@ class ModeHost(Protocol):
         """The one that is open."""
         ...
 
+    @property
+    def knows_ball(self) -> bool:
+        """Whether that says where the ball truly is."""
+        ...
+
     def send(self, command: Command) -> None:
         """Enqueue a change of the state; from any thread."""
         ...

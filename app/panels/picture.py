@@ -28,29 +28,32 @@ class PicturePanel:
             self._colours = gui.add_dropdown("ON / OFF", POLARITY_COLOURS)
             self._arrangement = gui.add_dropdown("Arrange", ARRANGEMENTS)
             self._legend = gui.add_html("")
-            self._truth = gui.add_checkbox("True ball", True, hint="Cyan circle, where the recording knows it")
+            self._truth = gui.add_checkbox("True ball", True, hint="Cyan circle")
         when_changed(self._window, lambda value: send(SetWindow(round(float(str(value)) * 1e3))))
         when_changed(self._rendering, lambda value: send(SetRendering(value)))  # type: ignore[arg-type]
         when_changed(self._colours, lambda value: send(SetColours(value)))  # type: ignore[arg-type]
         when_changed(self._arrangement, lambda value: send(SetArrangement(value)))  # type: ignore[arg-type]
         when_changed(self._truth, lambda value: send(ShowTruth(bool(value))))
 
-    def show(self, state: ClientState) -> None:
-        """Let the controls follow the state."""
+    def show(self, state: ClientState, *, knows_ball: bool) -> None:
+        """Let the controls follow the state; of a true ball only where the recording knows it."""
         self._window.visible = state.mode == "Watch"
-        self._arrangement.visible = self._truth.visible = state.mode != "Label"  # a person is not shown the answer
+        self._arrangement.visible = state.mode != "Label"
+        self._truth.visible = shows_truth = knows_ball and state.mode != "Label"  # a person is not shown the answer
         self._window.value = state.look.window_us / 1e3
         self._rendering.value = state.look.rendering
-        self._legend.content = event_legend_html(state.look.colours)
+        self._legend.content = event_legend_html(state.look.colours, with_truth=shows_truth)
         self._colours.value = state.look.colours
         self._arrangement.value = state.look.arrangement
         self._truth.value = state.tune.show_truth
 
 
-def event_legend_html(colours: PolarityColours) -> str:
+def event_legend_html(colours: PolarityColours, *, with_truth: bool) -> str:
     """What the colours of circles and events mean."""
     rgb = palette(colours)
-    inks = (("found", Ink.CIRCLE), ("truth", Ink.TRUTH), ("ROI", Ink.ROI), ("ON", Ink.ON), ("OFF", Ink.OFF))
+    inks = [("found", Ink.CIRCLE), ("ROI", Ink.ROI), ("ON", Ink.ON), ("OFF", Ink.OFF)]
+    if with_truth:
+        inks.insert(1, ("truth", Ink.TRUTH))
     spots = "".join(
         f"<span style='color:rgb({red},{green},{blue})'>&#9632;</span> {name} &nbsp; "
         for name, (red, green, blue) in ((name, rgb[ink]) for name, ink in inks)

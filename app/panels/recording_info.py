@@ -71,8 +71,9 @@ def health_html(info: RecordingInfo) -> str:
     listed = "".join(f"<div style='color:{theme.BAD}'>{remark}</div>" for remark in remarks)
     sound = f"<div style='color:{theme.GOOD}'>nothing stands out</div>"
     return (
-        f"<div style='font-size:12.5px;padding:6px 12px'><table><tr>{head}</tr>{rows}</table>"
-        f"<div style='margin-top:6px'>{listed or sound}{notes}</div></div>"
+        f"<div style='font-size:12.5px;line-height:1.3;padding:2px 12px'>"
+        f"<table style='border-spacing:0'><tr>{head}</tr>{rows}</table>"
+        f"<div style='margin-top:3px'>{listed or sound}{notes}</div></div>"
     )
 
 

@@ -63,7 +63,7 @@ def render_methods(
         canvas = Canvas(region, across=columns, width_px=TILE_WIDTH_PX)
         ink = method_ink(answer.method)
         draw_answer(canvas, answer, request.look.rendering, ink)
-        if request.view.show_truth and reference is not None:
+        if reference is not None and (request.view.show_truth or request.stream.truth is None):
             _draw_reference(canvas, reference, answer.valid_us)
         canvas.caption(f"{answer.method}: {verdict(answer, reference)}", ink)
         canvases.append(canvas)

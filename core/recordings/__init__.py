@@ -2,7 +2,7 @@
 
 from core.recordings.importing import import_recording
 from core.recordings.opening import open_recording
-from core.recordings.recording import CameraStream, Recording, Triggers
+from core.recordings.recording import CameraStream, Recording, Triggers, knows_ball
 from core.recordings.truth import BallTruth, PixelTruth
 from core.recordings.writer import RecordingWriter
 
@@ -14,5 +14,6 @@ __all__ = [
     "RecordingWriter",
     "Triggers",
     "import_recording",
+    "knows_ball",
     "open_recording",
 ]

@@ -79,6 +79,11 @@ class Recording(Protocol):
     def __exit__(self, *_: object) -> None: ...
 
 
+def knows_ball(recording: Recording) -> bool:
+    """Whether it says where the ball truly is, in the world or in one of its cameras."""
+    return recording.ball is not None or any(stream.truth is not None for stream in recording.cameras.values())
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FrozenCamera:
     """A CameraStream with the clock of the one that it was taken from."""

@@ -45,6 +45,7 @@
   addEventListener("DOMContentLoaded", () => {
     document.body.append(layer);
     addEventListener("resize", draw);
+    document.fonts.addEventListener("loadingdone", draw); // letters of another font have another width
     const watch = () => {
       const pictures = document.querySelector("#root canvas");
       if (pictures) new ResizeObserver(draw).observe(pictures); else setTimeout(watch, 200);

@@ -30,6 +30,8 @@ from labels.score import LEAD_IN_US
 from labels.store import LabelStore
 
 CHUNK_US: Final = 100_000
+SHORTEST_CHUNK_US: Final = 20_000
+"""In a short recording: each chunk is handed over by itself, and tells how far the detector is."""
 
 Ask = Callable[[], tuple[str, tuple[QueueItem, ...]]]
 
@@ -108,9 +110,10 @@ class Assistant:
         progress: Callable[[float], None],
         cancelled: Callable[[], bool],
     ) -> None:
-        window_us = config.window.window_us
-        for begin_us in range(start_us, end_us, CHUNK_US):
-            reached_us, parts = begin_us + CHUNK_US, {}
+        window_us, span_us = config.window.window_us, max(end_us - start_us, 1)
+        chunk_us = min(max(span_us // 10, SHORTEST_CHUNK_US), CHUNK_US) // window_us * window_us or window_us
+        for begin_us in range(start_us, end_us, chunk_us):
+            reached_us, parts = begin_us + chunk_us, {}
             lead_us = max(begin_us - LEAD_IN_US // window_us * window_us, 0)
             for stream in streams:
                 if cancelled():
@@ -120,7 +123,7 @@ class Assistant:
             self._editor.callbacks.later(
                 lambda parts=parts, t_us=reached_us: None if cancelled() else self._take(parts, t_us)
             )
-            progress(min((reached_us - start_us) / max(end_us - start_us, 1), 1.0))
+            progress(min((reached_us - start_us) / span_us, 1.0))
 
     def _take(self, parts: dict[str, Proposals], reached_us: int) -> None:
         self._editor.send(AddProposals(parts))

@@ -340,7 +340,7 @@ class LabelMode:
         with self._host.client.atomic():
             self._panel.show_view(now.view, now.step_us)
             self._panel.show_label(label, scene.asking)
-            self._panel.show_progress(progress_html(self._checked(editor)))
+            self._panel.show_progress("" if live else progress_html(self._checked(editor)))
             reason = assistant.reason_for(label)
             drafted = scene.here.draft(now.t_us) is not None
             self._panel.show_here(here_html(label, drafted, agreement_at(scene, now.t_us), reason, now))

@@ -27,7 +27,7 @@ class CandidatesTable:
     """A table of the clusters, the ball first, then by size."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        self._table = gui.add_html(stage_counts_html("no window yet"))
+        self._table = gui.add_html(stage_counts_html("the first window is being worked on"))
 
     def show(
         self,

@@ -22,7 +22,7 @@ class MissedPanel:
 
     def __init__(self, gui: viser.GuiApi, look: Callable[[ModeName], None]) -> None:
         # Last: it comes and goes with the rally, and nothing that is about to be clicked may move.
-        self._folder = gui.add_folder("Missed ball", visible=False, order=LAST)
+        self._folder = gui.add_folder("Last miss", visible=False, order=LAST)
         with self._folder:
             self._text = gui.add_html("")
             tune = gui.add_button("Look at it in Tune", icon=viser.Icon.ADJUSTMENTS, hint="The same window and camera")
@@ -39,12 +39,14 @@ class MissedPanel:
 
 def missed_html(missed: MissedBall, *, copies: bool) -> str:
     """What was missed, in a line or two."""
-    camera = html_text(missed.camera)
-    unseen = f"{camera} did not see it for {missed.unseen_us / 1e3:.0f} ms"
-    what = "not seen" if missed.kind == "not seen" else "did not come back"
-    if missed.kind == "not returned":
-        unseen = unseen if missed.unseen_us else "the cameras saw it up to the racket"
-    text = f"<b>{missed.t_us / 1e6:.3f} s</b>: {what}; {unseen}."
+    camera, ms = html_text(missed.camera), missed.unseen_us / 1e3
+    if missed.kind == "not seen":
+        text = f"the detector did not see the ball in {camera} for {ms:.0f} ms. That alone loses no ball"
+    elif missed.unseen_us:
+        text = f"the ball did not come back; the detector did not see it in {camera} for {ms:.0f} ms"
+    else:
+        text = "the ball did not come back; the cameras saw it up to the racket"
+    text = f"<b>{missed.t_us / 1e6:.3f} s</b>: {text}."
     if copies:
         text += f"<br><span style='color:{theme.MUTED}'>What is remembered since becomes a recording.</span>"
     return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{text}</div>"

@@ -110,7 +110,9 @@ class WatchMode:
         self._cameras.show_large(state.watch.large)
         if self.middle == "world":
             self._cameras.room.follow(self._host.client.camera.aspect)
-        self._view.show(state, is_stereo=self._rally is not None, views=self._host.world.views)
+        self._view.show(
+            state, is_stereo=self._rally is not None, knows_ball=self._host.knows_ball, views=self._host.world.views
+        )
         live = self._live
         self._missed.tick(None if self._rally is None else self._rally.history, now_us, wall_s)
         if self._simulation is not None:
@@ -186,7 +188,14 @@ class WatchMode:
             self._simulation.show(live.state)
         assert self._rally is not None
         robot, outcomes = (True, True) if live is None else (live.has_robot, live.source.tells_outcomes)
-        said = moment_html(moment, ACTION_LIMIT_DEG, self._rally.followed, robot=robot, outcomes=outcomes)
+        said = moment_html(
+            moment,
+            ACTION_LIMIT_DEG,
+            self._rally.followed,
+            robot=robot,
+            outcomes=outcomes,
+            returned=self._live is None,
+        )
         self._cameras.show_figures(said, figures)
 
     def _request_lead_times(self, wall_s: float) -> None:

@@ -27,11 +27,18 @@ STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
 
 
 def moment_html(
-    moment: RallyMoment, action_limit_deg: float, followed: float, *, robot: bool = True, outcomes: bool = True
+    moment: RallyMoment,
+    action_limit_deg: float,
+    followed: float,
+    *,
+    robot: bool = True,
+    outcomes: bool = True,
+    returned: bool = True,
 ) -> str:
     """Ball, predictions and racket at one time; `followed` is the share of the recording that the chain has seen.
 
-    Without a robot nothing is said of a racket, and without word of outcomes nothing of what became of balls.
+    Without a robot nothing is said of a racket, and without word of outcomes nothing of what became of balls; how many
+    came back only where no panel counts them by controller and scene.
     """
     step = moment.step
     sent = moment.sent
@@ -49,7 +56,9 @@ def moment_html(
             ("Aims at", _target(sent)),
         ]
     if outcomes:
-        rows += [("Last ball", _last(moment.outcomes)), ("Returned", _balls(moment.outcomes))]
+        rows.append(("Last ball", _last(moment.outcomes)))
+        if returned:
+            rows.append(("Returned", _balls(moment.outcomes)))
     if followed < 1:
         rows.append(
             ("Followed", f"<span style='color:{theme.MUTED}'>has seen {percent(followed)} of the recording</span>")

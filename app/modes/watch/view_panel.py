@@ -52,7 +52,7 @@ class ViewPanel:
         for layer, box in self._layers.items():
             when_changed(box, lambda on, layer=layer: send(ShowLayer(layer, bool(on))))
 
-    def show(self, state: ClientState, *, is_stereo: bool, views: tuple[str, ...]) -> None:
+    def show(self, state: ClientState, *, is_stereo: bool, knows_ball: bool, views: tuple[str, ...]) -> None:
         """Follow the state; a recording that is not stereo has no 3D."""
         in_space = is_stereo and state.watch.in_space and not state.watch.large
         self._space.show(IN_SPACE if in_space else FLAT)
@@ -63,6 +63,7 @@ class ViewPanel:
             self._dropdown.options = views
         for layer, box in self._layers.items():
             box.value = layer not in state.watch.hidden
+        self._layers["True ball"].visible = knows_ball
 
     def _add_views(self) -> None:
         with self._views_folder:

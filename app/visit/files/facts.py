@@ -10,7 +10,7 @@ from app.front.pages import Json, Message
 from app.shared.files import OfferedFile
 from app.words.notices import notice_of
 from core.errors import RallyscopeError
-from core.recordings import Recording
+from core.recordings import Recording, knows_ball
 
 MOST_LISTED: Final = 1_000
 MOST_NOTES: Final = 8
@@ -55,6 +55,6 @@ def _extras(recording: Recording) -> list[Json]:
     known: list[Json] = []
     if any(stream.calibration is not None for stream in recording.cameras.values()):
         known.append("calibrated")
-    if recording.ball is not None or any(stream.truth is not None for stream in recording.cameras.values()):
+    if knows_ball(recording):
         known.append("knows the true ball")
     return known

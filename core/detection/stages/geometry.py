@@ -20,7 +20,8 @@ class GeometryConfig:
     ball is a crescent: 0.65 keeps 98 % of simulated balls, 0.8 half of them, but 0.8 rejects more of a moving person.
     Longer windows allow more."""
     solidity_min: float = setting(0.3, 0.0, 2.0, step=0.01)
-    """Pixels with events per area of the hull. A crescent swept by the edge fills about 4 v dt / (pi r) of it."""
+    """Pixels with events per area of the hull. A crescent swept by the edge fills about 4 v dt / (pi r) of it. It goes
+    beyond 2 for a few pixels, whose hull has hardly an area."""
 
     def __post_init__(self) -> None:
         check_settings(self)

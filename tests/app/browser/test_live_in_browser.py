@@ -197,6 +197,7 @@ def test_labels_of_the_live_rally_belong_to_a_recording_that_it_is_frozen_into(l
     live_window.session.later(lambda: mode._use_name("lena"))
     said = live_window.page.get_by_text("live: the first label freezes it into a recording")
     wait_for(lambda: said.count() == 2, "it to be said in the panel and under the picture")
+    assert not live_window.page.get_by_text("times checked").count()  # there is no end of a live rally
     live_window.screenshot("live-label")
     live_window.press("Pause")
     wait_for(lambda: not live_window.state.playhead.playing and mode._editor.labelling.on_screen, "the cursor to stand")

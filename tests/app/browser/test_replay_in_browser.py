@@ -73,7 +73,9 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
         page.get_by_text("Hit predicted before the bounce").first.wait_for()
         for name in ("Serve", "Count anew"):
             assert not page.get_by_role("button", name=name, exact=True).count()
-        for said in ("Racket turned by", "Returned", "Pace"):
+        window.press("Layers")
+        page.get_by_text("Uncertainty", exact=True).wait_for()
+        for said in ("Racket turned by", "Returned", "Pace", "True ball"):
             assert not page.get_by_text(said, exact=True).count()
         window.wait_for_pixels("replay-watch", lambda image: count_like(image, TABLE_RGB, 45) > 20_000, SPACE)
         picture = rally.history.at(rally.history.followed_us, {}).picture
@@ -92,6 +94,7 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
         window.press("Tune")
         wait_for(lambda: session.sheet.pictures, "the picture of Tune")
         page.get_by_text("circularity min").first.wait_for()
+        assert page.get_by_text("found", exact=False).count() and not page.get_by_text("True ball", exact=True).count()
         window.screenshot("replay-tune")
 
         window.press("Label")

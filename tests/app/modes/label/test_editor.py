@@ -460,6 +460,14 @@ def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:
     assert bench.work.here.labels[asked].state is LabelState.OUT_OF_FRAME
 
 
+def test_a_short_recording_is_gone_through_in_steps_that_tell_how_far_it_is(bench) -> None:
+    shares: list[float] = []
+    streams = [bench.work.source.stream]
+    bench.assistant._propose(streams, 0, 120_000, DetectorConfig(), shares.append, lambda: False)
+    bench.wait()
+    assert len(shares) >= 6 and shares == sorted(shares) and shares[-1] == 1.0
+
+
 def propose(bench: Bench, t_us: int) -> None:
     """Until the detector has been through 100 ms from there."""
     bench.editor.send(GoTo(t_us))

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from app import theme
+from app.modes.watch.missed_panel import missed_html
 from app.modes.watch.status import live_html, moment_html
+from core.rally.history.missed_balls import MissedBall
 from core.rally.history.rally_history import RallyHistory, RallyMoment
 from core.rally.link.messages import WorldState
 
@@ -66,6 +68,21 @@ def test_figures_have_plain_names_with_their_meaning_as_a_tooltip() -> None:
     said = moment_html(nothing, 15.0, 1.0)
     for name in ("Stereo mismatch", "Hit predicted before the bounce", "Hit predicted after the bounce"):
         assert f"title='{name}: " in said
+
+
+def test_how_many_came_back_is_said_once() -> None:
+    nothing = RallyMoment(0, RallyHistory().at(0, {}).picture, None, None, None, ())
+    counted = moment_html(nothing, 15.0, 1.0, returned=False)
+    assert "Last ball" in counted and "Returned" not in counted and "Returned" in moment_html(nothing, 15.0, 1.0)
+
+
+def test_a_ball_that_one_camera_did_not_see_is_not_said_to_be_lost() -> None:
+    unseen = MissedBall(3_120_000, "left", "not seen", 24_000)
+    said = missed_html(unseen, copies=False)
+    assert "3.120 s" in said and "in left for 24 ms. That alone loses no ball." in said and "come back" not in said
+    assert "did not come back; the detector" in missed_html(replace(unseen, kind="not returned"), copies=False)
+    seen = replace(unseen, kind="not returned", unseen_us=0)
+    assert "did not come back; the cameras saw it" in missed_html(seen, copies=False)
 
 
 def test_a_lost_simulation_and_a_slow_one_are_bad(snapshot) -> None:
