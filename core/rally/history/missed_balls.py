@@ -82,9 +82,10 @@ def _unseen(recording: Recording, steps: Sequence[RallyStep]) -> list[MissedBall
     window_us = int(np.median(np.diff(ends_us))) if len(ends_us) > 1 else 0
     found = []
     for name, stream in recording.cameras.items():
-        if stream.truth is None or not len(stream.truth.t_us):
+        truth = stream.truth
+        if truth is None or not len(truth.t_us):
             continue
-        there = stream.truth.at(ends_us).visible & stream.truth.at(ends_us - window_us).visible
+        there = truth.at(ends_us).visible & truth.at(ends_us - window_us).visible
         seen = np.array([name in step.circles for step in steps], np.bool_)
         for first, last in _stretches(ends_us, there & ~seen):
             length_us = int(ends_us[last] - ends_us[first]) + window_us

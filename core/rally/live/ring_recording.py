@@ -7,8 +7,8 @@ bounded; times stay those of the session. A new session begins a new recording w
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, field
-from typing import Self
+from dataclasses import dataclass, field, fields
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,11 @@ from core.config import check_settings, setting
 from core.errors import LinkError
 from core.events import Events, SensorSize, concatenate_events
 from core.rally.link import messages as m
+from core.rally.live.piece_ring import PieceRing
 from core.recordings import BallTruth, CameraStream, PixelTruth, Triggers
+
+PIXEL_COLUMNS: Final = tuple(one.name for one in fields(PixelTruth))
+BALL_COLUMNS: Final = tuple(one.name for one in fields(BallTruth))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,14 +41,13 @@ class LiveConfig:
 @dataclass(slots=True, eq=False)
 class _CameraBlocks:
     events: dict[int, Events] = field(default_factory=dict)
-    truth: dict[int, PixelTruth] = field(default_factory=dict)
+    truth: PieceRing = field(default_factory=PieceRing)
     counts: dict[int, NDArray[np.int64]] = field(default_factory=dict)
     total: int = 0
 
     def forget(self, block: int) -> None:
         found = self.events.pop(block, None)
         self.total -= 0 if found is None else len(found)
-        self.truth.pop(block, None)
         self.counts.pop(block, None)
 
 
@@ -60,7 +63,7 @@ class RingRecording:
         self._sensors: dict[str, SensorSize] = {}
         self._calibration: dict[str, Camera] = {}
         self._blocks: dict[str, _CameraBlocks] = {}
-        self._ball: dict[int, BallTruth] = {}
+        self._ball = PieceRing()
 
     @property
     def uuid(self) -> str:
@@ -91,11 +94,8 @@ class RingRecording:
     def ball(self) -> BallTruth | None:
         """The remembered part of the truth; None where nobody knows."""
         with self._lock:
-            parts = [self._ball[block] for block in sorted(self._ball)]
-        if not parts:
-            return None
-        columns = ("t_us", "p_world_m", "v_world_mps", "spin_radps", "visible")
-        return BallTruth(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+            columns = self._ball.columns
+        return None if columns is None else BallTruth(*columns)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -106,7 +106,7 @@ class RingRecording:
         """Forget everything."""
         with self._lock:
             self._blocks = {name: _CameraBlocks() for name in self._blocks}
-            self._ball.clear()
+            self._ball = PieceRing()
 
     def __enter__(self) -> Self:
         return self
@@ -122,7 +122,7 @@ class RingRecording:
             self._uuid, self._block_us, self._duration_us = welcome.session, welcome.block_us, 0
             self._sensors, self._calibration, self._oldest, self._first = sensors, calibration, 0, None
             self._blocks = {name: _CameraBlocks() for name in sensors}
-            self._ball = {}
+            self._ball = PieceRing()
 
     def on_events(self, batch: m.EventBatch) -> None:
         """Keep a block of one camera; it can be seen once the state that ends it has come.
@@ -143,7 +143,7 @@ class RingRecording:
             store.forget(block)
             store.events[block], store.counts[block] = events, counts
             if truth is not None:
-                store.truth[block] = truth
+                store.truth.put(block, tuple(getattr(truth, name) for name in PIXEL_COLUMNS))
             store.total += len(events)
 
     def on_state(self, state: m.WorldState) -> None:
@@ -154,7 +154,7 @@ class RingRecording:
         with self._lock:
             block = state.start_us // self._block_us
             if truth is not None:
-                self._ball[block] = truth
+                self._ball.put(block, tuple(getattr(truth, name) for name in BALL_COLUMNS))
             self._first = block if self._first is None else self._first
             self._duration_us = max(self._duration_us, state.t_us)
             self._forget_old(int((self._duration_us - self._config.seconds * 1e6) // self._block_us))
@@ -172,8 +172,10 @@ class RingRecording:
                 self._oldest = self._first - 1
             for store in stores:
                 store.forget(self._oldest)
-            self._ball.pop(self._oldest, None)
             self._oldest += 1
+        self._ball.forget_before(self._oldest)
+        for store in stores:
+            store.truth.forget_before(self._oldest)
 
     def parts(self, camera: str, uuid: str, start_us: int, end_us: int) -> list[Events]:
         """The blocks that overlap a stretch; none of a session that is over."""
@@ -186,11 +188,11 @@ class RingRecording:
             store = self._blocks[camera].events
             return [store[block] for block in blocks if block in store]
 
-    def truths(self, camera: str, uuid: str) -> list[PixelTruth]:
-        """Of the remembered blocks, in order."""
+    def truth_of(self, camera: str, uuid: str) -> PixelTruth | None:
+        """Of the remembered blocks; None where nobody knows, and of a session that is over."""
         with self._lock:
-            store = self._blocks[camera].truth if uuid == self._uuid else {}
-            return [store[block] for block in sorted(store)]
+            columns = self._blocks[camera].truth.columns if uuid == self._uuid else None
+        return None if columns is None else PixelTruth(*columns)
 
     def counts(self, camera: str, uuid: str) -> NDArray[np.int64]:
         """Events per whole millisecond of the session; 0 where they are forgotten."""
@@ -241,11 +243,7 @@ class LiveCamera:
     @property
     def truth(self) -> PixelTruth | None:
         """The remembered part."""
-        parts = self._recording.truths(self._name, self._uuid)
-        if not parts:
-            return None
-        columns = ("t_us", "u_px", "v_px", "r_px", "visible")
-        return PixelTruth(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+        return self._recording.truth_of(self._name, self._uuid)
 
     def slice(self, start_us: int, end_us: int) -> Events:
         """The remembered events with `start_us <= t < end_us`."""

@@ -73,7 +73,7 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
         page.get_by_text("Hit predicted before the bounce").first.wait_for()
         for name in ("Serve", "Count anew"):
             assert not page.get_by_role("button", name=name, exact=True).count()
-        window.press("Layers")
+        page.get_by_text("Layers", exact=True).click()
         page.get_by_text("Uncertainty", exact=True).wait_for()
         for said in ("Racket turned by", "Returned", "Pace", "True ball"):
             assert not page.get_by_text(said, exact=True).count()
