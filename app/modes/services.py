@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Final
 
+from app.background.shared_work import SharedWork
 from app.export.exporter import Exporter
 from app.export.viewer_streamer import ViewerStreamer
+from app.modes.watch.camera_pictures import CameraPicturesRequest, render_camera_pictures
 from app.shared.files import OfferedFiles
 from app.shared.library import Library
 from app.shared.rallies import Rallies
@@ -16,6 +18,7 @@ from app.shared.training.trainer import Trainer
 from app.shared.work_places import HERE_ONLY, WorkPlaces
 from app.shared.workspace import Workspace
 from app.state.browser_memory import BrowserMemory
+from core.rally.history.missed_balls import MissedBall, MissedBallRequest, find_missed_ball
 from labels.store_registry import LabelStoreRegistry
 
 LABEL_TOOL: Final = f"rallyscope {version('rallyscope')} label mode"
@@ -41,6 +44,9 @@ class Services:
     """What can be opened beside the recordings."""
     places: WorkPlaces
     """Where trainings and searches can be done."""
+    camera_pictures: SharedWork[CameraPicturesRequest, dict[str, bytes]]
+    missed_balls: SharedWork[MissedBallRequest, MissedBall | None]
+    """Browsers that watch the same ask for the same."""
 
     @classmethod
     def of(
@@ -64,6 +70,8 @@ class Services:
             BrowserMemory(workspace),
             OfferedFiles(workspace, library.folders),
             places,
+            SharedWork(render_camera_pictures, lambda request: request.key),
+            SharedWork(find_missed_ball, lambda request: request.key),
         )
 
     def close(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 
 from app.pictures.canvas import Canvas
@@ -27,6 +28,13 @@ class CameraPicturesRequest:
     circles: dict[str, tuple[float, float, float]]
     """u, v, r of what was found, by camera."""
     show_truth: bool
+
+    @property
+    def key(self) -> Hashable:
+        """Of all requests with the same pictures. What is not there yet of a live recording may still come."""
+        there_us = min(self.t_us, self.recording.duration_us)
+        circles = tuple(sorted(self.circles.items()))
+        return self.recording, self.t_us, there_us, self.look, circles, self.show_truth
 
 
 def render_camera_pictures(request: CameraPicturesRequest) -> dict[str, bytes]:

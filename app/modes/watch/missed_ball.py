@@ -10,12 +10,13 @@ from app.modes.mode import ModeHost
 from app.modes.watch.missed_panel import MissedPanel
 from app.state.client_state import ModeName
 from app.state.commands import LookInto
-from core.rally.history.missed_balls import MissedBall, MissedBallRequest, find_missed_ball
+from core.rally.history.missed_balls import MissedBall, MissedBallRequest
 from core.rally.history.rally_history import RallyHistory
 from core.rally.live.ring_recording import RingRecording
 from core.recordings import Recording
 
 LOOK_EVERY_S: Final = 0.7
+LIVE_STEP_US: Final = 500_000
 
 
 class MissedBallSearch:
@@ -24,7 +25,7 @@ class MissedBallSearch:
     def __init__(self, host: ModeHost) -> None:
         self._host = host
         self._panel = MissedPanel(host.client.gui, lambda mode: host.later(lambda: self._look(mode)))
-        self._search = LatestWins(host.pool, find_missed_ball, self._found, self._failed)
+        self._search = LatestWins(host.pool, host.services.missed_balls, self._found, self._failed)
         self._copy = LiveCopy(host)
         self._missed: MissedBall | None = None
         self._wanted: tuple[ModeName, MissedBall] | None = None
@@ -48,6 +49,8 @@ class MissedBallSearch:
         recording = self._host.recording
         if history is None or recording is None or wall_s - self._asked_s < LOOK_EVERY_S:
             return
+        if isinstance(recording, RingRecording):  # all browsers that follow it look for the same
+            now_us = now_us // LIVE_STEP_US * LIVE_STEP_US
         key = (recording.uuid, now_us, min(history.followed_us, now_us), history.outcome_count)
         if key != self._asked:
             self._asked, self._asked_s = key, wall_s

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
-from app.modes.watch.camera_pictures import CameraPicturesRequest, render_camera_pictures
+from app.modes.watch.camera_pictures import CameraPicturesRequest
 from app.modes.watch.cameras_panel import CamerasPanel
 from app.modes.watch.commands import EnlargeCamera
 from app.modes.watch.missed_ball import MissedBallSearch
@@ -60,7 +60,7 @@ class WatchMode:
             self._simulation: SimulationPanel | None = None
             self._source: SourcePanel | None = None
         self._cameras = CamerasPanel(gui, lambda camera: host.send(EnlargeCamera(camera)))
-        self._pictures = LatestWins(host.pool, render_camera_pictures, self._pictures_done, self._failed)
+        self._pictures = LatestWins(host.pool, host.services.camera_pictures, self._pictures_done, self._failed)
         self._lead_times = LatestWins(host.pool, compute_lead_times, self._show_lead_times, self._failed)
         self._drawn: object = None
         self._drawn_s = self._pictures_s = self._status_s = self._controllers_s = self._lead_times_s = 0.0

@@ -4,7 +4,7 @@ come back.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -45,6 +45,12 @@ class MissedBallRequest:
     recording: Recording
     history: RallyHistory
     t_us: int
+
+    @property
+    def key(self) -> Hashable:
+        """Of all requests with the same answer: where to look, and what is known by now."""
+        known_us = min(self.history.followed_us, self.t_us)
+        return self.recording, self.history, self.t_us, known_us, self.history.outcome_count
 
 
 def find_missed_ball(request: MissedBallRequest) -> MissedBall | None:
