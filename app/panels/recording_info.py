@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import viser
@@ -15,6 +16,8 @@ from core.recordings import Recording
 
 PLOT_BINS = 400
 LISTED = 4
+TIGHT: Final = "font-size:12.5px;line-height:1.25;padding:0 12px;margin-top:-6px"
+"""Two cameras and two lines below them can be seen without scrolling."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,7 +57,7 @@ class RecordingInfoPanel:
 def health_html(info: RecordingInfo) -> str:
     """One row a camera, then what stands out."""
     head = "".join(
-        f"<th style='text-align:left;font-weight:500;color:{theme.MUTED};padding-right:14px'>{title}</th>"
+        f"<th style='text-align:left;font-weight:500;color:{theme.MUTED};padding:0 14px 0 0'>{title}</th>"
         for title in ("camera", "duration", "events", "mean rate", "peak rate", "ON share", "hot pixels", "gaps")
     )
     rows = "".join(_health_row(name, health) for name, health in info.health.items())
@@ -71,7 +74,7 @@ def health_html(info: RecordingInfo) -> str:
     listed = "".join(f"<div style='color:{theme.BAD}'>{remark}</div>" for remark in remarks)
     sound = f"<div style='color:{theme.GOOD}'>nothing stands out</div>"
     return (
-        f"<div style='font-size:12.5px;line-height:1.3;padding:2px 12px'>"
+        f"<div style='{TIGHT}'>"
         f"<table style='border-spacing:0'><tr>{head}</tr>{rows}</table>"
         f"<div style='margin-top:3px'>{listed or sound}{notes}</div></div>"
     )
@@ -84,4 +87,4 @@ def _health_row(name: str, health: Health) -> str:
         f"{health.mean_rate_hz / 1e6:.2f} Mev/s", f"{health.peak_rate_hz / 1e6:.2f} Mev/s",
         share, len(health.hot_pixels_xy), len(health.gaps),
     )  # fmt: skip
-    return "<tr>" + "".join(f"<td style='padding-right:14px'>{cell}</td>" for cell in cells) + "</tr>"
+    return "<tr>" + "".join(f"<td style='padding:0 14px 0 0'>{cell}</td>" for cell in cells) + "</tr>"
