@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from app.bench.door_cost import measure_door
+from app.bench.live_pace import measure_pace
 from app.bench.page_return import measure_return
 from app.bench.soak.bench_soak import run_soak
 from app.state.client_state import RenderSettings, TuneView
@@ -33,7 +34,8 @@ SEED: Final = 1
 def run(progress: Callable[[float], None], *, soak: float | None = None, only: str | None = None) -> dict[str, object]:
     """The app under load for `soak` minutes, or how long its pictures take.
 
-    With `only` "door" what its door costs, with "return" how soon an open page is back after a killed server.
+    With `only` "door" what its door costs, with "return" how soon an open page is back after a killed server,
+    with "pace" whether the live rally keeps up while a browser shows it.
 
     Rows of the latter per view: p50, p99 and the largest number of milliseconds a picture takes, at random times of a
     recording.
@@ -44,13 +46,17 @@ def run(progress: Callable[[float], None], *, soak: float | None = None, only: s
     Raises:
         CommandError: if `only` names another part.
     """
-    if only not in (None, "door", "return"):
-        raise CommandError("no such part of the app to measure", expected="door or return", got=only, where="--only")
+    if only not in (None, "door", "return", "pace"):
+        expected = "door, return or pace"
+        raise CommandError("no such part of the app to measure", expected=expected, got=only, where="--only")
     if only == "door":
         return {"rows": measure_door(progress), "machine": describe_machine()}
     if only == "return":
         with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
             return {"rows": [measure_return(Path(folder), progress)], "machine": describe_machine()}
+    if only == "pace":
+        with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
+            return {"rows": measure_pace(Path(folder), progress), "machine": describe_machine("viser")}
     if soak is not None:
         return run_soak(progress, soak)
     rows: list[dict[str, object]] = []

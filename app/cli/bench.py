@@ -73,7 +73,9 @@ class BenchArguments:
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
     physics: Literal["paper", "real"] | None = flag("of the balls (rally)", "paper|real", "paper")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
-    only: str | None = flag("a fault, or a job (faults); a kind of file (damage); door or return (app)", "NAME", "all")
+    only: str | None = flag(
+        "a fault, or a job (faults); a kind of file (damage); door, return or pace (app)", "NAME", "all"
+    )
     engine: EngineArguments
     json: bool = flag("print the figures as JSON")
 
