@@ -16,13 +16,15 @@ from app.words.file_text import html_text
 from app.words.percent import percent
 from core.physics.episode import Case
 from core.rally.control.decision import RacketDecision
-from core.rally.history.rally_history import Outcome, RallyMoment, RallyStep
+from core.rally.history.rally_history import Outcome, RallyMoment, RallyStep, ShownPrediction
 from core.rally.link.messages import WorldState
 from core.rally.link.pace import pace_words
 from core.rally.live.live_snapshot import RallySnapshot
 from core.rally.live.stream_watch import CameraHealth
 from core.trajectory.prediction import HitPlane
 
+READ_US: Final = 1_000_000
+"""What was expected of a hit can be read for so long after it."""
 STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
 
 
@@ -46,8 +48,8 @@ def moment_html(
         ("Ball speed", "-" if moment.speed_mps is None else f"{moment.speed_mps:.2f} m/s"),
         ("Hit in", _contact(step, moment.t_us)),
         ("Stereo mismatch", _residual(step)),
-        ("Hit predicted before the bounce", _hit(step.before.hit if step and step.before else None)),
-        ("Hit predicted after the bounce", _hit(step.after.hit if step and step.after else None)),
+        ("Hit predicted before the bounce", _hit(step.before if step else None, moment.t_us)),
+        ("Hit predicted after the bounce", _hit(step.after if step else None, moment.t_us)),
     ]
     if robot:
         rows += [
@@ -142,8 +144,9 @@ def _residual(step: RallyStep | None) -> str:
     return f"{step.point.residual_px:.2f} px, ball &plusmn;{sigma_mm:.1f} mm"
 
 
-def _hit(hit: HitPlane | None) -> str:
-    if hit is None:
+def _hit(expected: ShownPrediction | None, t_us: int) -> str:
+    hit = None if expected is None else expected.hit
+    if expected is None or hit is None or t_us > expected.end_us + READ_US:
         return "-"
     _, y, z = hit.p_world_m
     return f"y {y:+.3f}, z {z:+.3f} m, {float(np.linalg.norm(hit.v_world_mps)):.2f} m/s"

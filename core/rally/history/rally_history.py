@@ -31,6 +31,8 @@ BALL_US: Final = 30_000
 """A ball that was not seen for so long is not drawn."""
 EXPECTED_US: Final = 60_000
 """Predictions stay this long after the time at which the ball was to be hit."""
+OUTCOMES_KEPT: Final = 200
+"""Of a live rally: more landing spots would cover each other."""
 RACKET_US: Final = 200_000
 """A racket's target is shown for so long after the time at which it was to be there."""
 PATH_POINTS: Final = 48
@@ -48,6 +50,11 @@ class ShownPrediction:
     bounce: Array | None
     hit: HitPlane | None
     prediction: Prediction
+
+    @property
+    def end_us(self) -> float:
+        """When the ball was to be hit; without that, when the prediction was made."""
+        return float(self.t_us) if self.hit is None else self.hit.t_s * 1e6
 
     def sigmas(self) -> tuple[Array, Array]:
         """(N, 3) points of the path and (N, 3) their standard deviations."""
@@ -121,6 +128,10 @@ class _Line(Generic[Item]):
         if cut > len(self.items) // 4:  # seldom: it moves the whole list
             del self.t_us[:cut], self.items[:cut]
 
+    def keep_newest(self, most: int) -> None:
+        if len(self.items) > 2 * most:
+            del self.t_us[:-most], self.items[:-most]
+
 
 class RallyHistory:
     """Safe to use from several threads."""
@@ -138,6 +149,7 @@ class RallyHistory:
             self._rackets: _Line[Pose] = _Line()
             self._truths: _Line[Array | None] = _Line()
             self._outcomes: _Line[Outcome] = _Line()
+            self._outcome_count = 0
             self._targets: _Line[RacketDecision] = _Line()
             self._hits: _Line[tuple[int, HitPlane]] = _Line()
             self._before: ShownPrediction | None = None
@@ -166,8 +178,8 @@ class RallyHistory:
 
     @property
     def outcome_count(self) -> int:
-        """Balls whose outcome is known."""
-        return len(self._outcomes.items)
+        """Balls whose outcome became known, also of those that are forgotten."""
+        return self._outcome_count
 
     def add_step(self, state: PlayerState) -> None:
         """The next step of the chain, and what the racket was told."""
@@ -211,12 +223,14 @@ class RallyHistory:
         """What came of a ball."""
         with self._lock:
             self._outcomes.add(outcome.t_us, outcome)
+            self._outcome_count += 1
 
     def forget_before(self, t_us: int) -> None:
-        """Bound the memory of a live rally; outcomes stay."""
+        """Bound the memory of a live rally; of its outcomes the newest stay."""
         with self._lock:
             for line in (self._steps, self._points, self._flights, self._rackets, self._truths, self._hits):
                 line.forget_before(t_us)
+            self._outcomes.keep_newest(OUTCOMES_KEPT)
 
     def at(self, t_us: int, camera_positions: dict[str, Array]) -> RallyMoment:
         """The rally at one time; rays come from the cameras' positions (3,)."""
@@ -291,10 +305,7 @@ def _one_flight(points: list[BallPoint]) -> list[BallPoint]:
 
 
 def _still(expected: ShownPrediction | None, t_us: int) -> ShownPrediction | None:
-    if expected is None:
-        return None
-    end_us = expected.t_us if expected.hit is None else expected.hit.t_s * 1e6
-    return expected if t_us <= end_us + EXPECTED_US else None
+    return expected if expected is not None and t_us <= expected.end_us + EXPECTED_US else None
 
 
 def _bounce_s(expected: ShownPrediction | None) -> float | None:

@@ -10,7 +10,7 @@ from app import theme
 from app.modes.watch.missed_panel import missed_html
 from app.modes.watch.status import live_html, moment_html
 from core.rally.history.missed_balls import MissedBall
-from core.rally.history.rally_history import RallyHistory, RallyMoment
+from core.rally.history.rally_history import RallyHistory, RallyMoment, RallyStep, ShownPrediction
 from core.rally.link.messages import WorldState
 
 
@@ -68,6 +68,16 @@ def test_figures_have_plain_names_with_their_meaning_as_a_tooltip() -> None:
     said = moment_html(nothing, 15.0, 1.0)
     for name in ("Stereo mismatch", "Hit predicted before the bounce", "Hit predicted after the bounce"):
         assert f"title='{name}: " in said
+
+
+def test_an_expected_hit_can_be_read_for_a_while_and_then_is_gone() -> None:
+    hit = SimpleNamespace(p_world_m=np.array([0.0, 0.125, 0.25]), v_world_mps=np.array([-5.0, 0, 0]), t_s=0.4)
+    expected = ShownPrediction(300_000, np.empty((0, 3)), None, hit, SimpleNamespace(stage="pre"))
+    step = RallyStep(300_000, None, {}, expected, None, None, 0.0)
+    picture = RallyHistory().at(0, {}).picture
+    for t_us, shown in ((300_000, True), (1_300_000, True), (1_500_000, False)):
+        said = moment_html(RallyMoment(t_us, picture, step, None, None, ()), 15.0, 1.0)
+        assert ("y +0.125, z +0.250 m, 5.00 m/s" in said) == shown
 
 
 def test_how_many_came_back_is_said_once() -> None:

@@ -13,7 +13,7 @@ from core.rally.chain.config import ChainConfig
 from core.rally.chain.follow import follow_recording, true_positions
 from core.rally.control.decision import RacketDecision
 from core.rally.history.following import Following, Followings, is_stereo
-from core.rally.history.rally_history import BALL_US, Outcome, RallyHistory
+from core.rally.history.rally_history import BALL_US, OUTCOMES_KEPT, Outcome, RallyHistory
 from core.rally.history.rally_picture import LandingSpot
 from core.recordings import open_recording
 from core.simulation.episodes.racket import RacketTarget
@@ -108,6 +108,16 @@ def test_outcomes_count_from_their_time_on() -> None:
     assert now.picture.spots == tuple(spots)
     text = moment_html(now, 15.0, 1.0)
     assert "1 of 2 returned (50 %)" in text and "out" in text
+
+
+def test_a_long_live_rally_keeps_its_newest_outcomes_and_counts_all() -> None:
+    history = RallyHistory()
+    for number in range(5 * OUTCOMES_KEPT):
+        history.add_outcome(Outcome(number, 0, 5.0, LandingSpot(0.8, 0.1, Case.RETURNED)))
+        history.forget_before(number)
+    kept = history.at(5 * OUTCOMES_KEPT, {}).outcomes
+    assert OUTCOMES_KEPT <= len(kept) <= 2 * OUTCOMES_KEPT and kept[-1].t_us == 5 * OUTCOMES_KEPT - 1
+    assert history.outcome_count == 5 * OUTCOMES_KEPT
 
 
 def test_forgetting_keeps_what_is_younger(followed, recording) -> None:
