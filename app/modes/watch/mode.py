@@ -63,7 +63,7 @@ class WatchMode:
         self._pictures = LatestWins(host.pool, host.services.camera_pictures, self._pictures_done, self._failed)
         self._lead_times = LatestWins(host.pool, compute_lead_times, self._show_lead_times, self._failed)
         self._drawn: object = None
-        self._drawn_s = self._pictures_s = self._status_s = self._controllers_s = self._lead_times_s = 0.0
+        self._drawn_s = self._pictures_s = self._status_s = self._controllers_s = self._lead_times_s = self._simulation_s = 0.0
         self._predictions = -1
 
     @property
@@ -120,6 +120,9 @@ class WatchMode:
             if live is not None and wall_s - self._controllers_s > CONTROLLERS_EVERY_S:
                 self._controllers_s = wall_s
                 self._simulation.show_controllers()
+            if live is not None and live.state is not None and wall_s - self._simulation_s >= STATUS_EVERY_S:
+                self._simulation_s = wall_s
+                self._simulation.show(live.state)
         if self._source is not None:
             self._source.set_visible(live is not None)
             if live is not None:
@@ -185,7 +188,6 @@ class WatchMode:
         if live is not None and live.state is not None and self._simulation is not None:
             cameras = live.watch.health().cameras
             figures = live_html(live.player.snapshot, live.state, live.source.status, cameras)
-            self._simulation.show(live.state)
         assert self._rally is not None
         robot, outcomes = (True, True) if live is None else (live.has_robot, live.source.tells_outcomes)
         said = moment_html(

@@ -185,6 +185,9 @@ def test_tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for
     wait_for(lambda: live_window.session.world.visible, "the 3D scene again")
     live_window.press("Pictures")
     wait_for(lambda: not live_window.session.world.visible, "the flat pictures")
+    table = live_window.session._modes["Watch"]._simulation._returned
+    counted = table.content
+    wait_for(lambda: table.content != counted, "balls to be counted beside flat pictures too")
     live_window.press("3D")
     wait_for(lambda: live_window.session.world.visible, "the 3D scene once more")
 
