@@ -1,4 +1,4 @@
-"""Biases as TOML: a table for each model of camera, so that one file serves two of them."""
+"""Biases as TOML: a table for each camera, by model and serial number, or for each model, which serves two of them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from core.text.toml_text import parse_toml
 LARGEST_BYTES: Final = 64 << 10
 
 BiasSets = dict[str, dict[str, int]]
-"""Values by name of bias, by name of model."""
+"""Values by name of bias, by name of model, or of model and serial number with a space between."""
 
 
 def read_biases(path: Path) -> BiasSets:
@@ -37,9 +37,14 @@ def read_biases(path: Path) -> BiasSets:
         raise ConfigError("not a TOML file", got=str(error), where=path) from error
     found: BiasSets = {}
     for name, values in tables.items():
-        model = MODELS.get(name)
+        model = MODELS.get(name) or MODELS.get(name.rpartition(" ")[0])
         if model is None or not isinstance(values, dict):
-            raise ConfigError("no such model of camera", expected=" or ".join(MODELS), got=name, where=path)
+            raise ConfigError(
+                "no such model of camera",
+                expected=f"{' or '.join(MODELS)}, and a serial number behind it if wanted",
+                got=name,
+                where=path,
+            )
         check_biases(model.biases, values, f"{path}, [{name}]")
         found[name] = dict(values)
     return found

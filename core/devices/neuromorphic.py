@@ -76,7 +76,7 @@ def open_camera(
     raw: bool = False,
     driver: Any = None,
 ) -> DriverCamera:
-    """The camera with a serial number; with the biases of its model, if there are some.
+    """The camera with a serial number; with its biases, or those of its model, if there are some.
 
     Raises:
         DeviceError: if it is not there, is of a model that is not known here, or cannot be opened in this role.
@@ -91,7 +91,8 @@ def open_camera(
     configuration = getattr(driver, model.module).Configuration()
     if role != "own":
         configuration.clock = getattr(getattr(driver, model.module).Clock, _CLOCKS[role])
-    values = dict((biases or {}).get(model.name, {}))
+    known = biases or {}
+    values = dict(known.get(f"{model.name} {serial}", known.get(model.name, {})))
     check_biases(model.biases, values, serial)
     for name, value in values.items():
         setattr(configuration.biases, name, value)

@@ -107,6 +107,11 @@ class ReplayedDevice:
         self._rng = np.random.default_rng(len(library.opened))
         self._late_s = 0.0
 
+    @property
+    def sent_us(self) -> int:
+        """How much of the recording has been read, or lost."""
+        return self._sent * PACKET_US
+
     def biases_bounds(self) -> Any:
         """All that fits into a number of this camera's."""
         bounds = self._library.real.__dict__[self._camera.model.module]
