@@ -13,7 +13,7 @@ from core.cameras import Camera, load_calibration
 from core.errors import CommandError
 
 if TYPE_CHECKING:
-    from core.devices.neuromorphic import DriverCamera
+    from core.rally.devices.neuromorphic import DriverCamera
     from core.rally.live.camera_source import CameraSource
 
 CAMERA: Final = "camera:"
@@ -72,7 +72,7 @@ def read_camera_order(source: str | None, arguments: CameraArguments) -> CameraO
         got = f"{len(serials)} cameras, and {len(calibration)} in the file"
         raise CommandError("the calibration is of other cameras", got=got, where=arguments.calibration)
     names = list(calibration) or list(PAIR if len(serials) == 2 else ("camera",))
-    from core.devices.bias_file import read_biases
+    from core.rally.devices.bias_file import read_biases
 
     biases = {} if arguments.biases is None else read_biases(arguments.biases)
     return CameraOrder(dict(zip(names, serials, strict=True)), calibration, biases, arguments.sync_cable)
@@ -86,7 +86,7 @@ def open_cameras(order: CameraOrder, *, raw: bool = False) -> dict[str, DriverCa
         CommandError: if the calibration is of another sensor.
         ConfigError: if biases are out of the bounds of a camera.
     """
-    from core.devices.neuromorphic import open_camera
+    from core.rally.devices.neuromorphic import open_camera
 
     found: dict[str, DriverCamera] = {}
     names = list(order.serials)
@@ -117,6 +117,6 @@ def open_camera_source(order: CameraOrder) -> CameraSource:
 
 
 def _listed() -> str:
-    from core.devices.neuromorphic import describe_cameras, list_cameras
+    from core.rally.devices.neuromorphic import describe_cameras, list_cameras
 
     return describe_cameras(list_cameras())

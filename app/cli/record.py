@@ -27,7 +27,7 @@ from app.cli.terminal import say
 from core.errors import CommandError, RallyscopeError
 
 if TYPE_CHECKING:
-    from core.devices.raw_recorder import RawRecorder, RawTake
+    from core.rally.devices.raw_recorder import RawRecorder, RawTake
     from core.rally.link.live_source import LiveSource
 
 LOOK_S: Final = 0.2
@@ -72,8 +72,8 @@ def run(arguments: RecordArguments) -> None:
 
 
 def _say_cameras(*, as_json: bool) -> None:
-    from core.devices.models import MODELS
-    from core.devices.neuromorphic import list_cameras
+    from core.rally.devices.models import MODELS
+    from core.rally.devices.neuromorphic import list_cameras
 
     rows: list[dict[str, object]] = [
         {
@@ -92,8 +92,8 @@ def _say_cameras(*, as_json: bool) -> None:
 
 
 def _all_evt3(order: CameraOrder) -> bool:
-    from core.devices.models import MODELS
-    from core.devices.neuromorphic import list_cameras
+    from core.rally.devices.models import MODELS
+    from core.rally.devices.neuromorphic import list_cameras
 
     models = [MODELS.get(one.name) for one in list_cameras() if one.serial in order.serials.values()]
     return all(model is None or model.evt3 for model in models)
@@ -142,7 +142,7 @@ def _record_blocks(source: LiveSource, out: Path, arguments: RecordArguments) ->
 
 def _record_raw(order: CameraOrder, out: Path, arguments: RecordArguments) -> dict[str, object]:
     """The bytes of the cameras as they come; then the recording is made of them."""
-    from core.devices.raw_recorder import RawRecorder
+    from core.rally.devices.raw_recorder import RawRecorder
 
     recorder = RawRecorder(open_cameras(order, raw=True), out, cable=order.cable, overwrite=arguments.force)
     ended = end_event()

@@ -8,9 +8,9 @@ import viser
 
 from app.modes.mode import ModeHost
 from app.widgets import when_changed, when_clicked
-from core.devices import CameraDevice
-from core.devices.bias_file import write_biases
 from core.errors import RallyscopeError
+from core.rally.devices import CameraDevice
+from core.rally.devices.bias_file import write_biases
 
 
 class BiasPanel:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from app import theme
 from app.words.file_text import html_text
-from core.devices.camera_feed import FeedCounts
+from core.rally.devices.camera_feed import FeedCounts
 from core.rally.live.camera_source import CameraReport
 
 Rows = list[tuple[str, str]]

@@ -19,11 +19,11 @@ import numpy as np
 
 from core.bench.machine import describe_machine, goal_row
 from core.bench.partial_rows import tell_rows
-from core.devices.neuromorphic import open_camera
-from core.devices.raw_recorder import RawRecorder
-from core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.events import Events, SensorSize
 from core.events.events import concatenate_events
+from core.rally.devices.neuromorphic import open_camera
+from core.rally.devices.raw_recorder import RawRecorder
+from core.rally.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.recordings import import_recording
 
 SENSOR: Final = SensorSize(1280, 720)

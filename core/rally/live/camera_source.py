@@ -19,11 +19,11 @@ from typing import Final
 import numpy as np
 
 from core.cameras import Camera
-from core.devices import CameraDevice, ClockEstimate
-from core.devices.camera_feed import CameraFeed, FeedCounts
-from core.devices.clock_shift import ClockShift
 from core.errors import DeviceError
 from core.events import Events
+from core.rally.devices import CameraDevice, ClockEstimate
+from core.rally.devices.camera_feed import CameraFeed, FeedCounts
+from core.rally.devices.clock_shift import ClockShift
 from core.rally.link import messages as m
 from core.rally.link.live_source import LinkListener, SourceStatus
 from core.rally.link.published import camera_batch

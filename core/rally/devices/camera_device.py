@@ -8,7 +8,7 @@ from typing import Literal, Protocol
 
 from numpy.typing import NDArray
 
-from core.devices.models import Bias, CameraModel
+from core.rally.devices.models import Bias, CameraModel
 
 ClockRole = Literal["own", "leads", "follows"]
 """Of a camera: its own clock; its own, which it gives to another over a sync cable; that of the other."""

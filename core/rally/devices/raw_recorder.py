@@ -19,12 +19,12 @@ from typing import BinaryIO, Final
 
 import numpy as np
 
-from core.devices.camera_device import RawDevice, RawPacket
-from core.devices.clock_fit import ClockEstimate, ClockFit
-from core.devices.clock_shift import ClockShift
-from core.devices.evt3_bytes import Evt3Clock, GapMender
 from core.errors import WRITE_REMEDY, DeviceError, RallyscopeError, RecordingError
 from core.events.clock_table import COLUMNS
+from core.rally.devices.camera_device import RawDevice, RawPacket
+from core.rally.devices.clock_fit import ClockEstimate, ClockFit
+from core.rally.devices.clock_shift import ClockShift
+from core.rally.devices.evt3_bytes import Evt3Clock, GapMender
 from core.recordings.evt3_encoder import evt3_header
 
 logger = logging.getLogger(__name__)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from core.devices.clock_fit import ClockFit
+from core.rally.devices.clock_fit import ClockFit
 
 SLEW: Final = 1e-3
 """The shift changes by at most so much a second: ten times what clocks drift, too little to reorder events."""

@@ -7,12 +7,12 @@ import time
 import numpy as np
 import pytest
 
-from core.devices.bias_file import read_biases, write_biases
-from core.devices.models import EVK4, MODELS
-from core.devices.neuromorphic import DriverCamera, load_driver, open_camera
-from core.devices.replayed_hardware import DTYPE, Replayed, ReplayedLibrary
 from core.errors import ConfigError, DeviceError
 from core.events import Events, SensorSize
+from core.rally.devices.bias_file import read_biases, write_biases
+from core.rally.devices.models import EVK4, MODELS
+from core.rally.devices.neuromorphic import DriverCamera, load_driver, open_camera
+from core.rally.devices.replayed_hardware import DTYPE, Replayed, ReplayedLibrary
 
 nd = load_driver()
 

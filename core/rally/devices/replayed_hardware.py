@@ -14,9 +14,9 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from core.devices.models import EVK4, CameraModel
-from core.devices.neuromorphic import load_driver
 from core.events import Events, SensorSize
+from core.rally.devices.models import EVK4, CameraModel
+from core.rally.devices.neuromorphic import load_driver
 from core.recordings.evt3_encoder import LOW_BITS, Evt3Encoder
 
 DTYPE: Final = np.dtype([("t", "<u8"), ("x", "<u2"), ("y", "<u2"), ("on", "?")])
@@ -55,7 +55,7 @@ class Replayed:
 
 
 class ReplayedLibrary:
-    """What `neuromorphic_drivers` is to `core.devices.neuromorphic`, with cameras by serial number."""
+    """What `neuromorphic_drivers` is to `core.rally.devices.neuromorphic`, with cameras by serial number."""
 
     def __init__(
         self, cameras: Mapping[str, Replayed], *, hold: bool = False, clock: Callable[[], float] = time.monotonic

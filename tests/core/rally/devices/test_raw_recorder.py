@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.devices.evt3_bytes import Evt3Clock, GapMender, count_events
-from core.devices.neuromorphic import open_camera
-from core.devices.raw_recorder import RawRecorder, raw_path
-from core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.events.clock_table import read_clock_table
+from core.rally.devices.evt3_bytes import Evt3Clock, GapMender, count_events
+from core.rally.devices.neuromorphic import open_camera
+from core.rally.devices.raw_recorder import RawRecorder, raw_path
+from core.rally.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.recordings import import_recording, open_recording
 from core.recordings.evt3_encoder import Evt3Encoder
 

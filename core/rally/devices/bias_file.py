@@ -8,9 +8,9 @@ from typing import Final
 
 import tomli_w
 
-from core.devices.models import MODELS, check_biases
 from core.errors import WRITE_REMEDY, ConfigError
 from core.files import replace_file
+from core.rally.devices.models import MODELS, check_biases
 from core.text.toml_text import parse_toml
 
 LARGEST_BYTES: Final = 64 << 10

@@ -15,9 +15,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from core.devices.camera_device import CameraPacket, ClockRole, RawPacket
-from core.devices.models import MODELS, Bias, CameraModel, check_biases
 from core.errors import DeviceError
+from core.rally.devices.camera_device import CameraPacket, ClockRole, RawPacket
+from core.rally.devices.models import MODELS, Bias, CameraModel, check_biases
 
 LIBRARY: Final = "neuromorphic_drivers"
 WAIT_S: Final = 0.1

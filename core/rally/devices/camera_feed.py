@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from core.devices.camera_device import CameraDevice, CameraPacket
-from core.devices.clock_fit import ClockFit
 from core.errors import DeviceError, EventsError, RallyscopeError
 from core.events import Events, concatenate_events
+from core.rally.devices.camera_device import CameraDevice, CameraPacket
+from core.rally.devices.clock_fit import ClockFit
 
 logger = logging.getLogger(__name__)
 
