@@ -164,6 +164,9 @@ def _make_recording(
     table = recorder.clock_path
     notes = [note for one in takes for note in _losses(one)]
     again = " ".join(["rallyscope import", *map(str, [*paths, out])] + ([f"--clock {table}"] if table else []))
+    if recorder.error is not None:
+        say(f"what the cameras sent is kept; when there is room for the recording: {again}", error=True)
+        raise recorder.error
     try:
         with progress_bar(f"Making {out.name}") as progress:
             summary = import_recording(
@@ -175,8 +178,6 @@ def _make_recording(
         say(f"what the cameras sent is kept; to try again: {again}", error=True)
         raise
     assert summary is not None
-    if recorder.error is not None:
-        raise recorder.error
     if not arguments.keep_raw:
         for path in [*paths, *([table] if table else [])]:
             path.unlink(missing_ok=True)

@@ -28,8 +28,15 @@ class ClockTable:
     shift_us: NDArray[np.int64]
     """(N,) to get those of the other."""
 
+    @property
+    def known(self) -> bool:
+        """Whether anything is said at all."""
+        return len(self.stamp_us) > 0
+
     def shifted(self, t_us: NDArray[np.int64]) -> NDArray[np.int64]:
         """The other clock's times; their order stays."""
+        if not self.known:
+            return t_us
         return t_us + np.rint(np.interp(t_us, self.stamp_us, self.shift_us)).astype(np.int64)
 
     @property
@@ -40,6 +47,8 @@ class ClockTable:
 
 def read_clock_table(path: Path) -> ClockTable:
     """The table that was written while two cameras were recorded; a last line that was cut short is left out.
+
+    There is no row in it if one of the cameras sent nothing.
 
     Raises:
         RecordingError: if it cannot be read, or is no such table.
@@ -57,8 +66,9 @@ def read_clock_table(path: Path) -> ClockTable:
         rows = np.array([[int(word) for word in line.split(",")] for line in lines[1:]], np.int64)
     except (ValueError, OverflowError) as error:
         raise RecordingError("not a table of clocks", got=str(error), where=path) from error
+    rows = rows.reshape(-1, 2) if not rows.size else rows
     if rows.ndim != 2 or rows.shape[1] != 2:
-        raise RecordingError("a table of clocks without rows of two numbers", where=path)
+        raise RecordingError("a table of clocks without two numbers in each row", where=path)
     steps = np.diff(rows, axis=0)
     if (steps[:, 0] <= 0).any() or (np.abs(steps[:, 1]) > MOST_SLOPE * steps[:, 0]).any():
         raise RecordingError("times of this table of clocks run backwards, or jump", where=path)

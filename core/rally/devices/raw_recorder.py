@@ -191,9 +191,11 @@ class _CameraFile:
             self.clock.add(known_us, packet.host_s * 1e6)
             self._tell_clock(known_us)
 
-    def _tell_clock(self, stamp_us: int) -> None:
+    def _tell_clock(self, stamp_us: int, *, settled: bool = True) -> None:
         estimate = self.clock.estimate
-        if self._shift is None or self._table is None or estimate is None or estimate.span_us < SETTLE_US:
+        if self._shift is None or self._table is None or estimate is None:
+            return
+        if settled and estimate.span_us < SETTLE_US:
             return
         if stamp_us >= self._row_us and (shift_us := self._shift.shift_us(stamp_us)) is not None:
             self._table.write(f"{stamp_us},{shift_us}\n".encode())
@@ -213,6 +215,8 @@ class _CameraFile:
             self._device.close()
         except RuntimeError as error:
             logger.info("camera %s was not closed: %s", self.name, error)
+        if not self._row_us and self._stamp_us is not None:  # it was short: better than nothing
+            self._tell_clock(self._stamp_us, settled=False)
         for file in (self._file, self._table):
             try:
                 if file is not None:

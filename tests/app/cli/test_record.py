@@ -121,6 +121,21 @@ def test_after_a_kill_import_makes_the_recording(serve_recording, tmp_path, caps
     assert_saw(out, serve_recording, all_of_it=False)
 
 
+def test_a_full_disk_is_one_line_and_what_came_is_kept(serve_recording, tmp_path):
+    """As far as a limit on the size of files is one: the same call fails, at any byte."""
+    out = tmp_path / "pair.h5"
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))\n{STARTED}"
+    words = [str(serve_recording), "record", "--source", "camera:0,1", "--sync-cable", "--out", str(out)]
+    done = subprocess.run([sys.executable, "-c", limited, *words], capture_output=True, text=True, timeout=120)
+    said = done.stderr.strip().splitlines()
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert said[-1].startswith("rallyscope:") and "cannot write what the camera sends" in said[-1]
+    assert "free some space" in said[-1] and "rallyscope import" in said[-2]
+    assert not out.exists() and (tmp_path / "pair.left.raw").stat().st_size > 100_000
+    assert main(["import", *map(str, (tmp_path / f"pair.{name}.raw" for name in ("left", "right"))), str(out)]) == 0
+    assert_saw(out, serve_recording, all_of_it=False)
+
+
 def test_cameras_that_send_no_evt3_are_recorded_by_blocks(serve_recording, tmp_path, monkeypatch, capsys):
     with open_recording(serve_recording) as recording:
         small = DVXPLORER.__class__(**{

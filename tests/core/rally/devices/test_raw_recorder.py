@@ -87,6 +87,27 @@ def test_without_a_cable_the_drift_is_written_beside_and_undone(tmp_path):
     assert len(apart) > 100_000 and np.abs(apart).max() < 1000 and abs(np.median(apart)) < 300
 
 
+def test_a_short_take_without_a_cable_has_the_shift_that_was_known(tmp_path):
+    out = tmp_path / "take.h5"
+    cameras = {
+        "left": Replayed(stream=Pixels(), duration_us=LONG_US),
+        "right": Replayed(stream=Pixels(), duration_us=LONG_US, offset_us=5_000_000),
+    }
+    recorder, library = recorder_of(cameras, out, cable=False)
+    wait_for(lambda: all(device.sent_us > 100_000 for device in library.opened))
+    takes = recorder.stop()
+    assert recorder.clock_path is not None
+    table = read_clock_table(recorder.clock_path)
+    assert len(table.stamp_us) >= 1 and abs(int(table.shift_us[0]) + 5_000_000) < 50_000
+    assert import_recording([one.path for one in takes], out, clock=table).duration_us < 3_000_000
+
+
+def test_a_table_of_clocks_of_a_silent_camera_shifts_nothing(tmp_path):
+    (tmp_path / "clock.csv").write_text("stamp_us,shift_us\n")
+    table = read_clock_table(tmp_path / "clock.csv")
+    assert not table.known and table.shifted(np.array([5])).tolist() == [5]
+
+
 def test_losses_of_the_driver_are_counted_to_the_event_and_the_rest_is_in_its_place(tmp_path):
     out = tmp_path / "take.h5"
     recorder, library = recorder_of({"only": Replayed(stream=Pixels(), duration_us=2_000_000, ring=30)}, out, hold=True)
@@ -187,7 +208,15 @@ def test_vectors_are_counted_by_their_bits():
 
 
 @pytest.mark.parametrize(
-    "text", ["", "a,b\n1,2\n", "stamp_us,shift_us\n", "stamp_us,shift_us\n5,1\n4,1\n", "stamp_us,shift_us\n0,0\n9,9\n"]
+    "text",
+    [
+        "",
+        "a,b\n1,2\n",
+        "stamp_us,shift_us\n7\n",
+        "stamp_us,shift_us\n1,x\n",
+        "stamp_us,shift_us\n5,1\n4,1\n",
+        "stamp_us,shift_us\n0,0\n9,9\n",
+    ],
 )
 def test_a_table_of_clocks_that_is_none_is_refused(tmp_path, text):
     path = tmp_path / "clock.csv"
