@@ -219,10 +219,9 @@ class CameraSource:
             return False
         since_us = first.since_us
         for feed, shift in zip(self._feeds[1:], self._shifts[1:], strict=True):
-            if feed.since_us is None:
+            if feed.since_us is None or not feed.awaited:
                 continue
-            clocks = first.clock.estimate, feed.clock.estimate
-            if not self.cable and any(clock is None or clock.span_us < SETTLE_US for clock in clocks):
+            if not self.cable and not all(_is_settled(one) for one in (first, feed)):
                 for one in self._feeds:
                     one.forget(one.complete_us - RESTING_US)
                 return False
@@ -315,6 +314,12 @@ class CameraSource:
     def _next(self) -> int:
         self._seq += 1
         return self._seq
+
+
+def _is_settled(feed: CameraFeed) -> bool:
+    """Whether its clock is known as well as it will be before long."""
+    estimate = feed.clock.estimate
+    return estimate is not None and (estimate.span_us >= SETTLE_US or not feed.awaited)
 
 
 def _shifted(events: Events, shift_us: int, start_us: int) -> Events:

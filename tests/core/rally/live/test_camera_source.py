@@ -211,6 +211,19 @@ def test_a_camera_that_is_unplugged_is_missing_in_words_and_the_other_goes_on():
         wait_for(lambda: source.status == "lost")
 
 
+@pytest.mark.parametrize("gone", [0, 1])
+def test_a_camera_that_goes_before_the_clocks_are_known_holds_nobody_up(gone):
+    seen = {name: Replayed(stream=Noise(), duration_us=10**9) for name in ("left", "right")}
+    with cameras(seen, cable=False) as (source, library):
+        heard = Heard()
+        source.add_listener(heard)
+        library.begin()
+        wait_for(lambda: source.reports()[gone].counts.events)
+        library.opened[gone].unplugged = True
+        wait_for(lambda: len(heard.blocks) >= 50)
+        assert [list(batches) for _, batches in heard.blocks[-10:]] == [["left", "right"][1 - gone : 2 - gone]] * 10
+
+
 def test_the_first_camera_may_be_the_one_that_goes():
     seen = {name: Replayed(stream=Noise(), duration_us=10**9) for name in ("left", "right")}
     with cameras(seen) as (source, library):
