@@ -86,6 +86,10 @@ class NotBuiltError(RallyscopeError):
     """A verb, method or scene that the contract names and that does not exist yet."""
 
 
+class DeviceError(RallyscopeError):
+    """An event camera that is not there, cannot be opened or read, or does not do what it is asked."""
+
+
 class LinkError(RallyscopeError):
     """A message of the simulation link that is malformed or out of bounds, or a server that does not answer."""
 

@@ -21,6 +21,7 @@ from core.errors import CommandError, NotBuiltError
 
 BENCHES = {
     "import": "core.bench.recordings.bench_import",
+    "record": "core.bench.recordings.bench_record",
     "detection": "core.bench.detection.bench_detection",
     "drawn-scenes": "core.bench.detection.bench_drawn_scenes",
     "rivals": "core.bench.detection.bench_rivals",
@@ -59,7 +60,8 @@ class BenchArguments:
     count: PositiveInt | None = flag(
         "balls of each speed (perceived-prediction, state-errors), flights (drawn-scenes, rivals), "
         "seeds (paper-perception), seeds of both sides of every claim (learning), "
-        "damages of each kind of file (damage), trials of each fault and job (faults), events (long), pieces (jobs)",
+        "damages of each kind of file (damage), trials of each fault and job (faults), events (long), pieces (jobs), "
+        "seconds (record)",
         "N",
     )
     folder: Path | None = flag(

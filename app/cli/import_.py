@@ -14,6 +14,7 @@ from app.cli.terminal import say
 from core.cameras import load_calibration
 from core.errors import CommandError
 from core.events import SensorSize
+from core.events.clock_table import read_clock_table
 from core.recordings.frame_import import FrameInput
 from core.recordings.importing import ImportSummary, import_recording
 
@@ -30,6 +31,7 @@ class ImportArguments:
     names: Names | None = flag("what to call the cameras", "left,right")
     calibration: Path | None = flag("calibration of the cameras, to be kept along", "FILE")
     offset_us: int = flag("add N to SRC2's times to get SRC's clock", "N", 0)
+    clock: Path | None = flag("how SRC2's clock drifted from SRC's, as `rallyscope record` wrote it", "FILE.csv")
     width: PositiveInt | None = flag("sensor width, overrides what the file says", "W")
     height: PositiveInt | None = flag("sensor height, likewise", "H")
     frames: Path | None = flag("pictures of an ordinary camera", "VIDEO|FOLDER")
@@ -53,6 +55,7 @@ def run(arguments: ImportArguments) -> None:
             sensor=_sensor(arguments.width, arguments.height),
             calibration=calibration,
             offset_us=arguments.offset_us,
+            clock=read_clock_table(arguments.clock) if arguments.clock is not None else None,
             frames=_frames(arguments.frames, arguments.frame_times, arguments.exposure_us),
             overwrite=arguments.force,
             progress=progress,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from app.cli.arguments import DATA, flag, positional
 from app.cli.ending import end_event
+from app.cli.event_cameras import CAMERA, CameraArguments, CameraOrder, open_camera_source, read_camera_order
 from app.cli.progress import progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.cli.replay import REPLAY, ReplayOrder, open_replay, read_replay
@@ -37,15 +38,18 @@ LIVE = "live"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServeArguments:
-    """Open the app in a browser, on a recording or a live source: a simulation, or a recording replayed as if live."""
+    """Open the app in a browser, on a recording or a live source: a simulation, event cameras, or a recording replayed
+    as if live.
+    """
 
     recording: Path | None = positional("a recording or an event file", "RECORDING")
     source: str | None = flag(
         "watch a live simulation: one of its own, or one that runs there; or what the cameras of a recording saw, "
-        "as if they saw it now, again and again, SPEED times as fast",
-        "live|tcp://HOST:PORT|replay:FILE[@SPEED]",
+        "as if they saw it now, again and again, SPEED times as fast; or event cameras",
+        "live|tcp://HOST:PORT|replay:FILE[@SPEED]|camera:SERIAL[,SERIAL]",
         "live, without a recording",
     )
+    cameras: CameraArguments
     keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
     physics: Profile | None = flag("of a live simulation of its own", default="paper")
     ball_states: tuple[Path, ...] | None = flag("it serves recorded balls (JSON), by default in `real`", "FILE")
@@ -64,6 +68,7 @@ def run(arguments: ServeArguments) -> None:
     """Serve until interrupted."""
     source = _check_source(arguments.source, arguments.recording)
     replay = read_replay(source) if source is not None else None
+    order = read_camera_order(source, arguments.cameras)
     keys = read_keys(arguments.keys, source)
     own = own_simulation(arguments, source)
     if arguments.rerun is not None:
@@ -75,7 +80,7 @@ def run(arguments: ServeArguments) -> None:
     library.names()  # where no folder can be made that is said before anything is started
     admission = Admission.of_address(arguments.host, arguments.token)
     check_address(arguments.host, arguments.port)
-    startup = None if source is None else _start(workspace, source, replay, own, keys)
+    startup = None if source is None else _start(workspace, source, order or replay, own, keys)
     try:
         _show(arguments, workspace, library, config, startup, admission, places)
     finally:
@@ -84,13 +89,14 @@ def run(arguments: ServeArguments) -> None:
 
 
 def _start(
-    workspace: Workspace, source: str, replay: ReplayOrder | None, own: list[str], keys: ClientKeys | None
+    workspace: Workspace, source: str, told: CameraOrder | ReplayOrder | None, own: list[str], keys: ClientKeys | None
 ) -> Startup:
     """What brings up the live rally while the app is loaded."""
     from app.preparation.startup import Startup  # with numba: a mistake in the arguments is answered before
 
-    if replay is not None:
-        return Startup(workspace, source=open_replay(replay), say=say)
+    if told is not None:
+        opened = open_camera_source(told) if isinstance(told, CameraOrder) else open_replay(told)
+        return Startup(workspace, source=opened, say=say)
     address = None if source == LIVE else source
     return Startup(workspace, address=address, arguments=("--auto-serve", "5", *own), say=say, keys=keys)
 
@@ -168,8 +174,8 @@ def _check_source(source: str | None, recording: Path | None) -> str | None:
         return LIVE if recording is None else None
     if recording is not None:
         raise CommandError("a recording and a source", expected="one of them", got=f"{recording} and {source}")
-    if source != LIVE and not source.startswith(("tcp://", REPLAY)):
-        expected = "live, tcp://HOST:PORT or replay:FILE[@SPEED]"
+    if source != LIVE and not source.startswith(("tcp://", REPLAY, CAMERA)):
+        expected = "live, tcp://HOST:PORT, replay:FILE[@SPEED] or camera:SERIAL[,SERIAL]"
         raise CommandError("not a source", expected=expected, got=repr(source), where="--source")
     return source
 

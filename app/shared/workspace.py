@@ -73,6 +73,11 @@ class Workspace:
         """Folder of what is kept for each browser."""
         return self._folder("browsers")
 
+    @property
+    def biases_path(self) -> Path:
+        """The biases of the event cameras, for `--biases`."""
+        return self._folder("cameras") / "biases.toml"
+
     def run_path(self, name: str) -> Path:
         """Where the training of this name is or will be."""
         return self.runs / slug_from(name)

@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.errors import RecordingError
 from core.events import Events, SensorSize
+from core.events.clock_table import ClockTable
 from core.recordings.frame_import import FRAME_CAMERA, FrameInput, first_image_size, read_frame_times, read_images
 from core.recordings.identity import source_uuid
 from core.recordings.recording import Triggers
@@ -47,6 +49,8 @@ class _Feed:
     clock_us: int
     """Added to the source's times to get those of the first source."""
     weight: float
+    clock: ClockTable | None = None
+    """Added to that, where the difference changes."""
     report: DecodeReport = field(default_factory=DecodeReport)
     parts: Iterator[Events] = field(init=False)
     pending: Events | None = field(init=False)
@@ -58,7 +62,11 @@ class _Feed:
     def __post_init__(self) -> None:
         self.parts = self.source.read(self.report)
         self.pending = next(self.parts, None)
-        self.first_us = None if self.pending is None else int(self.pending.t_us[0]) + self.clock_us
+        self.first_us = None if self.pending is None else int(self.common_us(self.pending.t_us[:1])[0])
+
+    def common_us(self, t_us: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Times of the source on the clock of the first one."""
+        return (t_us if self.clock is None else self.clock.shifted(t_us)) + self.clock_us
 
 
 def import_recording(
@@ -69,6 +77,8 @@ def import_recording(
     sensor: SensorSize | None = None,
     calibration: Mapping[str, Camera] | None = None,
     offset_us: int = 0,
+    clock: ClockTable | None = None,
+    remarks: Sequence[str] = (),
     frames: FrameInput | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -76,7 +86,8 @@ def import_recording(
 ) -> ImportSummary | None:
     """Write the recording and say what is in it; None if `cancelled` said so, and then no file is left.
 
-    Time 0 is the first event. `offset_us` is added to the times of the second source to get the clock of the first.
+    Time 0 is the first event. `offset_us` is added to the times of the second source to get the clock of the first;
+    where that difference changes, a `clock` says how. The recording's notes begin with the `remarks`.
     The clock of each camera is kept: its own time is the recording's plus its `t_offset`.
 
     Raises:
@@ -86,13 +97,13 @@ def import_recording(
         raise RecordingError("the recording would replace its own source", where=destination)
     if destination.exists() and not overwrite:  # found before long work on the sources
         raise RecordingError("the file exists", where=destination, remedy="choose another name, or --force")
-    feeds = _open_feeds(sources, names, sensor, offset_us)
+    feeds = _open_feeds(sources, names, sensor, offset_us, clock)
     zero_us = _common_zero(feeds)
     sensors = {feed.name: feed.source.sensor for feed in feeds}
     if frames is not None:
         sensors[FRAME_CAMERA] = first_image_size(frames.images)
     matched = _match_calibration(calibration or {}, list(sensors))
-    uuid = source_uuid(sources, list(sensors), str(sensor), offset_us)
+    uuid = source_uuid(sources, list(sensors), str(sensor) + (clock.digest if clock is not None else ""), offset_us)
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -113,7 +124,7 @@ def import_recording(
         if not done:
             writer.discard()
             return None
-        notes = _write_notes(writer, feeds, sources)
+        notes = _write_notes(writer, feeds, sources, remarks)
         writer.close()
     except BaseException as error:
         if writer is None:
@@ -131,7 +142,11 @@ def import_recording(
 
 
 def _open_feeds(
-    paths: Sequence[Path], names: Sequence[str] | None, sensor: SensorSize | None, offset_us: int
+    paths: Sequence[Path],
+    names: Sequence[str] | None,
+    sensor: SensorSize | None,
+    offset_us: int,
+    clock: ClockTable | None,
 ) -> list[_Feed]:
     if not 1 <= len(paths) <= 2:
         raise RecordingError("wrong number of sources", expected="one, or two of a stereo pair", got=len(paths))
@@ -142,7 +157,7 @@ def _open_feeds(
         raise RecordingError("the names do not fit", expected=f"{len(opened)} different ones", got=",".join(names))
     weights = [paths[number].stat().st_size for number, _ in opened]
     return [
-        _Feed(name, source, offset_us if number else 0, weight / max(1, sum(weights)))
+        _Feed(name, source, offset_us if number else 0, weight / max(1, sum(weights)), clock if number else None)
         for name, (number, source), weight in zip(names, opened, weights, strict=True)
     ]
 
@@ -178,10 +193,10 @@ def _copy_events(
     while active := [feed for feed in feeds if feed.pending is not None]:
         if cancelled is not None and cancelled():
             return False
-        feed = min(active, key=lambda feed: int(feed.pending.t_us[0]) + feed.clock_us if feed.pending else 0)
+        feed = min(active, key=_next_us)
         part = feed.pending
         assert part is not None
-        t_us = part.t_us + (feed.clock_us - zero_us)
+        t_us = feed.common_us(part.t_us) - zero_us
         t_us.flags.writeable = False
         writer.append(feed.name, Events(t_us, part.x_px, part.y_px, part.on, part.sensor))
         feed.last_us = int(t_us[-1])
@@ -196,12 +211,16 @@ def _copy_events(
     return True
 
 
+def _next_us(feed: _Feed) -> int:
+    return 0 if feed.pending is None else int(feed.common_us(feed.pending.t_us[:1])[0])
+
+
 def _copy_triggers(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) -> None:
     for feed in feeds:
         parts, feed.report.triggers = feed.report.triggers, []
         if not parts:
             continue
-        t_us = np.concatenate([part.t_us for part in parts]) + (feed.clock_us - zero_us)
+        t_us = feed.common_us(np.concatenate([part.t_us for part in parts])) - zero_us
         if feed.last_trigger_us is not None:
             t_us = np.maximum(t_us, feed.last_trigger_us)
         t_us = np.maximum.accumulate(t_us)  # edges of a disordered read-out, as with events
@@ -226,9 +245,11 @@ def _copy_frames(writer: RecordingWriter, frames: FrameInput, zero_us: int) -> N
         )
 
 
-def _write_notes(writer: RecordingWriter, feeds: list[_Feed], sources: Sequence[Path]) -> tuple[str, ...]:
+def _write_notes(
+    writer: RecordingWriter, feeds: list[_Feed], sources: Sequence[Path], remarks: Sequence[str]
+) -> tuple[str, ...]:
     files = " and ".join(path.name for path in sources)
-    notes = [f"Imported from {files} ({', '.join(dict.fromkeys(feed.source.format for feed in feeds))})."]
+    notes = [*remarks, f"Imported from {files} ({', '.join(dict.fromkeys(feed.source.format for feed in feeds))})."]
     for feed in feeds:
         if feed.first_us is None:
             notes.append(f"Camera {feed.name} has no events.")

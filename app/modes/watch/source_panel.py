@@ -7,9 +7,11 @@ from typing import Final
 import viser
 
 from app.modes.mode import ModeHost
+from app.modes.watch.bias_panel import BiasPanel
 from app.modes.watch.record_button import RecordButton
 from app.modes.watch.stream_status import stream_html
 from app.shared.live_rally import LiveRally
+from core.rally.live.camera_source import CameraSource
 
 SHOW_EVERY_S: Final = 0.25
 
@@ -24,6 +26,8 @@ class SourcePanel:
         with self._folder:
             self._record = RecordButton(gui, rally, host)
             self._status = gui.add_html("")
+            devices = rally.source.devices if isinstance(rally.source, CameraSource) else {}
+            self._biases = [BiasPanel(gui, name, device, devices, host) for name, device in devices.items()]
 
     def set_visible(self, visible: bool) -> None:
         """Only while the live rally is watched."""
@@ -35,6 +39,8 @@ class SourcePanel:
             return
         self._shown_s = wall_s
         self._record.show()
+        for biases in self._biases:
+            biases.show()
         rally = self._rally
         said = stream_html(rally.source, rally.watch.health(), rally.player.snapshot)
         if said != self._status.content:

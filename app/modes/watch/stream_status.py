@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 from app import theme
+from app.modes.watch.device_status import device_rows
 from app.modes.watch.figures import figures_html, usually
 from app.words.file_text import html_text
 from core.rally.link.live_source import LiveSource
+from core.rally.live.camera_source import CameraSource
 from core.rally.live.live_snapshot import RallySnapshot
 from core.rally.live.stream_watch import CameraHealth, StreamHealth
 
@@ -29,13 +31,17 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
     if health.blocks_lost:
         rows.append(("Lost blocks", _coloured(theme.WARN, f"{health.blocks_lost:,} of 10 ms never came")))
     rows += camera_rows(health.cameras)
+    if isinstance(source, CameraSource):
+        rows += device_rows(source.reports(), cable=source.cable)
     if snapshot.problem:
         rows.append(("Not in space", _coloured(theme.WARN, html_text(snapshot.problem))))
     else:
         followed = snapshot.health
         rows.append(("Followed", f"{followed.state_hz:.0f} times a second, {usually(followed.step)} each"))
         if followed.blocks_dropped:
-            skipped = f"{followed.blocks_dropped:,} blocks of 10 ms: this machine was busy. Many? Ask for a lower speed"
+            live = isinstance(source, CameraSource)
+            remedy = "It is too slow for these cameras" if live else "Ask for a lower speed"
+            skipped = f"{followed.blocks_dropped:,} blocks of 10 ms: this machine was busy. Many? {remedy}"
             rows.append(("Skipped blocks", _muted(skipped)))
     return figures_html(rows) + ("" if source.robot is not None else ALONE)
 

@@ -13,13 +13,12 @@ import uuid
 from collections.abc import Callable
 from typing import Final
 
-import numpy as np
-
 from core.errors import ConfigError, RallyscopeError, RecordingError
 from core.events import Events
 from core.rally.link import messages as m
 from core.rally.link.live_source import LinkListener, SourceStatus
 from core.rally.link.published import camera_batch
+from core.rally.live.session_blocks import state_of_block
 from core.recordings import CameraStream, Recording
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
@@ -165,7 +164,7 @@ class ReplaySource:
             if events is not None:
                 span_us = start_us, start_us + BLOCK_US
                 batches.append(camera_batch(name, events, span_us, session, self._next()))
-        state = self._state(session, start_us)
+        state = state_of_block(session, self._next(), (start_us, start_us + BLOCK_US), self._speed)
         with self._changed:
             for listener in self._listeners:
                 for batch in batches:
@@ -176,15 +175,6 @@ class ReplaySource:
     def _next(self) -> int:
         self._numbers += 1
         return self._numbers
-
-    def _state(self, session: str, start_us: int) -> m.WorldState:
-        none = np.empty(0, np.int64)
-        return m.WorldState(
-            session=session, seq=self._next(), wall_ns=time.time_ns(), start_us=start_us, t_us=start_us + BLOCK_US,
-            phase="idle", paused=False, speed_factor=self._speed, noise_hz=0.0, auto_serve_mps=0.0,
-            real_time_factor=self._speed, served=0, returned=0, scene="", ball_t_us=none, ball=np.empty((0, 9)),
-            ball_visible=np.empty(0, np.uint8), racket_t_us=none, racket=np.empty((0, 10)),
-        )  # fmt: skip
 
 
 def check_speed(speed: float) -> None:

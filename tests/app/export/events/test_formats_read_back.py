@@ -9,12 +9,13 @@ import pytest
 
 from app.export.events.csv_tables import export_csv
 from app.export.events.dsec import export_dsec
-from app.export.events.evt3 import Evt3Encoder, export_evt3, header
+from app.export.events.evt3 import export_evt3
 from app.export.selection import Span
 from app.export.unfinished import ExportCancelledError
 from core.errors import CommandError
 from core.events import Events, SensorSize
 from core.recordings import open_recording
+from core.recordings.evt3_encoder import Evt3Encoder, evt3_header
 
 SPAN = Span(100_500, 400_000)
 EXPORTS = {"dsec": export_dsec, "evt3": export_evt3, "csv": export_csv}
@@ -62,7 +63,7 @@ def test_evt3_survives_a_silence_longer_than_its_clock(tmp_path) -> None:
     encoder = Evt3Encoder()
     path = tmp_path / "silence.raw"
     words = [encoder.encode(part) for part in (events.rows(slice(0, 3)), events.rows(slice(3, 5)))]
-    path.write_bytes(header(events.sensor) + np.concatenate(words).tobytes())
+    path.write_bytes(evt3_header(events.sensor) + np.concatenate(words).tobytes())
     for column, expected in zip(read_evt(path), (t, events.x_px, events.y_px, events.on), strict=True):
         assert np.array_equal(column, expected)
     with open_recording(path) as back:

@@ -1,0 +1,122 @@
+"""The source `camera:SERIAL[,SERIAL]` of the command line: which cameras, and how they are opened."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from app.cli.arguments import flag
+from core.cameras import Camera, load_calibration
+from core.errors import CommandError
+
+if TYPE_CHECKING:
+    from core.rally.devices.neuromorphic import DriverCamera
+    from core.rally.live.camera_source import CameraSource
+
+CAMERA: Final = "camera:"
+FORM: Final = "camera:SERIAL or camera:SERIAL,SERIAL, for example camera:00050421,00050423"
+PAIR: Final = ("left", "right")
+READY_S: Final = 1.0
+"""A camera that follows another's clock has to listen before that begins."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraArguments:
+    """Of verbs that take event cameras."""
+
+    TITLE: ClassVar = "event cameras (--source camera:...)"
+    calibration: Path | None = flag("calibration of the cameras, in the order of the serials", "FILE")
+    biases: Path | None = flag("biases to begin with, as saved in Watch", "FILE.toml")
+    sync_cable: bool = flag("a sync cable goes from the first camera to the second, which takes its clock (EVK4)")
+
+
+@dataclass(frozen=True, slots=True)
+class CameraOrder:
+    """Cameras by serial number, with their names in the session, and how they are opened."""
+
+    serials: dict[str, str]
+    """By name."""
+    calibration: dict[str, Camera]
+    biases: dict[str, dict[str, int]]
+    """By model."""
+    cable: bool
+
+
+def read_camera_order(source: str | None, arguments: CameraArguments) -> CameraOrder | None:
+    """What is asked for; None for a source of another kind.
+
+    Raises:
+        CommandError: if no cameras are named, more than two, or one twice, or another source is given such flags.
+        ConfigError: if the biases cannot be used.
+        CalibrationError: if the calibration cannot be read.
+        DeviceError: if no cameras are named, and there is no driver to list them.
+    """
+    if source is None or not source.startswith(CAMERA):
+        if arguments.calibration is not None or arguments.biases is not None or arguments.sync_cable:
+            what = "--calibration, --biases and --sync-cable are of event cameras"
+            raise CommandError(what, expected="--source camera:SERIAL[,SERIAL]", got=source or "another source")
+        return None
+    words = [word.strip() for word in source.removeprefix(CAMERA).split(",")]
+    serials = [word for word in words if word]
+    if not serials:
+        raise CommandError("no camera is named", expected=FORM, got=_listed(), where="--source")
+    if len(serials) > 2 or len(serials) < len(words) or len(set(serials)) < len(serials):
+        raise CommandError("not one or two different cameras", expected=FORM, got=repr(source), where="--source")
+    if arguments.sync_cable and len(serials) < 2:
+        raise CommandError("a sync cable joins two cameras", expected=FORM, got=repr(source), where="--sync-cable")
+    calibration = {} if arguments.calibration is None else load_calibration(arguments.calibration)
+    if calibration and len(calibration) != len(serials):
+        got = f"{len(serials)} cameras, and {len(calibration)} in the file"
+        raise CommandError("the calibration is of other cameras", got=got, where=arguments.calibration)
+    names = list(calibration) or list(PAIR if len(serials) == 2 else ("camera",))
+    from core.rally.devices.bias_file import read_biases
+
+    biases = {} if arguments.biases is None else read_biases(arguments.biases)
+    return CameraOrder(dict(zip(names, serials, strict=True)), calibration, biases, arguments.sync_cable)
+
+
+def open_cameras(order: CameraOrder, *, raw: bool = False) -> dict[str, DriverCamera]:
+    """The open cameras by name. With a sync cable the second is opened first, and waits for the first one's clock.
+
+    Raises:
+        DeviceError: if there is no driver, or a camera cannot be opened; then none stays open.
+        CommandError: if the calibration is of another sensor.
+        ConfigError: if biases are out of the bounds of a camera.
+    """
+    from core.rally.devices.neuromorphic import open_camera
+
+    found: dict[str, DriverCamera] = {}
+    names = list(order.serials)
+    with ExitStack() as opened:
+        for name in reversed(names) if order.cable else names:
+            role = "own" if not order.cable else "leads" if name == names[0] else "follows"
+            found[name] = open_camera(order.serials[name], role=role, biases=order.biases, raw=raw)
+            opened.callback(found[name].close)
+            known = order.calibration.get(name)
+            if known is not None and known.sensor != found[name].model.sensor:
+                got = f"{known.sensor} in the file, {found[name].model.sensor} of the camera"
+                raise CommandError(f"the calibration of {name} is of another sensor", got=got, where="--calibration")
+            if role == "follows":
+                time.sleep(READY_S)
+        opened.pop_all()
+    return {name: found[name] for name in names}
+
+
+def open_camera_source(order: CameraOrder) -> CameraSource:
+    """The live source, which owns the cameras.
+
+    Raises:
+        DeviceError: as `open_cameras`.
+    """
+    from core.rally.live.camera_source import CameraSource
+
+    return CameraSource(open_cameras(order), calibration=order.calibration, cable=order.cable)
+
+
+def _listed() -> str:
+    from core.rally.devices.neuromorphic import describe_cameras, list_cameras
+
+    return describe_cameras(list_cameras())

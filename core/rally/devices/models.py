@@ -1,0 +1,120 @@
+"""The models of cameras that can be opened: their sensors, what their biases do, and what else they offer.
+
+Sources: neuromorphic-drivers 0.18.2 for names, defaults and what each model takes; for the ranges of the EVK4's biases,
+which are offsets from the factory's values, Prophesee's page "Biases" (IMX636). A camera may allow less than is said
+here: its own bounds are asked for when it is opened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+from core.errors import ConfigError
+from core.events import SensorSize
+
+
+@dataclass(frozen=True, slots=True)
+class Bias:
+    """One of a camera's biases: an analogue setting of all pixels."""
+
+    name: str
+    low: int
+    high: int
+    default: int
+    doc: str
+    """What more of it does."""
+
+    def within(self, low: int, high: int) -> Bias:
+        """With narrower bounds."""
+        low, high = max(low, self.low), min(high, self.high)
+        return replace(self, low=low, high=high, default=min(max(self.default, low), high))
+
+
+@dataclass(frozen=True, slots=True)
+class CameraModel:
+    """What is known of a model without one at hand."""
+
+    name: str
+    """As the driver calls it."""
+    module: str
+    """The driver's module of its configuration."""
+    sensor: SensorSize
+    evt3: bool
+    """Whether its bytes are EVT3, which a file can hold as they come."""
+    cable: bool
+    """Whether two of them can share a clock over a sync cable."""
+    biases: tuple[Bias, ...]
+    offers: str
+    """What else it has, for people."""
+
+
+_ON: Final = "higher: more contrast is needed for an ON event, so fewer of them and less noise"
+_OFF: Final = "higher: more contrast is needed for an OFF event, so fewer of them and less noise"
+_FO: Final = "higher: the pixel follows faster changes of light, with more noise; lower filters flicker and noise"
+_HPF: Final = "higher: slow changes of light are filtered out, which keeps fast things only"
+_REFR: Final = "higher: a pixel rests for a shorter time after an event, so more events of one edge"
+_HD: Final = SensorSize(1280, 720)
+
+EVK4: Final = CameraModel(
+    "Prophesee EVK4", "prophesee_evk4", _HD, evt3=True, cable=True,
+    biases=(
+        Bias("diff_on", -85, 140, 0, _ON),
+        Bias("diff_off", -35, 190, 0, _OFF),
+        Bias("fo", -35, 55, 0, _FO),
+        Bias("hpf", 0, 120, 0, _HPF),
+        Bias("refr", -20, 235, 0, _REFR),
+    ),
+    offers="rate limit, masks of rows, columns and pixels, sync cable, trigger input, temperature, light meter",
+)  # fmt: skip
+EVK3_HD: Final = CameraModel(
+    "Prophesee EVK3 HD", "prophesee_evk3_hd", _HD, evt3=True, cable=False,
+    biases=(
+        Bias("diff_on", 81, 255, 115, _ON),
+        Bias("diff_off", 0, 79, 52, "lower: more contrast is needed for an OFF event, so fewer of them and less noise"),
+        Bias("fo_p", 0, 255, 74, "of the low-pass filter: how fast a change of light the pixel follows"),
+        Bias("hpf", 0, 255, 0, _HPF),
+        Bias("refr", 0, 255, 68, "how long a pixel rests after an event"),
+    ),
+    offers="rate limit, masks of rows and columns",
+)  # fmt: skip
+DVXPLORER: Final = CameraModel(
+    "iniVation DVXplorer", "inivation_dvxplorer", SensorSize(640, 480), evt3=False, cable=False,
+    biases=(
+        Bias("on", 0, 17, 8, _ON),
+        Bias("off", 0, 17, 8, _OFF),
+        Bias("amp", 0, 8, 4, "gain of the pixel's amplifier"),
+        Bias("sf", 0, 3, 0, "of the source follower: how fast a change of light the pixel follows"),
+    ),
+    offers="trigger input, motion sensor",
+)  # fmt: skip
+DAVIS346: Final = CameraModel(
+    "iniVation DAVIS 346", "inivation_davis346", SensorSize(346, 260), evt3=False, cable=False,
+    biases=(
+        Bias("onbn", 1064, 2047, 1564, _ON),
+        Bias("offbn", 0, 1062, 583, "lower: more contrast is needed for an OFF event, so fewer of them and less noise"),
+        Bias("prbp", 0, 2047, 575, "of the photoreceptor: higher follows faster changes of light"),
+        Bias("prsfbp", 0, 2047, 153, "of the source follower behind it: higher follows faster changes of light"),
+        Bias("refrbp", 0, 2047, 993, _REFR),
+    ),
+    offers="pictures, filter of lone pixels, region of interest, trigger input, motion sensor",
+)  # fmt: skip
+
+MODELS: Final = {model.name: model for model in (EVK4, EVK3_HD, DVXPLORER, DAVIS346)}
+
+
+def check_biases(biases: tuple[Bias, ...], values: Mapping[str, int], where: object = None) -> None:
+    """Let values of biases pass that a camera takes.
+
+    Raises:
+        ConfigError: if there is no such bias, or a value is no whole number within its bounds.
+    """
+    known = {bias.name: bias for bias in biases}
+    for name, value in values.items():
+        bias = known.get(name)
+        if bias is None:
+            raise ConfigError("no such bias", expected=" or ".join(known), got=name, where=where)
+        if type(value) is not int or not bias.low <= value <= bias.high:
+            expected = f"a whole number from {bias.low} to {bias.high}"
+            raise ConfigError(f"bias {name} out of bounds", expected=expected, got=value, where=where)

@@ -1,0 +1,73 @@
+"""`rallyscope serve --source camera:...` as a process, with recordings in the place of cameras."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+
+import pytest
+
+from app.cli import main
+from core.cameras import save_calibration, stereo_preset
+from core.events import SensorSize
+
+STARTED = """
+import sys
+from pathlib import Path
+from app.cli import main
+from core.rally.devices import neuromorphic
+from core.rally.devices.replayed_hardware import Replayed, ReplayedLibrary
+from core.recordings import open_recording
+recording = open_recording(Path(sys.argv[1]))
+library = ReplayedLibrary({
+    str(k): Replayed(stream=stream, duration_us=recording.duration_us)
+    for k, stream in enumerate(recording.cameras.values())
+})
+neuromorphic.load_driver = lambda: library
+code = main(sys.argv[2:])
+assert all(device.closed for device in library.opened) and len(library.opened) == 2
+sys.exit(code)
+"""
+
+
+def test_cameras_are_served_and_closed(serve_recording, tmp_path) -> None:
+    cameras, log = tmp_path / "cameras.toml", tmp_path / "log"
+    save_calibration(cameras, stereo_preset())
+    words = ["serve", "--source", "camera:0,1", "--sync-cable", "--calibration", str(cameras)]
+    places = ["--port", "0", "--data", str(tmp_path / "data")]
+    with log.open("w") as out:
+        command = [sys.executable, "-c", STARTED, str(serve_recording), *words, *places]
+        process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT)
+    try:
+        until = time.monotonic() + 120
+        while not (found := re.search(r"http://\S+", log.read_text())):
+            assert time.monotonic() < until and process.poll() is None, log.read_text()
+            time.sleep(0.1)
+        with urllib.request.urlopen(found.group(), timeout=60) as page:
+            assert b"<html" in page.read(2000).lower()
+    finally:
+        process.send_signal(signal.SIGINT)
+    assert process.wait(120) == 0, log.read_text()
+    assert "Traceback" not in log.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--source", "live", "--sync-cable"], "are of event cameras"),
+        (["--biases", "x.toml"], "are of event cameras"),
+        (["--source", "camera:1,2", "--calibration", "ONE"], "the calibration is of other cameras"),
+        (["--source", "camera:1", "--biases", "NONE"], "cannot read the biases"),
+    ],
+)
+def test_mistakes_are_one_line(tmp_path, capsys, words, line) -> None:
+    one = tmp_path / "one.toml"
+    save_calibration(one, {"left": stereo_preset("side", SensorSize(1280, 720))["left"]})
+    files = {"ONE": str(one), "NONE": str(tmp_path / "none.toml")}
+    assert main(["serve", *(files.get(word, word) for word in words), "--data", str(tmp_path), "--port", "0"]) == 2
+    said = capsys.readouterr().err
+    assert line in said and len(said.strip().splitlines()) == 1
