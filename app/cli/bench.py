@@ -31,6 +31,7 @@ BENCHES = {
     "prediction": "core.bench.prediction.bench_prediction",
     "perceived-prediction": "core.bench.prediction.bench_perceived_prediction",
     "rally": "core.bench.rally.bench_rally",
+    "outcomes": "core.bench.rally.bench_outcomes",
     "paper-perception": "core.bench.perception.bench_paper_perception",
     "scenes": "core.bench.rally.bench_scenes",
     "learning": "core.bench.learning.bench_learning",
@@ -57,7 +58,8 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of each speed (perceived-prediction, state-errors), flights (drawn-scenes, rivals), "
+        "balls of each speed (perceived-prediction, state-errors), balls of points alone (outcomes), "
+        "flights (drawn-scenes, rivals), "
         "seeds (paper-perception), seeds of both sides of every claim (learning), "
         "damages of each kind of file (damage), trials of each fault and job (faults), events (long), pieces (jobs)",
         "N",
@@ -69,7 +71,7 @@ class BenchArguments:
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
         "which chain plays (rally)", "filter|fit|paper|auto|known", "the first three"
     )
-    balls: PositiveInt | None = flag("of each chain and speed (rally)", "N", 20)
+    balls: PositiveInt | None = flag("of each chain and speed (rally), through cameras (outcomes)", "N", "20, 40")
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
     physics: Literal["paper", "real"] | None = flag("of the balls (rally)", "paper|real", "paper")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
