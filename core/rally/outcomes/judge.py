@@ -126,10 +126,11 @@ class OutcomeJudge:
             points = self._log.points()
             found = judge_stroke(points.part(slice(0, len(points) - SERVE_POINTS)), self._turn_s, self.config)
             if found is not None:
-                return dataclasses.replace(found, final=True)
-        return missed_stroke(t_us, NOT_SEEN_AGAIN)
+                return dataclasses.replace(found, serve=self.serve, final=True)
+        return dataclasses.replace(missed_stroke(t_us, NOT_SEEN_AGAIN), serve=self.serve)
 
     def _finish(self, found: JudgedStroke) -> JudgedStroke:
+        found = dataclasses.replace(found, serve=self.serve)
         self.newest, self._phase = found, "decided"
         return found
 

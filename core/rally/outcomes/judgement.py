@@ -15,6 +15,7 @@ from core.rally.outcomes.config import JudgeConfig
 from core.rally.outcomes.flight_kernel import FOUND, look_ahead
 from core.rally.outcomes.futures import Futures, draw_futures
 from core.rally.outcomes.outgoing_fit import OutgoingFit, fit_outgoing
+from core.rally.outcomes.serve_seen import ServeSeen
 from core.rally.outcomes.turn import contact_time
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M
 
@@ -64,6 +65,8 @@ class JudgedStroke:
     """(3,) there."""
     points: int
     """Of the outgoing flight, without strays."""
+    serve: ServeSeen | None = None
+    """The ball as it came; None if that was not seen."""
     final: bool = False
     """Whether nothing that is still to come is waited for."""
 
