@@ -65,7 +65,8 @@ class BenchArguments:
         "N",
     )
     folder: Path | None = flag(
-        "what is measured is kept here (learning, state-errors, perceived-prediction, drawn-scenes, paper-perception)"
+        "what is measured is kept here "
+        "(learning, state-errors, perceived-prediction, drawn-scenes, paper-perception, outcomes)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
@@ -73,7 +74,7 @@ class BenchArguments:
     )
     balls: PositiveInt | None = flag("of each chain and speed (rally), through cameras (outcomes)", "N", "20, 40")
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
-    physics: Literal["paper", "real"] | None = flag("of the balls (rally)", "paper|real", "paper")
+    physics: Literal["paper", "real"] | None = flag("of the balls (rally, outcomes)", "paper|real", "paper; both")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag("a fault, or a job (faults); a kind of file (damage); door or return (app)", "NAME", "all")
     engine: EngineArguments

@@ -1,9 +1,10 @@
 """Outcomes judged by perception beside those that the simulation tells: case, landing, height at the net, serve.
 
-Two rows. `cameras`: simulated events of two cameras, the whole chain, nothing told; half of the strokes are anywhere in
-the range of actions, half near the middle, and for some the racket is sent to rest instead. `points`: no cameras, balls
-of the closed-form simulation with the noise that the chain's points were measured to have; many more of them. Seeds are
-fixed, and none of them was used while the judge was made.
+Three rows for each physics. `cameras`: simulated events of two cameras, the whole chain, nothing told; half of the
+strokes are anywhere in the range of actions, half near the middle, and some are called off 50 ms before the ball.
+`cameras, idle racket`: a tenth as many balls, and the racket stays at rest. `points`: no cameras, balls of the
+closed-form simulation with the noise that the chain's points were measured to have; many more of them. Seeds are fixed,
+and none of them was used while the judge was made.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 
 from core.bench.machine import describe_machine
 from core.bench.partial_rows import tell_rows, within
+from core.bench.rally.idle_racket import IdleRacketCourt
 from core.bench.rally.noisy_tracks import NoisyBall, draw_ball
 from core.bench.rally.outcome_rows import ComparedBall, compare_ball, outcome_row, read_ball
 from core.bench.rally.outcomes_report import write_outcomes_report
@@ -28,6 +30,7 @@ from core.learning.config import EnvironmentConfig, environment_profile
 from core.learning.task.environment import deliver
 from core.physics.config import Profile
 from core.rally.outcomes import JudgedStroke, OutcomeJudge
+from core.rally.outcomes.court import EventCourt
 from core.rally.outcomes.perceived_backend import PerceivedBackend
 from core.rally.simulated.event_court import SimulatedCourt
 from core.rally.simulated.world import Block, JudgedBall
@@ -39,8 +42,8 @@ POINTS: Final = 500
 SEED: Final = 20261123
 CHUNK: Final = 10
 """Balls that are kept together in a file."""
-RESTING: Final = 0.08
-"""Share of balls for which the racket is sent to rest."""
+CALLED_OFF: Final = 0.08
+"""Share of strokes that are called off when they are decided: the racket goes to rest, and may still meet the ball."""
 WAIT_US: Final = 3_000_000
 """For what the simulation tells, after the judgement."""
 
@@ -50,27 +53,50 @@ def run(
     *,
     balls: int = BALLS,
     count: int = POINTS,
-    physics: Profile = "paper",
+    physics: Profile | None = None,
     folder: Path | None = None,
     report: Path | None = None,
 ) -> dict[str, object]:
-    """A row of `balls` through cameras and one of `count` of points. What is in `folder` is not measured again."""
+    """For each physics, or one, a row of `balls` through cameras and one of `count` of points.
+
+    What is in `folder` is not measured again.
+    """
+    names: tuple[Profile, ...] = ("paper", "real") if physics is None else (physics,)
     rows: list[dict[str, object]] = []
-    seen: list[ComparedBall] = []
-    cameras = within(progress, 0.0, 0.8)
-    for first in range(0, balls, CHUNK):
-        chunk = _kept_chunk(folder, physics, first) or _measure_chunk(physics, first)
-        _keep_chunk(folder, physics, first, chunk)
-        seen += chunk[: balls - first]
-        cameras(min(1.0, (first + CHUNK) / balls))
-    rows.append(outcome_row("cameras", physics, seen))
-    tell_rows(progress, rows[-1:], 0.8)
-    rows.append(outcome_row("points", physics, measure_points(physics, count, within(progress, 0.8, 1.0))))
-    tell_rows(progress, rows[-1:], 1.0)
+    for number, name in enumerate(names):
+        done, share = number / len(names), 1 / len(names)
+        spans = ((0.0, 0.8), (0.8, 0.9), (0.9, 1.0))
+        cameras, idle, points = (within(progress, done + share * a, done + share * b) for a, b in spans)
+        rows.append(outcome_row("cameras", name, measure_cameras(name, balls, cameras, folder)))
+        tell_rows(progress, rows[-1:], done + 0.8 * share)
+        past = measure_cameras(name, math.ceil(balls / 10), idle, folder, idle=True)
+        rows.append(outcome_row("cameras, idle racket", name, past))
+        tell_rows(progress, rows[-1:], done + 0.9 * share)
+        rows.append(outcome_row("points", name, measure_points(name, count, points)))
+        tell_rows(progress, rows[-1:], done + share)
     machine = describe_machine("numba", "numpy", "mujoco", clock="no times are measured")
     if report is not None:
         replace_file(report, write_outcomes_report(rows, machine, SEED).encode(), durable=False)
     return {"rows": rows, "machine": machine}
+
+
+def measure_cameras(
+    physics: Profile,
+    balls: int,
+    progress: Callable[[float], None],
+    folder: Path | None = None,
+    *,
+    idle: bool = False,
+) -> list[ComparedBall]:
+    """Balls of which simulated events are seen, judged and told; tens of them are kept in `folder`."""
+    found: list[ComparedBall] = []
+    for first in range(0, balls, CHUNK):
+        path = None if folder is None else _chunk_file(folder, physics, first, idle=idle)
+        chunk = _kept_chunk(path) or _measure_chunk(physics, first, idle=idle)
+        _keep_chunk(path, chunk)
+        found += chunk[: balls - first]
+        progress(min(1.0, (first + CHUNK) / balls))
+    return found
 
 
 def measure_points(physics: Profile, count: int, progress: Callable[[float], None]) -> list[ComparedBall]:
@@ -137,10 +163,11 @@ class _Told:
         self.ball, self.hit_s = None, math.nan
 
 
-def _measure_chunk(physics: Profile, first: int) -> list[ComparedBall]:
+def _measure_chunk(physics: Profile, first: int, *, idle: bool) -> list[ComparedBall]:
     environment = dataclasses.replace(environment_profile(physics, state_source="events"), outcomes="events")
     rng, told = np.random.default_rng([SEED, 0, first]), _Told()
-    court = SimulatedCourt(environment.task, seed=SEED + first, told=told)
+    court: EventCourt = SimulatedCourt(environment.task, seed=SEED + first, told=told)
+    court = IdleRacketCourt(court) if idle else court
     backend = PerceivedBackend(environment, court)
     try:
         return [_play_ball(environment, rng, court, backend, told) for _ in range(CHUNK)]
@@ -151,17 +178,17 @@ def _measure_chunk(physics: Profile, first: int) -> list[ComparedBall]:
 def _play_ball(
     environment: EnvironmentConfig,
     rng: np.random.Generator,
-    court: SimulatedCourt,
+    court: EventCourt,
     backend: PerceivedBackend,
     told: _Told,
 ) -> ComparedBall:
     speed_mps = float(rng.uniform(3, 9))
     dealt = deliver(speed_mps, 1, environment, rng)
     action = rng.uniform(-1, 1, (1, 3)) * (1.0 if rng.random() < 0.5 else 0.3)
-    rests = rng.random() < RESTING
+    called_off = rng.random() < CALLED_OFF
     told.forget()
     ball = backend.meet(dealt)
-    if rests:
+    if called_off:
         court.aim(None)
         ball = dataclasses.replace(ball, seen=np.array([False]))
     backend.play(ball, action)
@@ -184,21 +211,21 @@ def _play_ball(
     )
 
 
-def _chunk_file(folder: Path, physics: Profile, first: int) -> Path:
-    return folder / f"outcomes-{physics}-{SEED}-{first:04d}.json"
+def _chunk_file(folder: Path, physics: Profile, first: int, *, idle: bool) -> Path:
+    return folder / f"outcomes-{physics}-{'idle-' if idle else ''}{SEED}-{first:04d}.json"
 
 
-def _kept_chunk(folder: Path | None, physics: Profile, first: int) -> list[ComparedBall] | None:
-    if folder is None or not _chunk_file(folder, physics, first).exists():
+def _kept_chunk(path: Path | None) -> list[ComparedBall] | None:
+    if path is None or not path.exists():
         return None
-    return [read_ball(one) for one in json.loads(_chunk_file(folder, physics, first).read_text())]
+    return [read_ball(one) for one in json.loads(path.read_text())]
 
 
-def _keep_chunk(folder: Path | None, physics: Profile, first: int, chunk: list[ComparedBall]) -> None:
-    if folder is None:
+def _keep_chunk(path: Path | None, chunk: list[ComparedBall]) -> None:
+    if path is None:
         return
-    folder.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     plain = [
         {name: None if value != value else value for name, value in dataclasses.asdict(one).items()} for one in chunk
     ]
-    replace_file(_chunk_file(folder, physics, first), json.dumps(plain).encode(), durable=False)
+    replace_file(path, json.dumps(plain).encode(), durable=False)

@@ -12,19 +12,22 @@ def test_a_ball_through_cameras_and_some_of_points_give_rows_and_a_page_and_are_
 ) -> None:
     monkeypatch.setattr(bench_outcomes, "CHUNK", 1)
     page = tmp_path / "outcomes.md"
-    found = bench_outcomes.run(lambda share: None, balls=1, count=4, folder=tmp_path / "kept", report=page)
-    cameras, points = found["rows"]  # type: ignore[misc]
+    found = bench_outcomes.run(
+        lambda share: None, balls=1, count=4, physics="paper", folder=tmp_path / "kept", report=page
+    )
+    cameras, idle, points = found["rows"]  # type: ignore[misc]
     assert (cameras["seen_through"], cameras["balls"]) == ("cameras", 1)
+    assert (idle["balls"], idle["cases"]) == (1, "missed 1/1")
     assert (points["seen_through"], points["balls"]) == ("points", 4)
     assert points["agree_low"] <= points["agree"] <= points["agree_high"]
     assert 0 < cameras["serve_late_ms_median"] < 200 and cameras["serve_mps_median"] < 0.5
     assert "| cameras | paper | 1 |" in page.read_text()
 
-    def again(*_: object) -> list[ComparedBall]:
+    def again(*_: object, **__: object) -> list[ComparedBall]:
         raise AssertionError("measured again")
 
     monkeypatch.setattr(bench_outcomes, "_measure_chunk", again)
-    kept = bench_outcomes.run(lambda share: None, balls=1, count=4, folder=tmp_path / "kept")
+    kept = bench_outcomes.run(lambda share: None, balls=1, count=4, physics="paper", folder=tmp_path / "kept")
     assert kept["rows"][0] == cameras  # type: ignore[index]
 
 
