@@ -13,7 +13,7 @@ simulation tells. Serves of 3 to 9 m/s, drawn evenly. `cameras`: simulated event
 placement, detector `refined`, calibration exact; strokes with actions from the whole range (half of them) and from its
 middle, 8 % of them called off 50 ms before the ball. `cameras, idle racket`: the same, and the racket stays at rest.
 `points`: no cameras; the same physics in closed form, and points with the noise that was measured of the first row's
-chain, nothing for 10 ms after the racket, 5 % without a stroke. Neither the chain nor the judge is told air or table: the
+chain, nothing for 10 ms after the racket, 5 % without a stroke. Neither chain nor judge is told air or table: the
 points decide between flights with air and without. Landing: where the ball comes down to the table's plane, from where
 the simulation says, over balls that both say were struck. NEES: mean squared error over the covariance, per coordinate
 (1 is honest, less is too careful). The serve's speed is that at which it was first seen, from that at its launch.

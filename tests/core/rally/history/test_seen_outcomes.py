@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,11 @@ from core.bench.rally.noisy_tracks import NoisyBall, draw_ball
 from core.learning.config import environment_profile
 from core.physics.episode import Case
 from core.rally.chain.chain import BallPoint, ChainState, StageSeconds
+from core.rally.history.following import Following
 from core.rally.history.rally_history import RallyHistory
 from core.rally.history.seen_outcomes import SeenOutcomes
+from core.recordings import open_recording
+from core.simulation.episodes.judge import BallOutcome
 
 Array = NDArray[np.float64]
 
@@ -78,3 +82,16 @@ def test_a_session_that_begins_anew_forgets_the_ball_that_flew() -> None:
         seen.close()
     (only,) = history.outcomes_between(-1, 10**9)
     assert only.spot.case == second.case
+
+
+def test_a_recording_that_tells_nothing_is_followed_and_its_stroke_judged(
+    stroke_recording: tuple[Path, BallOutcome],
+) -> None:
+    path, told = stroke_recording
+    with open_recording(path) as recording:
+        following = Following(recording)
+        following.wait()
+    (seen,) = following.history.outcomes_between(-1, 10**9)
+    assert seen.spot.case == told.case
+    np.testing.assert_allclose([seen.spot.x_m, seen.spot.y_m], told.landing_m[:2], atol=0.02)
+    assert abs(seen.speed_mps - 6.0) < 0.4 and 0 < seen.serve_us < 200_000
