@@ -28,8 +28,8 @@ def write_outcomes_report(rows: Sequence[Mapping[str, object]], machine: Mapping
     """The page as Markdown."""
     parts = [
         "# Outcomes that the cameras see",
-        f"Made by `rallyscope bench outcomes --report docs/measured/outcomes-report.md` (seed {seed};"
-        f" {machine_words(machine)}).",
+        f"Made by `rallyscope bench outcomes --balls {rows[0]['balls']} --count {rows[-1]['balls']} --report"
+        f" docs/measured/outcomes-report.md` (seed {seed}; {machine_words(machine)}).",
         ABOUT,
         markdown_table(TITLES, [_cells(row) for row in rows]).rstrip(),
         "Agreed of told, by case:",
