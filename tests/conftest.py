@@ -6,6 +6,11 @@ import numpy as np
 import pytest
 
 from core.cameras import stereo_preset
+from core.learning.config import EnvironmentConfig
+from core.learning.task.environment import evaluation_balls
+from core.rally.outcomes.perceived_backend import PerceivedBackend
+from core.rally.simulated.event_court import SimulatedCourt
+from core.rally.simulated.world import Block
 from core.recordings import RecordingWriter
 from core.simulation import (
     LaunchConfig,
@@ -16,6 +21,7 @@ from core.simulation import (
     simulate_stereo,
     truth_times,
 )
+from core.simulation.episodes.judge import BallOutcome
 
 HERE = Path(__file__).parent
 SHARED = HERE.parents[1] / "shared" / "data"
@@ -116,3 +122,29 @@ def serve_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for name, camera in cameras.items():
             writer.write_truth(name, pixel_truth(camera, path, times_us))
     return file
+
+
+@pytest.fixture(scope="session")
+def stroke_recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, BallOutcome]:
+    """A serve of 6 m/s and a stroke: the events of two calibrated cameras and nothing else; and what came of it.
+
+    Do not write to it.
+    """
+    environment = EnvironmentConfig(state_source="events", outcomes="events")
+    blocks: list[Block] = []
+    court = SimulatedCourt(environment.task, seed=4, told=blocks.append)
+    backend = PerceivedBackend(environment, court)
+    try:
+        ball = backend.meet(evaluation_balls(6.0, 1, environment))
+        backend.play(ball, np.array([[0.0, 0.4, 0.0]]))
+        while not any(block.outcomes for block in blocks[:-20]):
+            court.advance()
+    finally:
+        backend.close()
+    file = tmp_path_factory.mktemp("recordings") / "stroke.h5"
+    sensors = {name: camera.sensor for name, camera in court.cameras.items()}
+    with RecordingWriter(file, sensors, calibration=court.cameras) as writer:
+        for block in blocks:
+            for name, events in block.events.items():
+                writer.append(name, events)
+    return file, next(block.outcomes[0].outcome for block in blocks if block.outcomes)

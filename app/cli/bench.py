@@ -32,6 +32,7 @@ BENCHES = {
     "prediction": "core.bench.prediction.bench_prediction",
     "perceived-prediction": "core.bench.prediction.bench_perceived_prediction",
     "rally": "core.bench.rally.bench_rally",
+    "outcomes": "core.bench.rally.bench_outcomes",
     "paper-perception": "core.bench.perception.bench_paper_perception",
     "scenes": "core.bench.rally.bench_scenes",
     "learning": "core.bench.learning.bench_learning",
@@ -58,22 +59,24 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of each speed (perceived-prediction, state-errors), flights (drawn-scenes, rivals), "
+        "balls of each speed (perceived-prediction, state-errors), balls of points alone (outcomes), "
+        "flights (drawn-scenes, rivals), "
         "seeds (paper-perception), seeds of both sides of every claim (learning), "
         "damages of each kind of file (damage), trials of each fault and job (faults), events (long), pieces (jobs), "
         "seconds (record)",
         "N",
     )
     folder: Path | None = flag(
-        "what is measured is kept here (learning, state-errors, perceived-prediction, drawn-scenes, paper-perception)"
+        "what is measured is kept here "
+        "(learning, state-errors, perceived-prediction, drawn-scenes, paper-perception, outcomes)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
         "which chain plays (rally)", "filter|fit|paper|auto|known", "the first three"
     )
-    balls: PositiveInt | None = flag("of each chain and speed (rally)", "N", 20)
+    balls: PositiveInt | None = flag("of each chain and speed (rally), through cameras (outcomes)", "N", "20, 40")
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
-    physics: Literal["paper", "real"] | None = flag("of the balls (rally)", "paper|real", "paper")
+    physics: Literal["paper", "real"] | None = flag("of the balls (rally, outcomes)", "paper|real", "paper; both")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
         "a fault, or a job (faults); a kind of file (damage); door, return or pace (app)", "NAME", "all"

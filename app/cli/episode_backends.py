@@ -21,7 +21,9 @@ def open_backend(config: RunConfig, source: str | None, keys: Path | None = None
     """
     if source is None and keys is not None:
         raise CommandError("keys without a source", expected="--source tcp://HOST:PORT", where="--keys")
-    if source is not None:
+    if config.environment.outcomes == "events":
+        backend = _perceived_backend(config, source, keys)
+    elif source is not None:
         # late: the chain and its compiled loops are for those who ask
         from core.rally.link.episode_backend import LinkBackend
         from core.rally.link.keys import read_client_keys
@@ -36,3 +38,19 @@ def open_backend(config: RunConfig, source: str | None, keys: Path | None = None
         return
     with contextlib.closing(backend):
         yield backend
+
+
+def _perceived_backend(config: RunConfig, source: str | None, keys: Path | None) -> EpisodeBackend:
+    """A court of which only events are known: that of a server, or one simulated here."""
+    from core.rally.outcomes.perceived_backend import PerceivedBackend  # late: the chain and its compiled loops
+
+    if source is not None:
+        from core.rally.link.event_court import LinkedCourt
+        from core.rally.link.keys import read_client_keys
+
+        court = LinkedCourt(source, None if keys is None else read_client_keys(keys))
+    else:
+        from core.rally.simulated.event_court import SimulatedCourt
+
+        court = SimulatedCourt(config.environment.task, seed=config.first_seed)
+    return PerceivedBackend(config.environment, court)

@@ -21,6 +21,7 @@ from core.learning.config import (
     AgentName,
     CurriculumConfig,
     EnvironmentConfig,
+    OutcomeSource,
     ReplayRule,
     RewardConfig,
     RewardKind,
@@ -34,6 +35,9 @@ from core.physics.config import Profile
 
 BALLS_BEFORE_CAMERAS = 100
 """Fixed balls of an evaluation with states from events: each takes a second to be seen, once per training."""
+
+BALLS_PLAYED_OUT = 10
+"""The same where cameras see the outcomes too: each is served, struck and watched to its end, at every evaluation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +56,9 @@ class NewRunArguments:
     seeds: PositiveInt | None = setting_flag(RunConfig, "seeds", "N")
     first_seed: int | None = setting_flag(RunConfig, "first_seed", "N")
     state_source: StateSource | None = setting_flag(EnvironmentConfig, "state_source")
+    outcomes: OutcomeSource | None = setting_flag(
+        EnvironmentConfig, "outcomes", what="who says what came of a stroke; `events` goes with states from events"
+    )
     physics: Profile | None = flag("how balls fly and bounce", default="paper")
     serves: Literal["standard", "hard"] | None = flag("which balls come", default="standard")
 
@@ -63,7 +70,10 @@ class TrainArguments:
     out: Path = flag("folder of the run", "RUN")
     resume: bool = flag("go on with the run in that folder")
     new: NewRunArguments
-    source: str | None = flag("play every ball in a simulation server (its outcomes are the same)", "tcp://HOST:PORT")
+    source: str | None = flag(
+        "play every ball in a simulation server (its outcomes are the same; --outcomes events takes only its events)",
+        "tcp://HOST:PORT",
+    )
     keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
     engine: SharedEngineArguments
     json: bool = flag("print a summary as JSON")
@@ -104,15 +114,18 @@ def _engine(arguments: TrainArguments) -> Engine:
 def requested_run(arguments: NewRunArguments) -> RunConfig:
     """The run that the options describe."""
     config = load_config(RunConfig, arguments.config) if arguments.config else default_run(arguments.agent or "ddpg")
-    environment, state_source = config.environment, arguments.state_source or config.environment.state_source
+    environment, outcomes = config.environment, arguments.outcomes or config.environment.outcomes
+    source = "events" if arguments.outcomes == "events" else environment.state_source
+    state_source = arguments.state_source or source
     if arguments.physics or arguments.serves:
         physics, serves = arguments.physics or "paper", arguments.serves or "standard"
         environment = environment_profile(physics, serves=serves, state_source=state_source)
+    before_cameras = {"told": BALLS_BEFORE_CAMERAS, "events": BALLS_PLAYED_OUT}[outcomes]
     few = state_source == "events" and not arguments.config
     return dataclasses.replace(
         config,
-        environment=dataclasses.replace(environment, state_source=state_source),
-        evaluation_balls=BALLS_BEFORE_CAMERAS if few else config.evaluation_balls,
+        environment=dataclasses.replace(environment, state_source=state_source, outcomes=outcomes),
+        evaluation_balls=before_cameras if few else config.evaluation_balls,
         reward=dataclasses.replace(config.reward, **given({"kind": arguments.reward})),
         curriculum=_curriculum(config.curriculum, arguments),
         **given({"agent": arguments.agent, "seeds": arguments.seeds, "first_seed": arguments.first_seed}),

@@ -24,6 +24,7 @@ from core.rally.history.rally_history import Outcome, RallyHistory
 from core.rally.history.rally_picture import LandingSpot
 from core.rally.history.record_live import LiveRecorder
 from core.rally.history.return_counts import BallConditions, ReturnCounts
+from core.rally.history.seen_outcomes import SeenOutcomes
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
 from core.rally.link.keys import ClientKeys
@@ -56,6 +57,7 @@ class LiveRally:
         """Since this app was started, over all sessions of the source."""
         self.watch = StreamWatch()
         """What is missing of it."""
+        self._umpire = None if source.tells_outcomes else SeenOutcomes(self.history)
         self._scene: str | None = None
         self._session = ""
         self._recorder: LiveRecorder | None = None
@@ -141,6 +143,8 @@ class LiveRally:
         """Leave it; what is being recorded is finished."""
         self.stop_recording()
         self.player.close()
+        if self._umpire is not None:
+            self._umpire.close()
         self.source.close()
         self.recording.close()
         self.stop_simulation()
@@ -150,6 +154,8 @@ class LiveRally:
     def on_session(self, welcome: m.Reply) -> None:
         """Begin anew with another session."""
         self.history.clear()
+        if self._umpire is not None:
+            self._umpire.begin_anew()
         self.rows.clear()
         self.returns.drop_ball()
         self._session, self._forgotten_us = welcome.session, 0
@@ -194,6 +200,8 @@ class LiveRally:
             if not self.has_robot:  # what a racket would do that is not there
                 state, decision = replace(state, decision=None), None
             self.history.add_step(state)
+            if self._umpire is not None:
+                self._umpire.add_step(state.chain)
             self.rows.add_step(state, decision)
 
 

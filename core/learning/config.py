@@ -16,6 +16,7 @@ from core.table import NET_HEIGHT_M, TABLE_LENGTH_M
 
 AgentName = Literal["ddpg", "landing-model", "ppo", "a2c", "trpo", "td3", "sac"]
 StateSource = Literal["predicted", "truth", "truth+noise", "timed", "events"]
+OutcomeSource = Literal["told", "events"]
 ReplayRule = Literal["threshold", "discard", "retain"]
 RewardKind = Literal["cdta", "case", "simple"]
 
@@ -75,6 +76,9 @@ class EnvironmentConfig:
     """How the learner gets p_c and v_c: the paper's five-point prediction, the truth, the truth with noise, points that
     err as those of event cameras until the decision, or the whole chain of event cameras. Except for `truth`, the
     racket goes where the ball is expected and may miss it."""
+    outcomes: OutcomeSource = "told"
+    """Who says what came of a stroke, and how fast the serve was: the simulation, or with states from `events` the
+    cameras themselves."""
     position_noise_m: float = setting(0.005, 0.0, 0.1)
     """Standard deviation per axis of `truth+noise`."""
     velocity_noise: float = setting(0.01, 0.0, 0.2)
@@ -92,6 +96,14 @@ class EnvironmentConfig:
 
     def __post_init__(self) -> None:
         check_settings(self)
+        if self.outcomes == "events" and self.state_source != "events":
+            raise ConfigError(
+                "outcomes that cameras see need states that they see",
+                expected='state_source "events"',
+                got=self.state_source,
+                where="outcomes",
+                remedy="train with --state-source events",
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

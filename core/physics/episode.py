@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,12 @@ class Case(IntEnum):
     OUT = 3
     RETURNED = 4
     MISSED = 5
+
+
+CASE_OF_CONTACT: Final = np.array(
+    [Case.OUT, Case.OWN_HALF, Case.NET, Case.OUT, Case.RETURNED, Case.OWN_HALF, Case.OUT], np.int8
+)
+"""By the codes of `contact`: nothing, own top, net, floor, far top, own end, far end."""
 
 
 class TimedStates(NamedTuple):

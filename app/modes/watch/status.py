@@ -39,7 +39,7 @@ def moment_html(
 ) -> str:
     """Ball, predictions and racket at one time; `followed` is the share of the recording that the chain has seen.
 
-    Without a robot nothing is said of a racket, and without word of outcomes nothing of what became of balls; how many
+    Without a robot nothing is said of a racket, and without word of outcomes only what was seen of strokes; how many
     came back only where no panel counts them by controller and scene.
     """
     step = moment.step
@@ -61,6 +61,8 @@ def moment_html(
         rows.append(("Last ball", _last(moment.outcomes)))
         if returned:
             rows.append(("Returned", _balls(moment.outcomes)))
+    elif moment.outcomes:
+        rows += [("Last stroke, as seen", _last(moment.outcomes)), ("Strokes, as seen", _balls(moment.outcomes))]
     if followed < 1:
         rows.append(
             ("Followed", f"<span style='color:{theme.MUTED}'>has seen {percent(followed)} of the recording</span>")

@@ -17,7 +17,7 @@ KEPT: Final = 0.95
 """Of the speed that was asked for: below it, that is not kept."""
 ALONE: Final = (
     f"<div style='font-size:12px;color:{theme.MUTED};padding:4px 12px'>It has no robot, and nobody knows the truth: "
-    "nothing is served, returned or counted.</div>"
+    "nothing is served or returned, and strokes are counted as they are seen.</div>"
 )
 
 

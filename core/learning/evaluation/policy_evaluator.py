@@ -65,7 +65,10 @@ class PolicyEvaluator:
     """Evaluates policies on the fixed balls of an environment, which are made once."""
 
     def __init__(self, config: EnvironmentConfig, balls: int, backend: EpisodeBackend | None = None) -> None:
-        """A court shows the balls, once; the strokes are played in closed form, by a racket that is there in time."""
+        """A court shows the balls, once; the strokes are played in closed form, by a racket that is there in time.
+
+        Where outcomes are those that cameras see, every stroke is played out on the court.
+        """
         self._config = config
         self._backend = backend or ClosedFormBackend(config)
         self._count = balls
@@ -76,14 +79,18 @@ class PolicyEvaluator:
         if (which, speed_mps) not in self._balls:
             deal = evaluation_balls if which == "test" else validation_balls
             balls = deal(speed_mps, self._count, self._config)
-            self._balls[which, speed_mps] = (
-                observe_all(self._backend, balls) if self._config.state_source == "events" else balls
-            )
+            self._balls[which, speed_mps] = observe_all(self._backend, balls) if self._is_shown_once else balls
         return self._balls[which, speed_mps]
+
+    @property
+    def _is_shown_once(self) -> bool:
+        return self._config.state_source == "events" and self._config.outcomes == "told"
 
     def score(self, controller: ActionSource, speed_mps: float, which: BallSet = "test") -> PolicyScore:
         """A policy on them, without noise on the action."""
         balls = self.balls(speed_mps, which)
+        if self._config.outcomes == "events":
+            return score_played(self._backend, controller, balls)
         return self.score_actions(controller(balls.states, balls.racket_speeds_mps, balls.goals_m), speed_mps, which)
 
     def score_actions(self, actions: Array, speed_mps: float, which: BallSet = "test") -> PolicyScore:

@@ -75,7 +75,7 @@ def evaluate_run(
     environment = environment or config.environment
     speeds = speeds_mps or sorted(set(config.curriculum.speeds_mps))
     # Baselines know the truth anyway, and nobody has to see their balls.
-    known = environment if backend is None else dataclasses.replace(environment, state_source="truth")
+    known = environment if backend is None else dataclasses.replace(environment, state_source="truth", outcomes="told")
     evaluator = PolicyEvaluator(known, balls or config.evaluation_balls)
     done, steps = 0, len(speeds) * len(policies)
     rows = []

@@ -15,6 +15,8 @@ from core.rally.control.player import Player
 from core.rally.history.played_bodies import PlayedBodies, recorded_bodies
 from core.rally.history.rally_history import RallyHistory
 from core.rally.history.recorded_history import add_known
+from core.rally.history.seen_outcomes import note_stroke
+from core.rally.outcomes import OutcomeJudge
 from core.recordings import Recording
 from core.recordings.reader import FileRecording
 
@@ -29,7 +31,9 @@ def is_stereo(recording: Recording) -> bool:
 
 
 class Following:
-    """One pass over one stereo recording. What the file itself knows of racket and outcomes is there at once."""
+    """One pass over one stereo recording. What the file itself knows of racket and outcomes is there at once; where it
+    knows no outcomes, strokes are judged by what is seen.
+    """
 
     def __init__(self, recording: Recording) -> None:
         self.history = RallyHistory()
@@ -65,12 +69,15 @@ class Following:
 
     def _follow(self) -> None:
         player = Player(RallyChain(self.cameras, ChainConfig()), BuiltInController())
+        judge = None if self.history.outcome_count else OutcomeJudge()
         duration_us = self._recording.duration_us
         for windows in windows_side_by_side(self._recording.cameras, 0, duration_us, WINDOW_US):
             if self._stop.is_set():
                 return
             state = player.step(windows)
             self.history.add_step(state)
+            if judge is not None:
+                note_stroke(self.history, judge.step(state.chain))
             self.share = state.chain.t_us / duration_us
         self.share = 1.0
 

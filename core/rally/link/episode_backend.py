@@ -41,8 +41,8 @@ class LinkBackend:
             LinkError: if there is no server, its physics is another, or states are to come from its events.
         """
         if environment.state_source == "events":
-            remedy = "train on events without --source, or with another state source"
-            raise LinkError("a server's events are not used for training", where="state_source", remedy=remedy)
+            remedy = "train with --outcomes events, or on events without --source, or with another state source"
+            raise LinkError("a server's events go with outcomes that they show", where="state_source", remedy=remedy)
         self._environment = environment
         self._notices: queue.SimpleQueue[m.OutcomeNotice] = queue.SimpleQueue()
         self._client = SimulationClient(address, keys=keys)

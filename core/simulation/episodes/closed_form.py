@@ -11,7 +11,7 @@ from core.errors import ConfigError
 from core.jit import njit
 from core.physics import contact
 from core.physics.contact import come_down, cross_net_plane, highest_point, next_contact
-from core.physics.episode import Arrivals, Case, Outcomes, Serves, Strokes, TimedStates
+from core.physics.episode import CASE_OF_CONTACT, Arrivals, Case, Outcomes, Serves, Strokes, TimedStates
 from core.physics.flight import Air, air_from_config, fall_through, fly
 from core.physics.impact import Surface, strike, surfaces_from_config
 from core.physics.rotation import normals_from_orientations
@@ -23,10 +23,6 @@ Array = NDArray[np.float64]
 MISSED = int(Case.MISSED)
 _UP = (0.0, 0.0, 1.0)
 _STILL = (0.0, 0.0, 0.0)
-_CASE_OF_CONTACT = np.array(
-    [Case.OUT, Case.OWN_HALF, Case.NET, Case.OUT, Case.RETURNED, Case.OWN_HALF, Case.OUT], np.int8
-)
-"""By the codes of `contact`: nothing, own top, net, floor, far top, own end, far end."""
 
 
 def fly_serves(serves: Serves, config: TaskConfig) -> Arrivals:
@@ -207,7 +203,7 @@ def _follow(
         if s[0] < 0 and s[3] > 0 and not math.isnan(cross_net_plane(s, air, at_net)):
             net_z[i] = at_net[2]
         what, t = next_contact(s, air, contacts.states[i])
-        case[i] = _CASE_OF_CONTACT[what]
+        case[i] = CASE_OF_CONTACT[what]
         contacts.t_s[i] = hit_t[i] + t
 
 

@@ -124,3 +124,23 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
         since_us = rally.history.followed_us
         wait_for(lambda: rally.history.followed_us > since_us + 200_000, "the other camera to be followed")
         window.screenshot("replay-lost")
+
+
+def test_strokes_of_a_replay_are_counted_as_they_were_seen(
+    chromium, tmp_path, stroke_recording, open_window, wait_for
+) -> None:
+    path, told = stroke_recording
+    workspace = Workspace(tmp_path)
+    live = LiveRally(ReplaySource(open_recording(path), "stroke.h5", speed=0.3))
+    lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
+    try:
+        with open_window(lab, in_space=True) as window:
+            wait_for(lambda: window.session.world.visible, "the 3D scene")
+            wait_for(lambda: live.history.outcome_count, "the stroke to be judged")
+            window.page.get_by_text("Strokes, as seen").first.wait_for()
+            window.page.get_by_text("of 1 returned").or_(window.page.get_by_text("of 2 returned")).first.wait_for()
+            window.screenshot("replay-strokes")
+        (first, *_) = live.history.outcomes_between(-1, 10**12)
+        assert first.spot.case == told.case
+    finally:
+        lab.stop()

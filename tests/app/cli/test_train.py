@@ -1,5 +1,6 @@
 """`rallyscope train` and `evaluate` as a user types them."""
 
+import dataclasses
 import json
 import queue
 import threading
@@ -7,12 +8,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app.cli import main
-from core.cameras import stereo_preset
+from core.cameras import Camera, stereo_preset
+from core.config import save_config
 from core.events import SensorSize
-from core.learning.runs.run_files import read_lines, seed_files
+from core.learning.config import EnvironmentConfig, default_run
+from core.learning.runs.run_files import read_lines, read_run, seed_files
+from core.learning.runs.training import BALLS
+from core.learning.task.environment import deliver
 from core.rally.link.keys import ServerKeys, make_keys, read_server_keys
 from core.rally.link.server import ServerConfig, SimulationServer
 
@@ -56,6 +62,7 @@ def test_a_run_is_trained_refused_twice_and_evaluated(tmp_path: Path, capsys: py
         (["--keys", "no-such-folder"], "keys without a source"),
         (["--source", "tcp://127.0.0.1:9", "--jobs", "2"], "take turns"),
         (["--cluster", "tcp://192.0.2.1:8786"], "needs certificates"),
+        (["--outcomes", "events", "--state-source", "truth"], "need states that they see"),
         (["--resume", "--seeds", "3"], "keeps its settings"),
         (["--resume"], "not a training run"),
         (["--config", "nowhere.toml"], "cannot read the config"),
@@ -76,9 +83,9 @@ def test_evaluate_needs_a_trained_run(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @contextmanager
-def serving(keys: ServerKeys | None = None) -> Iterator[str]:
-    """A simulation server with small cameras; its address."""
-    cameras = stereo_preset("side", SensorSize(320, 240))
+def serving(keys: ServerKeys | None = None, cameras: dict[str, Camera] | None = None) -> Iterator[str]:
+    """A simulation server, with small cameras unless told otherwise; its address."""
+    cameras = cameras or stereo_preset("side", SensorSize(320, 240))
     addresses: queue.SimpleQueue[str] = queue.SimpleQueue()
     ended = threading.Event()
 
@@ -128,3 +135,17 @@ def test_a_server_with_keys_trains_only_who_has_them(tmp_path: Path, capsys: pyt
             assert "its keys and ours do not fit" in capsys.readouterr().err
     assert len(read_lines(seed_files(tmp_path / "run", 0).metrics)[0]) == 2
     assert not (tmp_path / "no" / "config.toml").exists()
+
+
+def test_a_server_is_trained_on_by_what_its_cameras_see(tmp_path: Path) -> None:
+    config = dataclasses.replace(default_run("landing-model"), evaluation_balls=1)
+    save_config(config, tmp_path / "few.toml")
+    options = ["--config", str(tmp_path / "few.toml"), "--outcomes", "events", "--speeds", "6", "--episodes", "1"]
+    with serving(cameras=stereo_preset()) as address:
+        assert main(["train", "--source", address, *options, "--out", str(tmp_path / "run")]) == 0
+    assert read_run(tmp_path / "run").environment.outcomes == "events"
+    lines = read_lines(seed_files(tmp_path / "run", 0).metrics)[0]
+    (truth,) = deliver(6.0, 1, EnvironmentConfig(state_source="truth"), np.random.default_rng([0, BALLS, 0])).states
+    (line,) = lines
+    assert line["state"] == pytest.approx(truth.tolist(), abs=0.3) and line["state"] != truth.tolist()
+    assert line["landing_m"] != [None, None]

@@ -8,7 +8,9 @@ import pytest
 from app import theme
 from app.modes.watch.status import moment_html
 from app.modes.watch.stream_status import camera_rows, stream_html
-from core.rally.history.rally_history import RallyHistory, RallyMoment
+from core.physics.episode import Case
+from core.rally.history.rally_history import Outcome, RallyHistory, RallyMoment
+from core.rally.history.rally_picture import LandingSpot
 from core.rally.live.stream_watch import CameraHealth, StreamHealth
 
 WELL = StreamHealth(1.0, 0.01, False, 0, (CameraHealth("left", 0, 0, 0), CameraHealth("right", 0, 0, 0)))
@@ -68,3 +70,11 @@ def test_without_a_robot_and_outcomes_no_figure_speaks_of_them() -> None:
     for name in ("Racket turned by", "Racket pose", "Aims at", "Last ball", "Returned"):
         assert name not in alone and name in moment_html(nothing, 15.0, 1.0)
     assert "Hit predicted after the bounce" in alone
+
+
+def test_where_nobody_tells_outcomes_strokes_that_were_seen_are_counted() -> None:
+    seen = tuple(Outcome(k, 0, 5.0, LandingSpot(0.8, 0.1, case)) for k, case in enumerate((Case.NET, Case.RETURNED)))
+    moment = RallyMoment(9, RallyHistory().at(0, {}).picture, None, None, None, seen)
+    said = moment_html(moment, 15.0, 1.0, robot=False, outcomes=False)
+    assert "Strokes, as seen" in said and "1 of 2 returned" in said and "0.80 / +0.10 m" in said
+    assert "Last ball" not in said
