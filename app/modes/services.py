@@ -9,7 +9,6 @@ from typing import Final
 from app.background.shared_work import SharedWork
 from app.export.exporter import Exporter
 from app.export.viewer_streamer import ViewerStreamer
-from app.modes.watch.camera_pictures import CameraPicturesRequest, render_camera_pictures
 from app.shared.files import OfferedFiles
 from app.shared.library import Library
 from app.shared.rallies import Rallies
@@ -18,6 +17,7 @@ from app.shared.training.trainer import Trainer
 from app.shared.work_places import HERE_ONLY, WorkPlaces
 from app.shared.workspace import Workspace
 from app.state.browser_memory import BrowserMemory
+from app.views.camera_pictures import CameraPicturesRequest, render_camera_pictures
 from core.rally.history.missed_balls import MissedBall, MissedBallRequest, find_missed_ball
 from labels.store_registry import LabelStoreRegistry
 

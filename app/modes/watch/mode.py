@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
-from app.modes.watch.camera_pictures import CameraPicturesRequest
 from app.modes.watch.cameras_panel import CamerasPanel
 from app.modes.watch.commands import EnlargeCamera
 from app.modes.watch.missed_ball import MissedBallSearch
@@ -21,6 +20,7 @@ from app.scene.world import LAYERS
 from app.shared.live_rally import LiveRally, positions
 from app.shared.rallies import WatchedRally
 from app.state.client_state import ClientState
+from app.views.camera_pictures import CameraPicturesRequest
 from core.errors import CommandError
 from core.physics import TaskConfig
 from core.rally.history.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lead_times
@@ -63,7 +63,8 @@ class WatchMode:
         self._pictures = LatestWins(host.pool, host.services.camera_pictures, self._pictures_done, self._failed)
         self._lead_times = LatestWins(host.pool, compute_lead_times, self._show_lead_times, self._failed)
         self._drawn: object = None
-        self._drawn_s = self._pictures_s = self._status_s = self._controllers_s = self._lead_times_s = self._simulation_s = 0.0
+        self._drawn_s = self._pictures_s = self._status_s = self._lead_times_s = 0.0
+        self._controllers_s = self._simulation_s = 0.0
         self._predictions = -1
 
     @property
