@@ -56,10 +56,11 @@ class PixelTruth:
         visible = inside & self.visible[before] & self.visible[after]
         span = self.t_us[after] - self.t_us[before]
         weight = np.where(span > 0, (t - self.t_us[before]) / np.maximum(span, 1), 0.0)
-        u, v, r = (
-            np.where(visible, column[before] * (1 - weight) + column[after] * weight, np.nan)
-            for column in (self.u_px, self.v_px, self.r_px)
-        )
+        with np.errstate(invalid="ignore"):  # where it is not visible, columns of a file may hold anything
+            u, v, r = (
+                np.where(visible, column[before] * (1 - weight) + column[after] * weight, np.nan)
+                for column in (self.u_px, self.v_px, self.r_px)
+            )
         return PixelTruth(t, u, v, r, visible)
 
 
