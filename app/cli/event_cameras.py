@@ -52,6 +52,7 @@ def read_camera_order(source: str | None, arguments: CameraArguments) -> CameraO
         CommandError: if no cameras are named, more than two, or one twice, or another source is given such flags.
         ConfigError: if the biases cannot be used.
         CalibrationError: if the calibration cannot be read.
+        RecordingError: if it names a camera as no recording may.
         DeviceError: if no cameras are named, and there is no driver to list them.
     """
     if source is None or not source.startswith(CAMERA):
@@ -71,6 +72,10 @@ def read_camera_order(source: str | None, arguments: CameraArguments) -> CameraO
     if calibration and len(calibration) != len(serials):
         got = f"{len(serials)} cameras, and {len(calibration)} in the file"
         raise CommandError("the calibration is of other cameras", got=got, where=arguments.calibration)
+    from core.recordings.layout import check_camera_name
+
+    for name in calibration:
+        check_camera_name(name)
     names = list(calibration) or list(PAIR if len(serials) == 2 else ("camera",))
     from core.rally.devices.bias_file import read_biases
 

@@ -27,6 +27,16 @@ Rows = dict[str, NDArray]
 """Equally long columns of one group; the first axis is the row."""
 
 
+def check_camera_name(name: str) -> None:
+    """Names become groups of a recording, and parts of the names of files.
+
+    Raises:
+        RecordingError: if this one must not.
+    """
+    if not name or not name.replace("_", "").replace("-", "").isalnum() or name == "ball":
+        raise RecordingError("not a camera name", expected="letters, digits, - and _, not 'ball'", got=repr(name))
+
+
 def events_group(camera: str) -> str:
     return f"/cameras/{camera}/events"
 

@@ -258,8 +258,7 @@ class RecordingWriter:
 
 def _check_names(cameras: Mapping[str, SensorSize], calibration: Mapping[str, Camera]) -> None:
     for name in cameras:
-        if not name or not name.replace("_", "").replace("-", "").isalnum() or name == "ball":
-            raise RecordingError("not a camera name", expected="letters, digits, - and _, not 'ball'", got=repr(name))
+        layout.check_camera_name(name)
     for name, camera in calibration.items():
         if name not in cameras:
             raise RecordingError("calibration of an unknown camera", expected=", ".join(cameras), got=name)

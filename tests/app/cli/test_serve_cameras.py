@@ -61,13 +61,16 @@ def test_cameras_are_served_and_closed(serve_recording, tmp_path) -> None:
         (["--source", "live", "--sync-cable"], "are of event cameras"),
         (["--biases", "x.toml"], "are of event cameras"),
         (["--source", "camera:1,2", "--calibration", "ONE"], "the calibration is of other cameras"),
+        (["--source", "camera:1", "--calibration", "STRANGE"], "not a camera name"),
         (["--source", "camera:1", "--biases", "NONE"], "cannot read the biases"),
     ],
 )
 def test_mistakes_are_one_line(tmp_path, capsys, words, line) -> None:
     one = tmp_path / "one.toml"
-    save_calibration(one, {"left": stereo_preset("side", SensorSize(1280, 720))["left"]})
-    files = {"ONE": str(one), "NONE": str(tmp_path / "none.toml")}
+    strange, left = tmp_path / "strange.toml", stereo_preset("side", SensorSize(1280, 720))["left"]
+    save_calibration(one, {"left": left})
+    save_calibration(strange, {"../../left": left})
+    files = {"ONE": str(one), "STRANGE": str(strange), "NONE": str(tmp_path / "none.toml")}
     assert main(["serve", *(files.get(word, word) for word in words), "--data", str(tmp_path), "--port", "0"]) == 2
     said = capsys.readouterr().err
     assert line in said and len(said.strip().splitlines()) == 1
