@@ -45,6 +45,7 @@ COUNT_JS: Final = f"+({LINES_JS}.match(/times checked, (\\d+) labels?/) || [0, -
 SCORED_JS: Final = f"+({LINES_JS}.match(/against (\\d+) labels by/) || [0, 0])[1]"
 TIME_JS: Final = "+document.getElementById('rallyscope-time').value"
 PATIENCE_MS: Final = 2500
+READ_WITHIN_S: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +132,7 @@ class _User:
         self._server.kill()
         self._forget_server()
         self._open()
-        self.lost = max(0, self.before_kill - self._count())
+        self.lost = max(0, self.before_kill - self._count_once_read(self.before_kill))
         self._label_until(count)
 
     def score(self) -> int:
@@ -212,6 +213,13 @@ class _User:
 
     def _count(self) -> int:
         return int(self._page.evaluate(COUNT_JS))
+
+    def _count_once_read(self, least: int) -> int:
+        """Labels as the screen says when it has read them: what is lost stays so."""
+        deadline_s = time.monotonic() + READ_WITHIN_S
+        while (count := self._count()) < least and time.monotonic() < deadline_s:
+            self._page.wait_for_timeout(200)
+        return count
 
     def _time(self) -> int:
         return int(self._page.evaluate(TIME_JS))
