@@ -78,7 +78,7 @@ def in_browser(port: int, installed_s: float, started: subprocess.Popen, log: Pa
         browser = playwright.chromium.launch(executable_path=find_chromium(), args=FLAGS)
         page = browser.new_page(viewport={"width": 1280, "height": 720})
         page.goto(f"http://127.0.0.1:{port}", timeout=600_000)
-        for name, words in (("card", r"Getting ready"), ("returned ball", r"\b[1-9]\d* of \d+ returned")):
+        for name, words in (("card", r"Getting ready"), ("returned ball", r"^[1-9]\d* of \d+$")):
             shown = page.get_by_text(re.compile(words))
             until(lambda shown=shown: shown.count() > 0, started, log)
             seconds[name] = time.monotonic() - installed_s
