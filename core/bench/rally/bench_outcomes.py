@@ -34,6 +34,7 @@ from core.rally.outcomes.court import EventCourt
 from core.rally.outcomes.perceived_backend import PerceivedBackend
 from core.rally.simulated.event_court import SimulatedCourt
 from core.rally.simulated.world import Block, JudgedBall
+from core.text.json_text import parse_json
 
 BALLS: Final = 40
 """Through the cameras; each takes some seconds."""
@@ -218,7 +219,7 @@ def _chunk_file(folder: Path, physics: Profile, first: int, *, idle: bool) -> Pa
 def _kept_chunk(path: Path | None) -> list[ComparedBall] | None:
     if path is None or not path.exists():
         return None
-    return [read_ball(one) for one in json.loads(path.read_text())]
+    return [read_ball(one) for one in parse_json(path.read_text())]
 
 
 def _keep_chunk(path: Path | None, chunk: list[ComparedBall]) -> None:
