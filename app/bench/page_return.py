@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from app.bench.measuring_browser import measuring_browser
 from app.bench.soak.served_app import served
-from app.bench.trial_user import BROWSER_FLAGS, WINDOW, find_chromium
+from app.bench.trial_user import WINDOW
 from core.bench.machine import Row, goal_row
 from core.cameras import stereo_preset
-from core.errors import CommandError
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
 
 if TYPE_CHECKING:
@@ -36,15 +35,8 @@ def measure_return(folder: Path, progress: Callable[[float], None] = lambda shar
     Raises:
         CommandError: if there is no browser.
     """
-    program = find_chromium()
-    if program is None:
-        raise CommandError("no Chromium to measure with", remedy="set RALLYSCOPE_CHROMIUM to one")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=list(BROWSER_FLAGS))
-        with closing(browser):
-            return measure_in(browser, folder, progress, turns)
+    with measuring_browser() as browser:
+        return measure_in(browser, folder, progress, turns)
 
 
 def measure_in(

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from app.bench import bench_app, door_cost, page_return
+from app.bench import bench_app, door_cost, measuring_browser
 from app.front.door import FrontDoor
 from core.errors import CommandError
 
@@ -38,6 +38,6 @@ def test_another_part_is_refused() -> None:
 
 
 def test_how_soon_a_page_is_back_cannot_be_measured_without_a_browser(monkeypatch) -> None:
-    monkeypatch.setattr(page_return, "find_chromium", lambda: None)
+    monkeypatch.setattr(measuring_browser, "find_chromium", lambda: None)
     with pytest.raises(CommandError, match="no Chromium"):
         bench_app.run(lambda share: None, only="return")
