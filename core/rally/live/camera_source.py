@@ -11,7 +11,6 @@ from __future__ import annotations
 import logging
 import threading
 import time
-import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -27,7 +26,7 @@ from core.rally.devices.clock_shift import ClockShift
 from core.rally.link import messages as m
 from core.rally.link.live_source import LinkListener, SourceStatus
 from core.rally.link.published import camera_batch
-from core.rally.live.session_blocks import state_of_block
+from core.rally.live.session_blocks import state_of_block, welcome_to
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
 logger = logging.getLogger(__name__)
@@ -294,13 +293,8 @@ class CameraSource:
         return feed.take(end_us - BLOCK_US if known_us is None else known_us, end_us)
 
     def _new_session(self) -> m.Reply:
-        cameras = tuple(
-            m.CameraInfo.of(feed.name, self._calibration[feed.name])
-            if feed.name in self._calibration
-            else m.CameraInfo.uncalibrated(feed.name, feed.device.model.sensor)
-            for feed in self._feeds
-        )
-        return m.Reply(id=0, ok=True, session=uuid.uuid4().hex, t_us=0, block_us=BLOCK_US, cameras=cameras)
+        known = self._calibration
+        return welcome_to({feed.name: (feed.device.model.sensor, known.get(feed.name)) for feed in self._feeds})
 
     def _begin_again(self) -> None:
         assert self._zero_us is not None

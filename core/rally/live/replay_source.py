@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import threading
 import time
-import uuid
 from collections.abc import Callable
 from typing import Final
 
@@ -18,7 +17,7 @@ from core.events import Events
 from core.rally.link import messages as m
 from core.rally.link.live_source import LinkListener, SourceStatus
 from core.rally.link.published import camera_batch
-from core.rally.live.session_blocks import state_of_block
+from core.rally.live.session_blocks import state_of_block, welcome_to
 from core.recordings import CameraStream, Recording
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
@@ -139,13 +138,7 @@ class ReplaySource:
         return self._listening and bool(self._listeners)
 
     def _new_session(self) -> m.Reply:
-        cameras = tuple(
-            m.CameraInfo.uncalibrated(name, stream.sensor)
-            if stream.calibration is None
-            else m.CameraInfo.of(name, stream.calibration)
-            for name, stream in self._cameras.items()
-        )
-        return m.Reply(id=0, ok=True, session=uuid.uuid4().hex, t_us=0, block_us=BLOCK_US, cameras=cameras)
+        return welcome_to({name: (stream.sensor, stream.calibration) for name, stream in self._cameras.items()})
 
     def _begin_again(self) -> None:
         welcome = self._new_session()

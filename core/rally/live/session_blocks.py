@@ -1,12 +1,26 @@
-"""What sources without a robot and without truth say of each block."""
+"""What sources without a robot and without truth say of a session and of each of its blocks."""
 
 from __future__ import annotations
 
 import time
+import uuid
+from collections.abc import Mapping
 
 import numpy as np
 
+from core.cameras import Camera
+from core.events import SensorSize
 from core.rally.link import messages as m
+from core.simulation.event_cameras.event_camera import BLOCK_US
+
+
+def welcome_to(cameras: Mapping[str, tuple[SensorSize, Camera | None]]) -> m.Reply:
+    """A new session of cameras, with their calibration where it is known."""
+    infos = tuple(
+        m.CameraInfo.uncalibrated(name, sensor) if known is None else m.CameraInfo.of(name, known)
+        for name, (sensor, known) in cameras.items()
+    )
+    return m.Reply(id=0, ok=True, session=uuid.uuid4().hex, t_us=0, block_us=BLOCK_US, cameras=infos)
 
 
 def state_of_block(session: str, seq: int, span_us: tuple[int, int], speed: float) -> m.WorldState:
