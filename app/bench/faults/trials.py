@@ -5,6 +5,7 @@ The processes are forked from one that has loaded everything already, so a trial
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import shutil
@@ -177,10 +178,8 @@ class FaultTrials:
                 _kill_worker(process)
             elif pause_s is None:
                 process.kill()
-            elif process.is_alive():
-                os.kill(process.pid, signal.SIGSTOP)
-                time.sleep(pause_s)
-                os.kill(process.pid, signal.SIGCONT)
+            else:
+                pause(process.pid, pause_s)
         process.join(LONGEST_S)
         seconds = time.monotonic() - begun_s
         if process.is_alive():
@@ -250,6 +249,14 @@ def _read_all(pipe: Connection, texts: dict[str, str], name: str) -> None:
     while part := os.read(pipe.fileno(), 1 << 16):
         parts.append(part)
         texts[name] = b"".join(parts).decode("utf-8", "replace")
+
+
+def pause(pid: int, seconds: float) -> None:
+    """Stopped for so long; nothing if it has ended, whoever took note of its end (here its fork server does)."""
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(seconds)
+        os.kill(pid, signal.SIGCONT)
 
 
 def _kill_worker(process: BaseProcess) -> None:

@@ -5,6 +5,7 @@ And the trials find it when something is lost, unclear or not on the disk.
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 from typing import get_args
 
@@ -14,7 +15,7 @@ import pytest
 from app.bench.bench_faults import ONCE, choose_pairs, rows_of
 from app.bench.faults.injections import Injection
 from app.bench.faults.jobs import JOBS
-from app.bench.faults.trials import EndedTrial, FaultName, FaultResult, FaultTrials, unclear_ending
+from app.bench.faults.trials import EndedTrial, FaultName, FaultResult, FaultTrials, pause, unclear_ending
 from core.errors import CommandError
 
 PROBED: dict[str, tuple[FaultName, ...]] = {
@@ -34,6 +35,16 @@ def test_nothing_acknowledged_is_lost_and_every_ending_is_clear(name: str, tmp_p
     for number, fault in enumerate(PROBED[name]):
         result = trials.try_fault(fault, np.random.default_rng((3, number)), pause_s=0.3)
         assert (result.lost, result.unclear) == (0, ""), f"{fault}: {result}"
+
+
+def test_a_process_that_has_ended_is_not_paused_and_one_that_runs_goes_on() -> None:
+    with subprocess.Popen(["sleep", "0"]) as ended:
+        ended.wait()
+        pause(ended.pid, 0.01)
+    with subprocess.Popen(["sleep", "60"]) as running:
+        pause(running.pid, 0.01)
+        assert running.poll() is None
+        running.terminate()
 
 
 def test_every_fault_is_tried_on_every_job_but_where_python_does_not_write() -> None:
