@@ -24,12 +24,15 @@ class SharedRecording:
     uuid: str
     words: str
     """That stand in a panel when it is open and not when another one is."""
+    steps: int
+    """Of Label's grid of times."""
 
     @classmethod
     def of(cls, path: Path) -> Self:
         """The one in this file of the workspace."""
         with open_recording(path) as recording:
-            return cls(path, recording.uuid, f"{recording.cameras['left'].event_count:,}")
+            events = f"{recording.cameras['left'].event_count:,}"
+            return cls(path, recording.uuid, events, recording.duration_us // DEFAULT_STEP_US)
 
     @property
     def name(self) -> str:
@@ -73,16 +76,22 @@ class Annotator:
         self._visitor.wait_quiet()
         self._visitor.change("Annotator", self.name)
         self._visitor.wait_quiet()
-        self._visitor.trigger("Label: First time")
-        self._visitor.wait_quiet()
-        self._go(self._number)
+        self._go_first()
 
     def label(self, count: int) -> None:
-        """Label so many of this one's times."""
+        """Label so many of this one's times; after the last one the first ones again."""
         for _ in range(count):
+            if self._at + self._of >= self._recording.steps:
+                self._go_first()
             self._steps.append(self._at)
             self._press(NO_BALL)
             self._go(self._of - 1)
+
+    def _go_first(self) -> None:
+        self._visitor.trigger("Label: First time")
+        self._visitor.wait_quiet()
+        self._at = 0
+        self._go(self._number)
 
     def _go(self, steps: int) -> None:
         for _ in range(steps):
