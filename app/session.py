@@ -33,6 +33,7 @@ from app.views.requests import WatchRequest, render_watch
 from app.visit import SessionPage
 from app.visit.files import FileOpening
 from app.visit.opening_moment import OpeningMoment
+from app.visit.page_pace import PagePace
 from app.visit.tour import Tour
 from app.words.notices import notice_of
 from core.detection import DetectorConfig
@@ -69,6 +70,7 @@ class Session:
         self._wake = wake
         self._first_config = config
         self._awaited = AwaitedRecording(services.library, preparation, lambda: PreparationPanel(client.gui))
+        self._pace = PagePace()
         self._inbox: queue.SimpleQueue[Command | Callable[[], None]] = queue.SimpleQueue()
         self._pictures = LatestWins(pool, render_watch, self._picture_done, self._failed)
         self._openings = LatestWins(pool, self._open, self._opened, self._failed)
@@ -91,6 +93,7 @@ class Session:
         self.page = SessionPage(visit, pages, services.browsers, pool, self)
         self._files = FileOpening(self.page, services, pool, self)
         self._tour = Tour(self.page)
+        self.page.listen("drawing", self._pace.hear)
         self._opening = OpeningMoment(lambda: self.note(*SLOW_MOTION, "blue")) if self.page.is_new else None
         self._bar = TimeBar(self.page, self.send)
         self.page.listen("size", self.plane.window_resized)
@@ -102,6 +105,7 @@ class Session:
 
     def send(self, command: Command) -> None:
         """Enqueue a command."""
+        self._pace.hurry()
         self._enqueue(command)
 
     def later(self, act: Callable[[], None]) -> None:
@@ -142,7 +146,9 @@ class Session:
     # The loop -----------------------------------------------------------------------------------------------------
 
     def tick(self, wall_s: float) -> None:
-        """Apply what was asked for, then show what changed."""
+        """Apply what was asked for, then show what changed; a page that is slow to draw is left alone in between."""
+        if not self._pace.is_due(self._state, wall_s):
+            return
         while not self._inbox.empty():
             item = self._inbox.get()
             try:

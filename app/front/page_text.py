@@ -13,6 +13,7 @@ import viser
 SCRIPTS: Final = (
     "identity.js",
     "bridge.js",
+    "drawing.js",
     "reconnect.js",
     "link.js",
     "windows.js",

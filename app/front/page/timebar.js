@@ -186,7 +186,7 @@
     if (first) watchPlace();
     place();
     showTime();
-    if (message.playing && !turning) { turning = true; turn(); }
+    if (message.playing && !turning && !rallyscope.bySoftware) { turning = true; turn(); }
   };
 
   rallyscope.handlers.tracks = (message) => {

@@ -15,6 +15,7 @@ from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
 from app.state.commands import SetMethod
 from app.visit.opening_moment import SLOWEST
+from app.visit.page_pace import FEW_EVERY_S
 from app.visit.tour import TOUR
 from core.learning.runs.run_files import create_run
 from core.learning.runs.running import run_training
@@ -73,6 +74,18 @@ def test_the_time_line_goes_on_with_the_bounces_and_hits_of_the_live_rally(live_
     opened_us = live_window.state.playhead.duration_us
     for kind in ("bounce", "hit"):
         wait_for(lambda kind=kind: (live_window.session.tracks.moments[kind] > opened_us).any(), f"a later {kind}")
+
+
+def test_a_page_that_the_processor_draws_is_told_a_few_times_a_second_how_the_rally_goes_on(live_window) -> None:
+    told = live_window.page.evaluate(
+        """() => new Promise(done => {
+            const show = rallyscope.handlers.bar;
+            let told = 0;
+            rallyscope.handlers.bar = message => { told += 1; show(message); };
+            setTimeout(() => { rallyscope.handlers.bar = show; done(told); }, 4000);
+        })"""
+    )
+    assert 0 < told <= 4 / FEW_EVERY_S + 2
 
 
 def test_a_browser_that_was_never_here_sees_a_bounce_in_slow_motion_and_then_the_rally(

@@ -1,0 +1,43 @@
+"""How often a browser is shown what moves by itself.
+
+A page without a graphics card is drawn by the processor: every change anywhere on it costs 20 to 30 ms, one in space
+about 100 (Chromium at 1280x720). A live rally that runs on the same processor would have to wait for the pictures of
+it. So such a page gets few, and all that changed at once.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from app.front.pages import Message
+from app.state.client_state import ClientState
+
+FEW_EVERY_S: Final = 0.2
+
+
+class PagePace:
+    """Of one browser; used by its loop, but for `hurry`."""
+
+    def __init__(self) -> None:
+        self._by_software = False
+        self._hurried = True
+        self._shown_s = float("-inf")
+
+    def hear(self, message: Message) -> None:
+        """The page tells who draws it."""
+        self._by_software = message.get("software") is True
+
+    def hurry(self) -> None:
+        """Somebody asked for something and waits; called from any thread."""
+        self._hurried = True
+
+    def is_due(self, state: ClientState | None, wall_s: float) -> bool:
+        """Whether the browser gets its next picture now."""
+        waits = (
+            self._by_software and state is not None and state.playhead.live and state.playhead.playing
+            and wall_s - self._shown_s < FEW_EVERY_S
+        )  # fmt: skip
+        if waits and not self._hurried:
+            return False
+        self._hurried, self._shown_s = False, wall_s
+        return True
