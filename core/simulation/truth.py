@@ -47,7 +47,11 @@ def pixel_truth(
     hides nothing.
     """
     t = np.atleast_1d(np.asarray(t_us, np.int64))
-    states, portals = path.at(t * 1e-6), path.portals(t * 1e-6)
+    states = path.at(t * 1e-6)
+    if not states.present.any():
+        unknown = np.full((3, len(t)), np.nan)
+        return PixelTruth(t, *unknown, np.zeros(len(t), np.bool_))
+    portals = path.portals(t * 1e-6)
     circles = ball_circles(camera, states.p_world_m)
     with np.errstate(invalid="ignore"):
         out = np.einsum("ij,ij->i", portals.normal_world, states.p_world_m) > portals.offset_m + WHOLE * BALL_RADIUS_M

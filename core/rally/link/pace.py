@@ -1,8 +1,8 @@
-"""An honest pace: a simulation that is too slow for what is asked settles on a half, a quarter ... of it, and says so.
+"""An honest pace: a simulation that is too slow for what is asked settles on 3/4, 1/2, 1/3 ... of it, and says so.
 
 Without that it would run as fast as it can, now a little faster and now a little slower, and the ball would stutter. It
-slows down when it lost time in two looks one after the other, or very much in one, and tries again when its work would
-fit into the time at twice the pace. A try that fails makes it wait for twice as long before the next one.
+slows down when it lost time in two looks one after the other, or very much in one, and tries the fastest pace at which
+its work would fit into the time. A try that fails makes it wait for twice as long before the next one.
 """
 
 from __future__ import annotations
@@ -16,14 +16,16 @@ SLOW: Final = 0.9
 """A look in which it reached less than this share of its pace was slow."""
 VERY_SLOW: Final = 0.6
 """One such look is enough."""
-EASY: Final = 0.4
-"""Share of the time that the work may take at the present pace so that twice the pace looks possible."""
+EASY: Final = 0.8
+"""Share of the time that the work may take at a faster pace so that it looks possible."""
 FIRST_PATIENCE: Final = 5
 """Easy looks one after the other before it tries a faster pace."""
 MOST_PATIENCE: Final = 60
 SETTLED_LOOKS: Final = 30
 """A try that lasted for so many looks did not fail."""
-LEAST_SHARE: Final = 1 / 64
+SHARES: Final = (1, 3 / 4, 1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12, 1 / 16, 1 / 24, 1 / 32, 1 / 48, 1 / 64)
+"""Of the pace that is asked for; at 3 m/s and the last one a flight takes a minute."""
+ROUNDING: Final = 1.01
 
 
 @dataclass(slots=True)
@@ -31,7 +33,7 @@ class HonestPace:
     """What share of the speed that is asked for the simulation runs at. Times are seconds on the wall."""
 
     share: float = 1.0
-    """1, 1/2, 1/4 ... down to `LEAST_SHARE`; at 3 m/s and 1/64 a flight takes a minute."""
+    """One of `SHARES`."""
     _patience: int = FIRST_PATIENCE
     _simulated_s: float = 0.0
     _worked_s: float = 0.0
@@ -64,16 +66,18 @@ class HonestPace:
 
     def _judge(self, reached: float, load: float) -> bool:
         """`reached` is a share of the pace, `load` work per time that it has for it."""
+        faster = max((share for share in SHARES if load * share < EASY * self.share), default=self.share)
         self._looks += 1
         self._slow = self._slow + 1 if reached < SLOW else 0
-        self._easy = self._easy + 1 if load < EASY else 0
-        if (self._slow >= 2 or reached < VERY_SLOW) and self.share > LEAST_SHARE:
+        self._easy = self._easy + 1 if faster > self.share else 0
+        if (self._slow >= 2 or reached < VERY_SLOW) and self.share > SHARES[-1]:
             in_vain = self._trying and self._looks <= SETTLED_LOOKS
             self._patience = min(2 * self._patience, MOST_PATIENCE) if in_vain else FIRST_PATIENCE
-            self._change(0.5 * self.share, trying=False)
+            kept = ROUNDING * self.share * max(reached, 0.5)
+            self._change(max((share for share in SHARES if share <= kept), default=SHARES[-1]), trying=False)
             return True
-        if self._easy >= self._patience and self.share < 1.0:
-            self._change(2.0 * self.share, trying=True)
+        if self._easy >= self._patience:
+            self._change(faster, trying=True)
             return True
         return False
 
@@ -84,9 +88,11 @@ class HonestPace:
 
 
 def pace_words(factor: float) -> str:
-    """A pace as people say it: "real time", "1/2 speed", "3 x real time"."""
+    """A pace as people say it: "real time", "3/4 speed", "1/2 speed", "3 x real time"."""
     if abs(factor - 1.0) < 1e-9:
         return "real time"
+    if abs(factor - 0.75) < 1e-9:
+        return "3/4 speed"
     if factor < 1.0:
         parts = 1.0 / factor
         return f"1/{parts:.0f} speed" if abs(parts - round(parts)) < 0.02 * parts else f"{factor:.2g} x real time"

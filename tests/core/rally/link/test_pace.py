@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from core.rally.link.pace import EASY, FIRST_PATIENCE, LEAST_SHARE, LOOK_S, MOST_PATIENCE, HonestPace, pace_words
+from core.rally.link.pace import FIRST_PATIENCE, LOOK_S, MOST_PATIENCE, SHARES, HonestPace, pace_words
 
 BLOCK_S = 0.01
 
@@ -22,7 +22,9 @@ def run(pace: HonestPace, seconds: float, cost: float) -> list[float]:
     return shares
 
 
-@pytest.mark.parametrize(("cost", "settled"), [(0.5, 1.0), (1.05, 1.0), (1.3, 0.5), (3.0, 0.25), (20.0, 1 / 32)])
+@pytest.mark.parametrize(
+    ("cost", "settled"), [(0.5, 1.0), (1.05, 1.0), (1.3, 0.75), (1.9, 0.5), (3.0, 1 / 3), (20.0, 1 / 24)]
+)
 def test_it_settles_on_the_largest_share_that_can_be_kept(cost: float, settled: float) -> None:
     pace = HonestPace()
     changes = run(pace, 30.0, cost)
@@ -32,20 +34,28 @@ def test_it_settles_on_the_largest_share_that_can_be_kept(cost: float, settled: 
 def test_it_never_stands_still() -> None:
     pace = HonestPace()
     run(pace, 60.0, 1000.0)
-    assert pace.share == LEAST_SHARE
+    assert pace.share == SHARES[-1]
 
 
 def test_one_slow_second_is_no_reason_to_slow_down_but_two_are() -> None:
     pace = HonestPace()
     assert not run(pace, 0.99 * LOOK_S, 1.3)
     assert not run(pace, 3 * LOOK_S, 0.5), "a hiccup"
-    assert run(pace, 3 * LOOK_S, 1.3) == [0.5]
+    assert run(pace, 3 * LOOK_S, 1.3) == [0.75]
 
 
 def test_it_finds_back_to_the_whole_speed_when_the_machine_is_free_again() -> None:
     pace = HonestPace()
     run(pace, 10.0, 3.0)
-    assert run(pace, 4 * FIRST_PATIENCE * LOOK_S, 0.5 * EASY) == [0.5, 1.0]
+    assert pace.share == 1 / 3
+    assert run(pace, 2 * FIRST_PATIENCE * LOOK_S, 0.2) == [1.0], "at once, its work is that little"
+
+
+def test_it_tries_no_pace_that_it_has_no_time_for() -> None:
+    pace = HonestPace()
+    run(pace, 10.0, 6.0)
+    assert pace.share == 1 / 6
+    assert run(pace, 4 * FIRST_PATIENCE * LOOK_S, 1.5) == [0.5], "3/4 of the speed would take more than it has"
 
 
 def test_tries_that_fail_become_rare() -> None:
@@ -71,7 +81,7 @@ def test_another_wish_is_tried_at_once() -> None:
 
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(1.0, "real time"), (0.5, "1/2 speed"), (1 / 64, "1/64 speed"), (0.1, "1/10 speed"), (0.3, "0.3 x real time"),
+    [(1.0, "real time"), (0.5, "1/2 speed"), (0.75, "3/4 speed"), (1 / 3, "1/3 speed"), (1 / 64, "1/64 speed"), (0.1, "1/10 speed"), (0.3, "0.3 x real time"),
      (4.0, "4 x real time")],
 )  # fmt: skip
 def test_a_pace_in_words(factor: float, words: str) -> None:
