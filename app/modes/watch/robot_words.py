@@ -27,7 +27,7 @@ def robot_html(status: RobotStatus) -> str:
         said = f"{counts.taken:,} taken"
         said += f", {counts.refused:,} refused by it" if counts.refused else ""
         said += f", {counts.unanswered:,} not answered" if counts.unanswered else ""
-        said += f", {counts.kept_back:,} kept back: outside of its limits" if counts.kept_back else ""
+        said += f", {counts.kept_back:,} kept back: too late, or outside of its limits" if counts.kept_back else ""
         rows.append(("Targets", said))
     if status.last_refusal:
         rows.append(("Last refusal", _coloured(theme.MUTED, html_text(status.last_refusal))))
@@ -63,6 +63,8 @@ def _connection(status: RobotStatus) -> str:
 
 
 def _plays(status: RobotStatus) -> str:
+    if status.stop is None and status.connection != "ready":
+        return _coloured(theme.MUTED, "not now; by itself when it is back")
     if status.stop is None:
         return _coloured(theme.GOOD, "yes: it is sent to the balls")
     said = f"no, stopped by {PARTIES[status.stop.by]}: {html_text(status.stop.reason)}"
