@@ -261,6 +261,7 @@ class RobotClient:
                     self._hear(decode_robot(data, FROM_ROBOT))
                 except LinkError as error:
                     self._watch.count(rejected=1)
+                    self._watch.barred = f"it is not understood: {error}"
                     logger.debug("ignored: %s", error)
 
     def _hear(self, message: object) -> None:
@@ -278,8 +279,9 @@ class RobotClient:
                 self._hear_answer(message)
 
     def _hear_answer(self, answer: RobotAnswer) -> None:
+        if answer.why in ("stranger", "not a message"):
+            self._watch.barred = f"it says: {answer.said}"
         if answer.why == "stranger":
-            self._watch.last_refusal = f"by the robot: {answer.said}"
             self._watch.welcome = None
         if answer.id == self._starting:
             self._starting = None
@@ -296,7 +298,8 @@ class RobotClient:
             if watch.welcome is None:
                 if now_us - self._greeted_us > HELLO_EVERY_US:
                     self._greeted_us = now_us
-                    watch.keys_refused = self._handshakes.refused() or watch.keys_refused
+                    if self._handshakes.refused():
+                        watch.barred = "its keys and ours do not fit"
                     self._send(encode_robot(HelloRobot(id=self._next(), client=self._client)))
                 return
             if now_us - self._pinged_us < PING_EVERY_US:

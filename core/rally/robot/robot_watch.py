@@ -100,7 +100,8 @@ class RobotWatch:
     stop: StopNote | None = None
     counts: RobotCounts = field(default_factory=RobotCounts)
     last_refusal: str = ""
-    keys_refused: bool = False
+    barred: str = ""
+    """Why no hands can be shaken; empty if nobody has said so."""
     states: deque[RobotState] = field(default_factory=lambda: deque(maxlen=STATES))
     _known: RobotWelcome | None = None
     _heard_us: float = 0.0
@@ -117,7 +118,7 @@ class RobotWatch:
             self._round_trips_us.clear()
             self.states.clear()
         self.welcome = self._known = welcome
-        self.keys_refused = False
+        self.barred = ""
 
     def hear_pong(self, sent_us: float, heard_us: float, robot_us: int) -> None:
         """An answer to a ping."""
@@ -189,8 +190,8 @@ class RobotWatch:
         return "ready"
 
     def _problem(self, now_us: float) -> str:
-        if self.keys_refused:
-            return "its keys and ours do not fit"
+        if self.barred and self.welcome is None:
+            return self.barred
         match self._connection:
             case "awaited":
                 return "nobody has answered yet"

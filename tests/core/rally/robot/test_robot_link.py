@@ -116,8 +116,8 @@ def test_nothing_is_sent_before_a_person_has_started_it(robot: RestingRobot) -> 
         wait_for(lambda: robot.carried_out)
         (first, *_) = robot.carried_out
         assert first.p_m == STROKE[0] and first.v_mps == STROKE[2] and first.valid_until_us - first.sent_us == 100_000
-        state = client.status.state
-        assert state is not None and np.allclose(state.p_m, HOME) and state.stopped == ""
+        wait_for(lambda: client.status.state is not None and client.status.state.stopped == "")
+        assert client.status.state is not None and np.allclose(client.status.state.p_m, HOME)
     finally:
         client.close()
     wait_for(lambda: "Rallyscope was ended" in robot.server.stopped)
@@ -227,7 +227,7 @@ def test_only_one_rallyscope_commands(robot: RestingRobot) -> None:
     with playing(robot) as client:
         other = RobotClient(robot.address, config=PATIENT)
         try:
-            wait_for(lambda: "another Rallyscope" in other.status.last_refusal)
+            wait_for(lambda: "another Rallyscope" in other.status.problem)
             assert other.status.connection == "awaited" and client.status.ready
             with pytest.raises(TargetRefusedError, match="not there"):
                 other.start()
@@ -288,7 +288,8 @@ def test_with_keys_the_right_one_plays_and_a_stranger_is_told_nothing(tmp_path) 
 class BareRobot:
     """A robot that speaks the messages itself, as the page tells them, and checks nothing: it only notes targets."""
 
-    def __init__(self) -> None:
+    def __init__(self, version: int = 1) -> None:
+        self._version = version
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.ROUTER)
         port = self._socket.bind_to_random_port("tcp://127.0.0.1")
@@ -323,7 +324,7 @@ class BareRobot:
 
     def _send(self, who: bytes, kind: str, **fields: object) -> None:
         now_us = time.monotonic_ns() // 1000
-        self._socket.send_multipart([who, msgpack.packb({"v": 1, "kind": kind, "t_us": now_us, **fields})])
+        self._socket.send_multipart([who, msgpack.packb({"v": self._version, "kind": kind, "t_us": now_us, **fields})])
 
     def close(self) -> None:
         self._ended.set()
@@ -340,6 +341,17 @@ def bare() -> Iterator[tuple[BareRobot, RobotClient]]:
     yield robot, client
     client.close()
     robot.close()
+
+
+def test_a_robot_of_another_version_is_not_played_with_and_that_is_said() -> None:
+    robot = BareRobot(version=2)
+    client = RobotClient(robot.address)
+    try:
+        wait_for(lambda: "another version of the link; expected version 1, got 2" in client.status.problem)
+        assert client.status.connection == "awaited" and client.status.counts.rejected > 0
+    finally:
+        client.close()
+        robot.close()
 
 
 ANY = st.floats() | st.floats(-3.0, 3.0)
