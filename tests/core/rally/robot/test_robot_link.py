@@ -20,7 +20,7 @@ from core.rally.link.keys import make_keys, read_client_keys, read_server_keys
 from core.rally.robot import RobotClient, RobotLimits, RobotServer, RobotTarget, RobotWatchConfig
 from core.rally.robot.motion_check import RacketMotion, find_fault
 from core.rally.robot.robot_client import host_us
-from core.rally.robot.robot_messages import TO_ROBOT, PingRobot, decode_robot, encode_robot
+from core.rally.robot.robot_messages import TO_ROBOT, HelloRobot, PingRobot, StartRobot, decode_robot, encode_robot
 
 PATIENCE_S = 60.0
 LIMITS = RobotLimits(
@@ -179,6 +179,17 @@ def test_a_robot_that_falls_silent_is_lost_and_sent_nothing_until_it_is_back(rob
         aim_until_taken(client)
 
 
+def test_a_robot_that_was_lost_when_it_was_stopped_hears_of_it_when_it_is_back(robot: RestingRobot) -> None:
+    with playing(robot, RobotWatchConfig(lost_ms=400.0, slow_ms=1000.0)) as client:
+        robot.hold.set()
+        wait_for(lambda: client.status.connection == "lost")
+        client.stop("nobody knows where it is")
+        robot.hold.clear()
+        wait_for(lambda: robot.server.stopped == "rallyscope: nobody knows where it is")
+        wait_for(lambda: client.status.connection == "ready" and client.status.state is not None)
+        assert client.status.stop is not None and not client.status.ready
+
+
 def test_a_robot_that_answers_late_is_slow_and_sent_nothing(robot: RestingRobot) -> None:
     with playing(robot) as client:
         pass
@@ -236,6 +247,24 @@ def test_only_one_rallyscope_commands(robot: RestingRobot) -> None:
             assert robot.server.stopped, "whoever is new has to start it"
         finally:
             other.close()
+
+
+def test_who_comes_after_one_that_vanished_finds_it_stopped_and_is_counted_from_one(robot: RestingRobot) -> None:
+    context = zmq.Context()
+    gone = context.socket(zmq.DEALER)
+    gone.connect(robot.address)
+    for message in (HelloRobot(id=1, client="gone"), StartRobot(id=10_000_000)):
+        gone.send(encode_robot(message))
+    wait_for(lambda: robot.server.stopped == "")
+    context.destroy(linger=0)
+    client = RobotClient(robot.address, config=PATIENT)
+    try:
+        wait_for(lambda: client.status.connection == "ready")
+        assert robot.server.stopped == "robot: not started yet: a person has to"
+        client.start()
+        aim_until_taken(client)
+    finally:
+        client.close()
 
 
 def test_garbage_is_counted_and_harms_nobody(robot: RestingRobot) -> None:
