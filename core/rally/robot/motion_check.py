@@ -21,7 +21,7 @@ ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RacketMotion:
+class FaceMotion:
     """Where the middle of the face is (3,), how it stands (4,) wxyz, and how it moves (3,), in the world."""
 
     p_m: Array
@@ -29,7 +29,7 @@ class RacketMotion:
     v_mps: Array
 
     @staticmethod
-    def of(p_m: object, q_wxyz: object, v_mps: object) -> RacketMotion:
+    def of(p_m: object, q_wxyz: object, v_mps: object) -> FaceMotion:
         """From anything that numpy makes arrays of.
 
         Raises:
@@ -38,11 +38,11 @@ class RacketMotion:
         p, q, v = (np.asarray(value, np.float64) for value in (p_m, q_wxyz, v_mps))
         if (p.shape, q.shape, v.shape) != ((3,), (4,), (3,)):
             raise ValueError(f"shapes {p.shape}, {q.shape}, {v.shape} instead of (3,), (4,), (3,)")
-        return RacketMotion(p, q, v)
+        return FaceMotion(p, q, v)
 
-    def after(self, seconds: float) -> RacketMotion:
+    def after(self, seconds: float) -> FaceMotion:
         """If nothing changes."""
-        return RacketMotion(self.p_m + self.v_mps * seconds, self.q_wxyz, self.v_mps)
+        return FaceMotion(self.p_m + self.v_mps * seconds, self.q_wxyz, self.v_mps)
 
     @property
     def finite(self) -> bool:
@@ -59,10 +59,10 @@ class MotionFault(NamedTuple):
 
 
 def find_fault(
-    goal: RacketMotion,
+    goal: FaceMotion,
     turn_radps: tuple[float, ...] | None,
     lead_us: int,
-    now: RacketMotion,
+    now: FaceMotion,
     limits: RobotLimits,
 ) -> MotionFault | None:
     """What is wrong with being at `goal` in `lead_us`; None if nothing is."""
@@ -74,7 +74,7 @@ def find_fault(
         return _static_fault(goal, turn_radps, limits) or _way_fault(goal, lead_us, now, limits)
 
 
-def _static_fault(goal: RacketMotion, turn_radps: tuple[float, ...] | None, limits: RobotLimits) -> MotionFault | None:
+def _static_fault(goal: FaceMotion, turn_radps: tuple[float, ...] | None, limits: RobotLimits) -> MotionFault | None:
     """Of the target itself: these have a value that is compared with `not <=`, so that NaN never passes."""
     speed, length = float(np.linalg.norm(goal.v_mps)), float(np.linalg.norm(goal.q_wxyz))
     if not abs(length - 1) <= 1e-3:
@@ -97,7 +97,7 @@ def _static_fault(goal: RacketMotion, turn_radps: tuple[float, ...] | None, limi
     return None
 
 
-def _way_fault(goal: RacketMotion, lead_us: int, now: RacketMotion, limits: RobotLimits) -> MotionFault | None:
+def _way_fault(goal: FaceMotion, lead_us: int, now: FaceMotion, limits: RobotLimits) -> MotionFault | None:
     """Of the way there, and of its time."""
     if lead_us <= 0:
         return MotionFault("late", f"the impact was {-lead_us / 1e3:.0f} ms ago")
@@ -126,7 +126,7 @@ def _way_fault(goal: RacketMotion, lead_us: int, now: RacketMotion, limits: Robo
     return None
 
 
-def cubic_accelerations(goal: RacketMotion, left_s: float, now: RacketMotion) -> tuple[Array, Array]:
+def cubic_accelerations(goal: FaceMotion, left_s: float, now: FaceMotion) -> tuple[Array, Array]:
     """At its start and its end, of the cubic from now to the goal; in between it is linear."""
     gap, v, w = goal.p_m - now.p_m, now.v_mps, goal.v_mps
     return 6 * gap / left_s**2 - (4 * v + 2 * w) / left_s, -6 * gap / left_s**2 + (2 * v + 4 * w) / left_s
@@ -144,7 +144,7 @@ def turned_by(a_wxyz: Array, b_wxyz: Array) -> float:
     return 2 * math.acos(min(1.0, abs(float(np.dot(a_wxyz, b_wxyz))) / scale)) if scale > 0 else math.nan
 
 
-def _extremes(now: RacketMotion, at_start: Array, at_end: Array, left_s: float) -> tuple[float, Array, Array]:
+def _extremes(now: FaceMotion, at_start: Array, at_end: Array, left_s: float) -> tuple[float, Array, Array]:
     """The highest speed on the cubic (looked at in 65 places), and the corners of the box that it stays in."""
     slope = (at_end - at_start) / left_s
     shares = np.linspace(0.0, left_s, 65)[:, None]
@@ -164,7 +164,7 @@ def _turning_points(v: Array, a: Array, slope: Array, left_s: float) -> tuple[Ar
     return tuple(np.clip(np.nan_to_num(t, nan=0.0, posinf=left_s, neginf=0.0), 0.0, left_s) for t in times)  # type: ignore[reportReturnType]
 
 
-def _inside(p: Array, limits: RobotLimits, start: RacketMotion | None = None) -> bool:
+def _inside(p: Array, limits: RobotLimits, start: FaceMotion | None = None) -> bool:
     """Whether a place is in the box; a way that starts outside of it may lead back from there."""
     low, high = np.array(limits.low_m), np.array(limits.high_m)
     if start is not None:

@@ -14,7 +14,7 @@ from core.errors import LinkError, NoAnswerError, TargetRefusedError
 from core.rally.link.address import split_address
 from core.rally.link.guard import HandshakeWatch, check_reach, secure
 from core.rally.link.keys import ClientKeys
-from core.rally.robot.motion_check import RacketMotion, find_fault
+from core.rally.robot.motion_check import FaceMotion, find_fault
 from core.rally.robot.robot_messages import (
     FROM_ROBOT,
     ROBOT_MESSAGE_BYTES,
@@ -184,12 +184,12 @@ class RobotClient:
         welcome, clock, state = watch.welcome, watch.clock.estimate, watch.state
         assert welcome is not None and clock is not None and state is not None
         try:
-            goal = RacketMotion.of(p_m, q_wxyz, v_mps)
+            goal = FaceMotion.of(p_m, q_wxyz, v_mps)
             sent_us, hit_us = clock.robot_us(now_us), clock.robot_us(impact_us)
         except (ValueError, TypeError, OverflowError) as error:
             raise self.keep_back("bounds", f"not a target: {error}") from error
         age_s = max(0, sent_us - state.t_us) * 1e-6
-        now = RacketMotion.of(state.p_m, state.q_wxyz, state.v_mps).after(age_s)
+        now = FaceMotion.of(state.p_m, state.q_wxyz, state.v_mps).after(age_s)
         fault = find_fault(goal, turn_radps, hit_us - sent_us, now, welcome.limits)
         if fault is not None:
             raise self.keep_back(*fault)

@@ -19,7 +19,7 @@ from core.rally.link.address import split_address
 from core.rally.link.fields import read_fields, write_fields
 from core.rally.link.guard import LinkDoor, check_reach
 from core.rally.link.keys import ServerKeys
-from core.rally.robot.motion_check import MotionFault, RacketMotion
+from core.rally.robot.motion_check import FaceMotion, MotionFault
 from core.rally.robot.robot_messages import (
     ROBOT_MESSAGE_BYTES,
     TO_ROBOT,
@@ -118,7 +118,7 @@ class RobotServer:
         Raises:
             ValueError: for other shapes.
         """
-        motion = RacketMotion.of(p_m, q_wxyz, v_mps)
+        motion = FaceMotion.of(p_m, q_wxyz, v_mps)
         for _ in range(MOST_AT_ONCE):
             if not self._socket.poll(0):
                 break
@@ -137,7 +137,7 @@ class RobotServer:
         if not self._context.closed:
             self._context.destroy(linger=0)
 
-    def _tell(self, motion: RacketMotion, target: RobotTarget | None, now_us: int) -> None:
+    def _tell(self, motion: FaceMotion, target: RobotTarget | None, now_us: int) -> None:
         if self._commander is None or not motion.finite:
             return
         p, q, v = (tuple(a.tolist()) for a in (motion.p_m, motion.q_wxyz, motion.v_mps))
@@ -148,7 +148,7 @@ class RobotServer:
         )  # fmt: skip
         self._send(self._commander, state)
 
-    def _hear(self, who: bytes, data: bytes, motion: RacketMotion) -> None:
+    def _hear(self, who: bytes, data: bytes, motion: FaceMotion) -> None:
         try:
             message = decode_robot(data, TO_ROBOT)
         except LinkError as error:
@@ -178,7 +178,7 @@ class RobotServer:
         welcome = RobotWelcome(id=hello.id, session=self._session, name=self._name, limits=self.limits, t_us=now_us)
         self._send(who, welcome)
 
-    def _obey(self, who: bytes, message: object, motion: RacketMotion) -> None:
+    def _obey(self, who: bytes, message: object, motion: FaceMotion) -> None:
         match message:
             case PingRobot():
                 self.offset_us = message.offset_us

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from core.rally.robot.motion_check import MotionFault, RacketMotion, find_fault
+from core.rally.robot.motion_check import FaceMotion, MotionFault, find_fault
 from core.rally.robot.robot_messages import RobotLimits, RobotTarget
 
 AHEAD_US: Final = 20_000
@@ -43,7 +43,7 @@ class TargetKeeper:
         self._newest_id = 0
         self.stop(self.stopped or "robot", self.reason or NOT_STARTED)
 
-    def offer(self, target: RobotTarget, motion: RacketMotion, now_us: int) -> MotionFault | None:
+    def offer(self, target: RobotTarget, motion: FaceMotion, now_us: int) -> MotionFault | None:
         """Take a target; or why not. `motion` is how the racket moves now."""
         is_newer = target.id > self._newest_id
         self._newest_id = max(self._newest_id, target.id)
@@ -76,7 +76,7 @@ class TargetKeeper:
         self.stopped = self.reason = ""
         return True
 
-    def _fault(self, target: RobotTarget, motion: RacketMotion, now_us: int, *, is_newer: bool) -> MotionFault | None:
+    def _fault(self, target: RobotTarget, motion: FaceMotion, now_us: int, *, is_newer: bool) -> MotionFault | None:
         if self.stopped:
             return MotionFault("stopped", f"stopped by {self.stopped}: {self.reason}")
         if not is_newer:
@@ -85,5 +85,5 @@ class TargetKeeper:
             return MotionFault("clock", f"sent in {(target.sent_us - now_us) / 1e3:.0f} ms from now, by our clock")
         if now_us > min(target.valid_until_us, target.sent_us + OLDEST_US):
             return MotionFault("stale", f"under way for {(now_us - target.sent_us) / 1e3:.0f} ms, too late to begin")
-        goal = RacketMotion.of(target.p_m, target.q_wxyz, target.v_mps)
+        goal = FaceMotion.of(target.p_m, target.q_wxyz, target.v_mps)
         return find_fault(goal, target.turn_radps, target.impact_us - now_us, motion, self.limits)

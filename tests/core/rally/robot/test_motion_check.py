@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from core.errors import LinkError
 from core.rally.link.fields import read_fields, write_fields
-from core.rally.robot.motion_check import RacketMotion, face_normal, find_fault, turned_by
+from core.rally.robot.motion_check import FaceMotion, face_normal, find_fault, turned_by
 from core.rally.robot.robot_messages import RobotLimits
 
 LIMITS = RobotLimits(
@@ -22,13 +22,13 @@ LIMITS = RobotLimits(
     max_acceleration_mps2=80.0,
     max_turn_rate_radps=20.0,
 )
-REST = RacketMotion.of((-1.6, 0.0, 0.25), (1, 0, 0, 0), (0, 0, 0))
-HIT = RacketMotion.of((-1.42, 0.1, 0.3), (1, 0, 0, 0), (2.0, 0, 0))
+REST = FaceMotion.of((-1.6, 0.0, 0.25), (1, 0, 0, 0), (0, 0, 0))
+HIT = FaceMotion.of((-1.42, 0.1, 0.3), (1, 0, 0, 0), (2.0, 0, 0))
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 NEAR = st.floats(-3.0, 3.0)
 
 
-def why(goal: RacketMotion, lead_us: int = 400_000, now: RacketMotion = REST, turn=None, limits=LIMITS) -> str:
+def why(goal: FaceMotion, lead_us: int = 400_000, now: FaceMotion = REST, turn=None, limits=LIMITS) -> str:
     fault = find_fault(goal, turn, lead_us, now, limits)
     return "" if fault is None else fault.why
 
@@ -62,7 +62,7 @@ def test_a_time_that_is_over_too_near_or_too_far_is_found() -> None:
 
 
 def test_a_racket_outside_of_its_box_may_come_back_but_go_no_farther() -> None:
-    outside = RacketMotion.of((-2.3, 0, 0.25), (1, 0, 0, 0), (0, 0, 0))
+    outside = FaceMotion.of((-2.3, 0, 0.25), (1, 0, 0, 0), (0, 0, 0))
     assert why(HIT, now=outside) == ""
     leaving = dataclasses.replace(outside, v_mps=np.array([-3.0, 0, 0]))
     assert why(HIT, 900_000, now=leaving) == "unreachable"
@@ -77,14 +77,14 @@ def test_a_racket_outside_of_its_box_may_come_back_but_go_no_farther() -> None:
 )
 def test_nothing_that_passes_is_outside_of_a_limit(wanted, present, lead_us: int, tame: bool) -> None:
     """The way is walked in small steps, by other formulas than those of the check."""
-    goal = RacketMotion.of(wanted[:3], wanted[3:7], wanted[7:])
+    goal = FaceMotion.of(wanted[:3], wanted[3:7], wanted[7:])
     if tame:  # near the usual stroke, so that much passes
         shift = np.nan_to_num(np.array(wanted), nan=0, posinf=1, neginf=-1).clip(-1, 1)
         q = HIT.q_wxyz + 0.4 * shift[3:7]
-        goal = RacketMotion.of(HIT.p_m + 0.3 * shift[:3], q / np.linalg.norm(q), HIT.v_mps + 2 * shift[7:])
+        goal = FaceMotion.of(HIT.p_m + 0.3 * shift[:3], q / np.linalg.norm(q), HIT.v_mps + 2 * shift[7:])
     spread = np.array(present) / 10
     q_now = REST.q_wxyz + spread[3:7]
-    now = RacketMotion.of(REST.p_m + spread[:3], q_now / np.linalg.norm(q_now), REST.v_mps + spread[7:])
+    now = FaceMotion.of(REST.p_m + spread[:3], q_now / np.linalg.norm(q_now), REST.v_mps + spread[7:])
     if find_fault(goal, None, lead_us, now, LIMITS) is not None:
         return
     low, high = np.array(LIMITS.low_m), np.array(LIMITS.high_m)
@@ -112,7 +112,7 @@ def test_the_ways_that_pass_are_not_rare() -> None:
     """Else the property above says nothing."""
     rng = np.random.default_rng(3)
     goals = [
-        RacketMotion.of(HIT.p_m + rng.normal(0, 0.1, 3), HIT.q_wxyz, HIT.v_mps + rng.normal(0, 0.5, 3))
+        FaceMotion.of(HIT.p_m + rng.normal(0, 0.1, 3), HIT.q_wxyz, HIT.v_mps + rng.normal(0, 0.5, 3))
         for _ in range(200)
     ]
     assert sum(why(goal) == "" for goal in goals) > 150

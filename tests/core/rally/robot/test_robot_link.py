@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from core.errors import LinkError, NoAnswerError, TargetRefusedError
 from core.rally.link.keys import make_keys, read_client_keys, read_server_keys
 from core.rally.robot import RobotClient, RobotLimits, RobotServer, RobotTarget, RobotWatchConfig
-from core.rally.robot.motion_check import RacketMotion, find_fault
+from core.rally.robot.motion_check import FaceMotion, find_fault
 from core.rally.robot.robot_client import host_us
 from core.rally.robot.robot_messages import TO_ROBOT, HelloRobot, PingRobot, StartRobot, decode_robot, encode_robot
 
@@ -402,11 +402,11 @@ def test_nothing_outside_of_the_limits_is_ever_on_the_wire(bare, wanted, lead_us
     for _, data in itertools.islice(robot.targets, before, None):
         sent = decode_robot(data, TO_ROBOT)
         assert isinstance(sent, RobotTarget) and len(data) < 500
-        goal = RacketMotion.of(sent.p_m, sent.q_wxyz, sent.v_mps)
+        goal = FaceMotion.of(sent.p_m, sent.q_wxyz, sent.v_mps)
         assert goal.finite and np.linalg.norm(goal.v_mps) <= 5.0 and abs(np.linalg.norm(goal.q_wxyz) - 1) <= 1e-3
         assert all(low <= p <= high for low, p, high in zip(LIMITS.low_m, sent.p_m, LIMITS.high_m, strict=True))
         assert sent.sent_us < sent.valid_until_us <= sent.impact_us <= sent.sent_us + LIMITS.max_lead_us
-        rest = RacketMotion.of(HOME, UPRIGHT, STILL)
+        rest = FaceMotion.of(HOME, UPRIGHT, STILL)
         fault = find_fault(goal, sent.turn_radps, sent.impact_us - sent.sent_us, rest, LIMITS)
         assert fault is None or fault.why == "unreachable", "from where it is now it was reachable"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.rally.robot.motion_check import RacketMotion
+from core.rally.robot.motion_check import FaceMotion
 from core.rally.robot.robot_messages import RobotLimits, RobotTarget
 from core.rally.robot.target_keeper import AHEAD_US, FOLLOW_US, OLDEST_US, SILENT_US, TargetKeeper
 
@@ -16,7 +16,7 @@ LIMITS = RobotLimits(
     max_acceleration_mps2=80.0,
     max_turn_rate_radps=20.0,
 )
-REST = RacketMotion.of((-1.6, 0.0, 0.25), (1, 0, 0, 0), (0, 0, 0))
+REST = FaceMotion.of((-1.6, 0.0, 0.25), (1, 0, 0, 0), (0, 0, 0))
 
 
 def target(number: int, sent_us: int, lead_us: int = 400_000, valid_us: int = 100_000, y_m: float = 0.1) -> RobotTarget:
