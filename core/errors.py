@@ -102,6 +102,14 @@ class RefusedError(LinkError):
     """A server that is there and does not know our key, or is not the one whose key we know."""
 
 
+class TargetRefusedError(LinkError):
+    """A racket target that is not let out to a robot, or that the robot does not take; `why` is one word for it."""
+
+    def __init__(self, why: str, what: str, *, where: object = None) -> None:
+        super().__init__(what, where=where)
+        self.why = why
+
+
 class NotReadyError(LinkError):
     """A server that is there but still being prepared; `share` of that is done, 0 to 1."""
 

@@ -51,6 +51,8 @@ class ServeArguments:
     )
     cameras: CameraArguments
     keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
+    robot: str | None = flag("a robot of your own that plays what cameras or a replay see", "tcp://HOST:PORT")
+    robot_keys: Path | None = flag("for a robot beyond this machine: a client's keys", "DIR")
     physics: Profile | None = flag("of a live simulation of its own", default="paper")
     ball_states: tuple[Path, ...] | None = flag("it serves recorded balls (JSON), by default in `real`", "FILE")
     host: str = flag("address to listen on; the default is this machine only", default="127.0.0.1")
@@ -71,6 +73,7 @@ def run(arguments: ServeArguments) -> None:
     order = read_camera_order(source, arguments.cameras)
     keys = read_keys(arguments.keys, source)
     own = own_simulation(arguments, source)
+    robot_keys = read_robot_keys(arguments.robot, arguments.robot_keys, source)
     if arguments.rerun is not None:
         check_viewer_address(arguments.rerun)
     places = WorkPlaces(arguments.cluster)
@@ -80,7 +83,10 @@ def run(arguments: ServeArguments) -> None:
     library.names()  # where no folder can be made that is said before anything is started
     admission = Admission.of_address(arguments.host, arguments.token)
     check_address(arguments.host, arguments.port)
-    startup = None if source is None else _start(workspace, source, order or replay, own, keys)
+    startup = None
+    if source is not None:
+        robot = None if arguments.robot is None else (arguments.robot, robot_keys)
+        startup = _start(workspace, source, order or replay, own, keys, robot)
     try:
         _show(arguments, workspace, library, config, startup, admission, places)
     finally:
@@ -89,16 +95,24 @@ def run(arguments: ServeArguments) -> None:
 
 
 def _start(
-    workspace: Workspace, source: str, told: CameraOrder | ReplayOrder | None, own: list[str], keys: ClientKeys | None
+    workspace: Workspace,
+    source: str,
+    told: CameraOrder | ReplayOrder | None,
+    own: list[str],
+    keys: ClientKeys | None,
+    robot: tuple[str, ClientKeys | None] | None,
 ) -> Startup:
-    """What brings up the live rally while the app is loaded."""
+    """What brings up the live rally while the app is loaded; `robot`: its address and the keys for it."""
     from app.preparation.startup import Startup  # with numba: a mistake in the arguments is answered before
+    from core.rally.robot import RobotClient
 
     if told is not None:
         opened = open_camera_source(told) if isinstance(told, CameraOrder) else open_replay(told)
-        return Startup(workspace, source=opened, say=say)
+        player = None if robot is None else RobotClient(robot[0], keys=robot[1])
+        return Startup(workspace, source=opened, say=say, robot=player)
+    player = None if robot is None else RobotClient(robot[0], keys=robot[1])
     address = None if source == LIVE else source
-    return Startup(workspace, address=address, arguments=("--auto-serve", "5", *own), say=say, keys=keys)
+    return Startup(workspace, address=address, arguments=("--auto-serve", "5", *own), say=say, keys=keys, robot=player)
 
 
 def _show(
@@ -193,6 +207,26 @@ def read_keys(folder: Path | None, source: str | None) -> ClientKeys | None:
         return None
     keys = None if folder is None else read_client_keys(folder)
     check_reach(split_address(source, lowest=1)[0], keys)
+    return keys
+
+
+def read_robot_keys(address: str | None, folder: Path | None, source: str | None) -> ClientKeys | None:
+    """The keys for a robot; None where none are given.
+
+    Raises:
+        CommandError: if there are keys without a robot, or a robot without a source that it could play to.
+        LinkError: if the address is none, the keys cannot be used, or it is beyond this machine and there are none.
+    """
+    if address is None:
+        if folder is not None:
+            raise CommandError("keys without a robot", expected="--robot tcp://HOST:PORT", where="--robot-keys")
+        return None
+    if source is None or source == LIVE:
+        expected = "--source camera:..., replay:... or tcp://... without a robot"
+        got = "a recording" if source is None else "a simulation with a robot of its own"
+        raise CommandError("nothing that this robot could play to", expected=expected, got=got, where="--robot")
+    keys = None if folder is None else read_client_keys(folder)
+    check_reach(split_address(address, lowest=1)[0], keys, "--robot-keys")
     return keys
 
 

@@ -16,6 +16,7 @@ from app.shared.workspace import Workspace
 from core.errors import RallyscopeError
 from core.rally.link.keys import ClientKeys
 from core.rally.link.live_source import LiveSource
+from core.rally.robot import RobotClient
 
 logger = logging.getLogger(__name__)
 
@@ -50,14 +51,15 @@ class Startup:
         arguments: Sequence[str] = (),
         say: Callable[[str], None] = lambda line: None,
         keys: ClientKeys | None = None,
+        robot: RobotClient | None = None,
     ) -> None:
         """Begin: watch the simulation at an address, or start one with the arguments of `rallyscope sim-server`.
 
         Or watch a `source` that is there already, and is closed with the rally, or by `stop` if nobody took that.
-        Beyond this machine the one at an address is watched with `keys`.
+        Beyond this machine the one at an address is watched with `keys`. A `robot` is closed as a `source` is.
         """
         self._workspace = workspace
-        self._address, self._source, self._keys = address, source, keys
+        self._address, self._source, self._keys, self._robot = address, source, keys, robot
         self._say = say
         self._lock = threading.Lock()
         self._stopped = False
@@ -109,6 +111,8 @@ class Startup:
             process.stop()
         if self._source is not None and not taken:
             self._source.close()
+        if self._robot is not None and not taken:
+            self._robot.close()
 
     # The steps, each in a thread.
 
@@ -170,7 +174,7 @@ class Startup:
         assert self._source is not None
         self._chain_is_compiled.wait()
         self.preparation.begin("rally")
-        return LiveRally(self._source)
+        return LiveRally(self._source, robot=self._robot)
 
     def _simulated_rally(self) -> LiveRally:
         return self._own_rally() if self._process is not None else self._remote_rally()
@@ -186,7 +190,7 @@ class Startup:
 
     def _remote_rally(self) -> LiveRally:
         assert self._address is not None
-        live = join_simulation(self._address, preparing=self._simulation_progress, keys=self._keys)
+        live = join_simulation(self._address, preparing=self._simulation_progress, keys=self._keys, robot=self._robot)
         self.preparation.finish("simulation")
         self.preparation.begin("rally")
         return live

@@ -32,6 +32,7 @@ from core.rally.link.live_source import LiveSource
 from core.rally.live.live_player import LivePlayer
 from core.rally.live.ring_recording import LiveConfig, RingRecording
 from core.rally.live.stream_watch import StreamWatch
+from core.rally.robot import RobotClient, SourceWithRobot
 
 LIVE: Final = "live"
 """Its name in the list of recordings."""
@@ -42,10 +43,19 @@ FORGET_EVERY_US: Final = 1_000_000
 class LiveRally:
     """Listens, remembers, plays. All methods may be called from any thread."""
 
-    def __init__(self, source: LiveSource, *, process: SimulationProcess | None = None) -> None:
-        """Listen to a source, which is closed with the rally; so is the `process` that it comes from."""
+    def __init__(
+        self, source: LiveSource, *, process: SimulationProcess | None = None, robot: RobotClient | None = None
+    ) -> None:
+        """Listen to a source, which is closed with the rally; so are the `process` that it comes from, and the robot.
+
+        Raises:
+            LinkError: if there is a `robot`, and the source has one of its own.
+        """
         self._process = process
         self.source = source
+        self.robot = robot
+        """One of the lab's own; the simulation's is part of its source."""
+        self._heard = source if robot is None else SourceWithRobot(source, robot)
         self.simulation = source if isinstance(source, SimulationClient) else None
         """What serves, stops its clock and changes its scene; None where the source is no simulation."""
         self.recording = RingRecording(LiveConfig(seconds=REMEMBERED_S))
@@ -67,8 +77,8 @@ class LiveRally:
         self._forgotten_us = 0
         source.add_listener(self.watch)
         source.add_listener(self.recording)
-        self.player = LivePlayer(source)
-        source.add_listener(self)
+        self.player = LivePlayer(self._heard)
+        self._heard.add_listener(self)
         self.player.add_step_listener(self._on_step)
 
     @property
@@ -84,7 +94,7 @@ class LiveRally:
     @property
     def has_robot(self) -> bool:
         """Whether somebody plays; otherwise balls are only watched."""
-        return self.source.robot is not None
+        return self._heard.robot is not None
 
     @property
     def recorded(self) -> Path | None:
@@ -116,7 +126,7 @@ class LiveRally:
             if self._recorder is not None:
                 raise RecordingError("the rally is being recorded already", where=self._recorder.path)
             self._recorded_since_s = time.monotonic()
-            self._recorder = LiveRecorder(self.source, path, player=self.player)
+            self._recorder = LiveRecorder(self._heard, path, player=self.player)
             self._listen()
 
     def stop_recording(self) -> int:
@@ -145,7 +155,7 @@ class LiveRally:
         self.player.close()
         if self._umpire is not None:
             self._umpire.close()
-        self.source.close()
+        self._heard.close()
         self.recording.close()
         self.stop_simulation()
 
@@ -211,13 +221,14 @@ def join_simulation(
     process: SimulationProcess | None = None,
     preparing: Callable[[float], None] = lambda share: None,
     keys: ClientKeys | None = None,
+    robot: RobotClient | None = None,
 ) -> LiveRally:
     """The rally of the simulation at an address, when it is ready; `process` is ended with the rally.
 
     `preparing` hears how far a simulation is that is not ready, 0 to 1.
 
     Raises:
-        LinkError: if there is no simulation, or one of another version.
+        LinkError: if there is no simulation, or one of another version, or it has a robot and there is a `robot` too.
     """
     try:
         client = SimulationClient(address, preparing=preparing, keys=keys)
@@ -225,7 +236,11 @@ def join_simulation(
         if process is not None:
             process.stop()
         raise
-    return LiveRally(client, process=process)
+    try:
+        return LiveRally(client, process=process, robot=robot)
+    except LinkError:
+        client.close()
+        raise
 
 
 def positions(cameras: dict[str, Camera]) -> dict[str, NDArray[np.float64]]:

@@ -1,12 +1,14 @@
-"""What a browser is told in whatever mode it is in when a live source or one of its cameras is lost, or comes back."""
+"""What a browser is told in whatever mode it is in when a live source, a camera or a robot is lost, or comes back."""
 
 from __future__ import annotations
 
 from typing import Final, NamedTuple
 
 from app.shared.live_rally import LiveRally
+from app.words.file_text import html_text
 from core.rally.link.live_source import SourceStatus
 from core.rally.live.stream_watch import StreamHealth
+from core.rally.robot import RobotStatus
 
 LOOK_EVERY_S: Final = 0.5
 STOPPED: Final = "The live source has stopped"
@@ -32,11 +34,12 @@ class SourceNews:
         if live is None or wall_s - self._looked_s < LOOK_EVERY_S:
             return []
         self._looked_s = wall_s
-        return self.compare(live.source.status, live.watch.health())
+        robot = None if live.robot is None else live.robot.status
+        return self.compare(live.source.status, live.watch.health(), robot)
 
-    def compare(self, status: SourceStatus, health: StreamHealth) -> list[News]:
+    def compare(self, status: SourceStatus, health: StreamHealth, robot: RobotStatus | None = None) -> list[News]:
         """What is wrong and was not before, and what no longer is; each is told once."""
-        now = _troubles(status, health)
+        now = _troubles(status, health) | _robot_troubles(robot)
         begun = [News(title, body, "red") for title, body in now.items() if title not in self._told]
         over = [
             News("It goes on", f"Over: {title[0].lower()}{title[1:]}.", "green") for title in self._told.keys() - now
@@ -54,3 +57,14 @@ def _troubles(status: SourceStatus, health: StreamHealth) -> dict[str, str]:
         for one in health.cameras
         if one.lost
     }
+
+
+def _robot_troubles(robot: RobotStatus | None) -> dict[str, str]:
+    """The same of a robot of one's own, once somebody has started it."""
+    if robot is None:
+        return {}
+    if robot.connection == "lost":
+        return {"The robot is lost": "Nothing is heard of it, and nothing is sent to it. Watch says more."}
+    if robot.stop is not None and robot.stop.by == "robot" and robot.counts.stops:
+        return {"The robot has stopped": f"{html_text(robot.stop.reason)}. In Watch a person can start it again."}
+    return {}

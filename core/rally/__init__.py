@@ -1,6 +1,6 @@
 """The chain from events to a racket: detect in every camera, triangulate, predict, decide.
 
-What needs torch is looked up when it is first used.
+What needs torch, or a link, is looked up when it is first used.
 """
 
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ from core.rally.chain.follow import Track, follow_recording, true_positions
 
 if TYPE_CHECKING:
     from core.rally.data_sets.event_windows import EventWindows, collate_windows, count_pictures
+    from core.rally.robot import RobotLimits, RobotServer
 
 __all__ = [
     "BallPoint",
@@ -18,6 +19,8 @@ __all__ = [
     "ChainState",
     "EventWindows",
     "RallyChain",
+    "RobotLimits",
+    "RobotServer",
     "Track",
     "collate_windows",
     "count_pictures",
@@ -31,4 +34,8 @@ def __getattr__(name: str) -> object:
         from core.rally.data_sets import event_windows
 
         return getattr(event_windows, name)
+    if name in ("RobotLimits", "RobotServer"):
+        from core.rally import robot
+
+        return getattr(robot, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

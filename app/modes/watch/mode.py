@@ -11,6 +11,7 @@ from app.modes.mode import Middle, ModeHost
 from app.modes.watch.cameras_panel import CamerasPanel
 from app.modes.watch.commands import EnlargeCamera
 from app.modes.watch.missed_ball import MissedBallSearch
+from app.modes.watch.robot_panel import RobotPanel
 from app.modes.watch.simulation_panel import SimulationPanel
 from app.modes.watch.source_panel import SourcePanel
 from app.modes.watch.status import live_html, moment_html
@@ -59,6 +60,7 @@ class WatchMode:
             self._missed = MissedBallSearch(host)
             self._simulation: SimulationPanel | None = None
             self._source: SourcePanel | None = None
+            self._robot: RobotPanel | None = None
         self._cameras = CamerasPanel(gui, lambda camera: host.send(EnlargeCamera(camera)))
         self._pictures = LatestWins(host.pool, host.services.camera_pictures, self._pictures_done, self._failed)
         self._lead_times = LatestWins(host.pool, compute_lead_times, self._show_lead_times, self._failed)
@@ -128,6 +130,10 @@ class WatchMode:
             self._source.set_visible(live is not None)
             if live is not None:
                 self._source.show(wall_s)
+        if self._robot is not None:
+            self._robot.set_visible(live is not None)
+            if live is not None:
+                self._robot.show(wall_s)
         if self._rally is None or not self._has_panel or wall_s - self._drawn_s < DRAW_EVERY_S:
             return
         self._request_lead_times(wall_s)
@@ -179,6 +185,8 @@ class WatchMode:
     def _add_controls(self, live: LiveRally) -> None:
         gui = self._host.client.gui
         with self._folder:
+            if live.robot is not None:
+                self._robot = RobotPanel(gui, live.robot, self._host)
             if live.simulation is not None:
                 self._simulation = SimulationPanel(gui, live, live.simulation, self._host)
             else:

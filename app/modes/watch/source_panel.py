@@ -42,6 +42,6 @@ class SourcePanel:
         for biases in self._biases:
             biases.show()
         rally = self._rally
-        said = stream_html(rally.source, rally.watch.health(), rally.player.snapshot)
+        said = stream_html(rally.source, rally.watch.health(), rally.player.snapshot, has_robot=rally.has_robot)
         if said != self._status.content:
             self._status.content = said

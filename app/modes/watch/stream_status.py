@@ -21,7 +21,7 @@ ALONE: Final = (
 )
 
 
-def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapshot) -> str:
+def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapshot, *, has_robot: bool = False) -> str:
     """A source that is no simulation: whether it is there and keeps pace, its cameras, and how it is followed."""
     rows = [("Source", _source(source, health))]
     if source.behind_s > 0:
@@ -43,7 +43,7 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
             remedy = "It is too slow for these cameras" if live else "Ask for a lower speed"
             skipped = f"{followed.blocks_dropped:,} blocks of 10 ms: this machine was busy. Many? {remedy}"
             rows.append(("Skipped blocks", _muted(skipped)))
-    return figures_html(rows) + ("" if source.robot is not None else ALONE)
+    return figures_html(rows) + ("" if has_robot else ALONE)
 
 
 def camera_rows(cameras: tuple[CameraHealth, ...]) -> list[tuple[str, str]]:

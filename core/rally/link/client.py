@@ -88,9 +88,9 @@ class SimulationClient:
         self._thread.start()
 
     @property
-    def robot(self) -> Self:
-        """The racket over there."""
-        return self
+    def robot(self) -> Self | None:
+        """The racket over there; None where the server says that it has none."""
+        return self if self.welcome.robot else None
 
     @property
     def status(self) -> SourceStatus:

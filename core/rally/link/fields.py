@@ -147,6 +147,11 @@ def listing(kind: type, most: int) -> Any:
     return _field(Spec(read, lambda value: [write_fields(item) for item in value]), ())
 
 
+def part(kind: type) -> Any:
+    """A dataclass whose fields are declared here too, as a map."""
+    return _field(Spec(lambda value, where: read_fields(kind, value, where), write_fields), REQUIRED)
+
+
 def read_fields(kind: type, values: Wire, where: str) -> Any:
     """A `kind` from a mapping of its fields; unknown keys are ignored, so that a later version may add some.
 

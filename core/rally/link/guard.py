@@ -25,15 +25,15 @@ NO_MATCH: Final = zmq.Event.HANDSHAKE_FAILED_AUTH | zmq.Event.HANDSHAKE_FAILED_P
 HUNG_UP: Final = zmq.Event.HANDSHAKE_FAILED_NO_DETAIL
 
 
-def check_reach(host: str, keys: ServerKeys | ClientKeys | None) -> None:
-    """Beyond this machine there is no link without keys.
+def check_reach(host: str, keys: ServerKeys | ClientKeys | None, flag: str = "--keys") -> None:
+    """Beyond this machine there is no link without keys, which a `flag` names.
 
     Raises:
         LinkError: if there would be one.
     """
     if keys is None and not is_loopback(host):
         raise LinkError(
-            f"{host} is beyond this machine, and a simulation there needs keys", expected="--keys DIR", remedy=REMEDY
+            f"{host} is beyond this machine, and what is there needs keys", expected=f"{flag} DIR", remedy=REMEDY
         )
 
 

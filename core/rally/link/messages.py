@@ -268,6 +268,8 @@ class Reply:
     cameras: tuple[CameraInfo, ...] = listing(CameraInfo, 16)
     physics: PhysicsConfig | None = optional(settings(PhysicsConfig))
     """How balls fly, bounce and leave the racket. Servers of before it was told have the paper's."""
+    robot: bool = flag(default=True)
+    """Whether there is one that takes `aim_racket`. Servers of before it was told are simulations, and have one."""
     preparing: float | None = optional(bounded_number(0.0, 1.0))
     """While a server compiles what it needs it obeys nothing, and says here how much of that is done."""
 

@@ -12,6 +12,7 @@ from core.errors import LinkError
 from core.events import SensorSize
 from core.rally.link.server import ServerConfig, SimulationServer
 from core.rally.live.replay_source import ReplaySource
+from core.rally.robot import RobotClient
 from core.recordings import open_recording
 
 
@@ -103,7 +104,9 @@ def test_a_source_that_is_there_is_handed_over_without_a_simulation_and_closed_w
     assert source.status == "lost"
 
 
-def test_a_source_that_nobody_took_is_closed(tmp_path, serve_recording) -> None:
+def test_a_source_that_nobody_took_is_closed_and_so_is_the_robot(tmp_path, serve_recording) -> None:
     source = ReplaySource(open_recording(serve_recording), "serve.h5")
-    Startup(Workspace(tmp_path), source=source).stop()
+    robot = RobotClient("tcp://127.0.0.1:1")
+    Startup(Workspace(tmp_path), source=source, robot=robot).stop()
     wait_for(lambda: source.status == "lost")
+    wait_for(lambda: robot.status.stop is not None and robot.status.stop.reason == "Rallyscope was ended")

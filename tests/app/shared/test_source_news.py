@@ -4,6 +4,8 @@ from dataclasses import replace
 
 from app.shared.source_news import SourceNews
 from core.rally.live.stream_watch import LOST_US, CameraHealth, StreamHealth
+from core.rally.robot import RobotStatus
+from core.rally.robot.robot_watch import RobotCounts, StopNote
 
 LEFT, RIGHT = CameraHealth("left", 0, 0, 0), CameraHealth("right", 0, 0, 0)
 WELL = StreamHealth(1.0, 0.01, False, 0, (LEFT, RIGHT))
@@ -27,3 +29,21 @@ def test_a_source_that_stops_is_told_whichever_way_it_is_known() -> None:
     assert titles(news.compare("connected", quiet)) == ["The live source has stopped"]
     assert news.compare("lost", quiet) == []
     assert titles(news.compare("connected", WELL)) == ["It goes on"]
+
+
+def robot(connection: str, stop: StopNote | None = None, stops: int = 0) -> RobotStatus:
+    counts = RobotCounts(stops=stops)
+    return RobotStatus("tcp://127.0.0.1:5600", connection, "", "arm", None, None, stop, None, None, "", counts)  # type: ignore[arg-type]
+
+
+def test_a_robot_that_is_lost_or_stops_by_itself_is_told_and_one_that_nobody_has_started_is_not() -> None:
+    news = SourceNews()
+    waiting = StopNote("robot", "not started yet")
+    assert news.compare("connected", WELL, robot("ready", waiting)) == []
+    assert titles(news.compare("connected", WELL, robot("lost"))) == ["The robot is lost"]
+    assert titles(news.compare("connected", WELL, robot("ready"))) == ["It goes on"]
+    (stopped,) = news.compare("connected", WELL, robot("ready", StopNote("robot", "<b>door</b>"), stops=1))
+    assert stopped.title == "The robot has stopped" and stopped.body.startswith("&lt;b&gt;door")
+    assert titles(news.compare("connected", WELL, robot("ready", StopNote("rallyscope", "a person"), 2))) == [
+        "It goes on"
+    ]

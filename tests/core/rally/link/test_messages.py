@@ -258,3 +258,12 @@ def test_columns_must_fit_each_other_their_time_and_the_sensor():
         m.decode(msgpack.packb({**fields, "width_px": 60}), m.KINDS).events()
     with pytest.raises(LinkError, match="backwards"):
         batch(since_us=np.array([9, 7, 11], np.uint32)).events()
+
+
+def test_a_server_that_does_not_say_whether_it_has_a_robot_has_one() -> None:
+    fields = msgpack.unpackb(m.encode(welcome(physics_profile("real"))))
+    assert fields.pop("robot") is True
+    assert m.decode(msgpack.packb(fields), m.KINDS).robot
+    assert not m.decode(msgpack.packb(fields | {"robot": False}), m.KINDS).robot
+    with pytest.raises(LinkError, match="not true or false"):
+        m.decode(msgpack.packb(fields | {"robot": 1}), m.KINDS)

@@ -1,0 +1,64 @@
+"""A robot of one's own: how it is doing, and the buttons that stop and start it. It is shared by all browsers."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import viser
+
+from app.modes.mode import ModeHost
+from app.modes.watch.robot_words import robot_html
+from app.widgets import when_clicked
+from core.errors import RallyscopeError
+from core.rally.robot import RobotClient
+
+SHOW_EVERY_S: Final = 0.2
+STOP, START = "Stop the robot", "Start the robot"
+
+
+class RobotPanel:
+    """Of one browser."""
+
+    def __init__(self, gui: viser.GuiApi, robot: RobotClient, host: ModeHost) -> None:
+        self._robot, self._host = robot, host
+        self._who = f"a person pressed Stop in browser {host.client.client_id}"
+        self._shown_s = float("-inf")
+        self._folder = gui.add_folder("Robot (shared by all browsers)")
+        with self._folder:
+            hint = "At once. Only a person starts it again"
+            self._stop = gui.add_button(STOP, icon=viser.Icon.HAND_STOP, color="red", hint=hint)
+            hint = "It may move from now on: is everybody out of its reach?"
+            self._start = gui.add_button(START, icon=viser.Icon.PLAYER_PLAY, hint=hint)
+            self._status = gui.add_html("")
+        when_clicked(self._stop, self._stop_now)
+        when_clicked(self._start, self._ask_to_start)
+
+    def set_visible(self, visible: bool) -> None:
+        """Only while the live rally is watched."""
+        self._folder.visible = visible
+
+    def show(self, wall_s: float) -> None:
+        """Say how it is doing, some times a second."""
+        if wall_s - self._shown_s < SHOW_EVERY_S:
+            return
+        self._shown_s = wall_s
+        status = self._robot.status
+        may_start = status.stop is not None
+        if self._start.visible != may_start:
+            self._start.visible = may_start
+        if (said := robot_html(status)) != self._status.content:
+            self._status.content = said
+
+    def _stop_now(self) -> None:
+        """Here and not in the pool, where it would wait behind pictures; it only puts a message into a queue."""
+        self._robot.stop(self._who)
+
+    def _ask_to_start(self) -> None:
+        self._host.pool.submit(self._try_to_start)
+
+    def _try_to_start(self) -> None:
+        try:
+            self._robot.start()
+        except RallyscopeError as error:
+            failed = error
+            self._host.later(lambda: self._host.report(failed))

@@ -1,0 +1,85 @@
+"""How a robot of one's own is doing, in plain words, as HTML."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from app import theme
+from app.modes.watch.figures import figures_html
+from app.words.file_text import html_text
+from core.rally.robot import RobotLimits, RobotStatus
+
+PARTIES: Final = {"robot": "the robot itself", "rallyscope": "Rallyscope"}
+
+
+def robot_html(status: RobotStatus) -> str:
+    """Whether it is there and may be sent to, where it is, what it may do, and what was refused."""
+    rows = [("Robot", _connection(status)), ("Plays", _plays(status))]
+    if status.state is not None and status.connection != "lost":
+        rows.append(("Racket", _pose(status)))
+    if status.limits is not None:
+        rows.append(("Limits", limits_words(status.limits)))
+    counts = status.counts
+    if counts.sent or counts.kept_back:
+        said = f"{counts.taken:,} taken"
+        said += f", {counts.refused:,} refused by it" if counts.refused else ""
+        said += f", {counts.unanswered:,} not answered" if counts.unanswered else ""
+        said += f", {counts.kept_back:,} kept back: too late, or outside of its limits" if counts.kept_back else ""
+        rows.append(("Targets", said))
+    if status.last_refusal:
+        rows.append(("Last refusal", _coloured(theme.MUTED, html_text(status.last_refusal))))
+    troubles = [
+        f"{count:,} x {name}"
+        for name, count in (("lost", counts.lost), ("slow", counts.slow), ("clock jumped", counts.clock_jumps))
+        if count
+    ]
+    if troubles:
+        rows.append(("Until now", _coloured(theme.MUTED, ", ".join(troubles))))
+    return figures_html(rows)
+
+
+def limits_words(limits: RobotLimits) -> str:
+    """The box, and how fast it may move in it."""
+    box = ", ".join(
+        f"{axis} {low:g} to {high:g}" for axis, low, high in zip("xyz", limits.low_m, limits.high_m, strict=True)
+    )
+    return (
+        f"{box} m; {limits.max_speed_mps:g} m/s, {limits.max_acceleration_mps2:g} m/s&sup2;, "
+        f"{limits.max_turn_rate_radps:g} rad/s; tilt {math.degrees(limits.max_tilt_rad):.0f}&deg;"
+    )
+
+
+def _connection(status: RobotStatus) -> str:
+    where = html_text(status.name or status.address)
+    if status.connection != "ready":
+        colour = theme.WARN if status.connection in ("awaited", "clock") and not status.counts.lost else theme.BAD
+        return _coloured(colour, f"{where}: {html_text(status.problem)}. Nothing is sent to it")
+    known = "" if status.clock is None else f", its clock known to {status.clock.within_us / 1e3:.1f} ms"
+    trip = "" if status.round_trip_ms is None else f", answers in {status.round_trip_ms:.1f} ms"
+    return _coloured(theme.GOOD, f"{where}, connected{trip}{known}")
+
+
+def _plays(status: RobotStatus) -> str:
+    if status.stop is None and status.connection != "ready":
+        return _coloured(theme.MUTED, "not now; by itself when it is back")
+    if status.stop is None:
+        return _coloured(theme.GOOD, "yes: it is sent to the balls")
+    said = f"no, stopped by {PARTIES[status.stop.by]}: {html_text(status.stop.reason)}"
+    state = status.state
+    if state is not None and state.stopped == "robot" and state.reason != status.stop.reason:
+        said += f". The robot itself: {html_text(state.reason)}"
+    return _coloured(theme.WARN, said)
+
+
+def _pose(status: RobotStatus) -> str:
+    assert status.state is not None
+    x, y, z = status.state.p_m
+    speed = float(np.linalg.norm(status.state.v_mps))
+    return f"x {x:+.3f}, y {y:+.3f}, z {z:+.3f} m, {speed:.2f} m/s"
+
+
+def _coloured(colour: str, text: str) -> str:
+    return f"<span style='color:{colour}'>{text}</span>"

@@ -1,0 +1,18 @@
+"""A robot of one's own on the documented link: targets within limits, its acknowledged state, stops."""
+
+from core.rally.robot.robot_client import RobotClient
+from core.rally.robot.robot_messages import RobotLimits, RobotState, RobotTarget
+from core.rally.robot.robot_server import RobotServer
+from core.rally.robot.robot_watch import RobotStatus, RobotWatchConfig
+from core.rally.robot.source_with_robot import SourceWithRobot
+
+__all__ = [
+    "RobotClient",
+    "RobotLimits",
+    "RobotServer",
+    "RobotState",
+    "RobotStatus",
+    "RobotTarget",
+    "RobotWatchConfig",
+    "SourceWithRobot",
+]

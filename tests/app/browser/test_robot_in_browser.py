@@ -1,0 +1,100 @@
+"""A robot of one's own in headless Chromium: started and stopped by a person, lost, and back."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from app.server import App
+from app.shared.library import Library
+from app.shared.live_rally import LIVE, LiveRally
+from app.shared.workspace import Workspace
+from core.rally.live.replay_source import ReplaySource
+from core.rally.robot import RobotClient, RobotLimits, RobotServer, RobotWatchConfig
+from core.recordings import open_recording
+
+LIMITS = RobotLimits(
+    low_m=(-2.2, -1.0, 0.02),
+    high_m=(-1.0, 1.0, 0.9),
+    max_speed_mps=5.0,
+    max_acceleration_mps2=80.0,
+    max_turn_rate_radps=20.0,
+)
+
+
+class JumpingArm:
+    """A robot on a thread that is where it is sent at once."""
+
+    def __init__(self) -> None:
+        self.server = RobotServer("tcp://127.0.0.1:0", LIMITS, name="<b>arm")
+        self.hangs, self._ended = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        p = np.array([-1.6, 0.0, 0.25])
+        while not self._ended.is_set():
+            time.sleep(0.003)
+            if not self.hangs.is_set():
+                target = self.server.turn(p, (1.0, 0.0, 0.0, 0.0), np.zeros(3))
+                p = p if target is None else np.array(target.p_m)
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        self.server.close()
+
+
+@pytest.fixture
+def arm() -> Iterator[JumpingArm]:
+    arm = JumpingArm()
+    yield arm
+    arm.close()
+
+
+@pytest.fixture
+def robot_lab(tmp_path, arm, serve_recording) -> Iterator[App]:
+    workspace = Workspace(tmp_path)
+    robot = RobotClient(arm.server.address, config=RobotWatchConfig(lost_ms=2500.0, slow_ms=1500.0))
+    live = LiveRally(ReplaySource(open_recording(serve_recording), "serve.h5"), robot=robot)
+    lab = App(workspace, Library(workspace), LIVE, host="127.0.0.1", port=0, live=live)
+    yield lab
+    lab.stop()
+
+
+def test_a_robot_is_started_stopped_lost_and_back(chromium, robot_lab, arm, open_window, wait_for) -> None:
+    rally = robot_lab.services.rallies.live
+    assert rally is not None and rally.robot is not None and rally.has_robot
+    robot = rally.robot
+    with open_window(robot_lab, in_space=True) as window:
+        page = window.page
+        page.get_by_text("<b>arm, connected").wait_for()
+        page.get_by_text("stopped by Rallyscope: not started yet").wait_for()
+        page.get_by_text("x -2.2 to -1, y -1 to 1, z 0.02 to 0.9 m").wait_for()
+        assert not page.get_by_text("It has no robot").count() and robot.status.counts.sent == 0
+        window.press("Start the robot")
+        page.get_by_text("yes: it is sent to the balls").wait_for()
+        wait_for(lambda: robot.status.counts.taken, "a target that it takes")
+        moment = rally.history.at(rally.history.followed_us, {})
+        assert moment.picture.racket is not None, "its racket stands in the scene"
+        page.get_by_text("Racket turned by").first.wait_for()
+        window.screenshot("robot-plays")
+
+        window.press("Stop the robot")
+        page.get_by_text("a person pressed Stop in browser").wait_for()
+        wait_for(lambda: "a person pressed Stop" in arm.server.stopped, "the robot to know")
+        sent = robot.status.counts.sent
+        window.press("Start the robot")
+        wait_for(lambda: robot.status.counts.sent > sent, "it to play again")
+
+        arm.hangs.set()
+        page.get_by_text("The robot is lost").wait_for()
+        page.get_by_text("Nothing is sent to it").first.wait_for()
+        window.screenshot("robot-lost")
+        arm.hangs.clear()
+        page.get_by_text("<b>arm, connected").wait_for()
+    assert robot.status.counts.lost >= 1
