@@ -81,8 +81,8 @@ def test_another_wish_is_tried_at_once() -> None:
 
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(1.0, "real time"), (0.5, "1/2 speed"), (0.75, "3/4 speed"), (1 / 3, "1/3 speed"), (1 / 64, "1/64 speed"), (0.1, "1/10 speed"), (0.3, "0.3 x real time"),
-     (4.0, "4 x real time")],
+    [(1.0, "real time"), (0.75, "3/4 speed"), (0.5, "1/2 speed"), (1 / 3, "1/3 speed"), (1 / 64, "1/64 speed"),
+     (0.1, "1/10 speed"), (0.3, "0.3 x real time"), (4.0, "4 x real time")],
 )  # fmt: skip
 def test_a_pace_in_words(factor: float, words: str) -> None:
     assert pace_words(factor) == words
