@@ -49,8 +49,8 @@ def pixel_truth(
     t = np.atleast_1d(np.asarray(t_us, np.int64))
     states = path.at(t * 1e-6)
     if not states.present.any():
-        unknown = np.full((3, len(t)), np.nan)
-        return PixelTruth(t, *unknown, np.zeros(len(t), np.bool_))
+        u, v, r = np.full((3, len(t)), np.nan)
+        return PixelTruth(t, u, v, r, np.zeros(len(t), np.bool_))
     portals = path.portals(t * 1e-6)
     circles = ball_circles(camera, states.p_world_m)
     with np.errstate(invalid="ignore"):
