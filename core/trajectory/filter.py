@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,9 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
 from core.trajectory.ball_filter import BallFilter
-from core.trajectory.ball_kernel import STATE, TOUCHES, places
-from core.trajectory.filter_config import FilterConfig, with_physics
+from core.trajectory.ball_kernel import STATE, TOUCHES
+from core.trajectory.filter_config import FilterConfig
 from core.trajectory.filter_kernel import ROWS, foresee
+from core.trajectory.learned_constants import nothing_learned
+from core.trajectory.mixture import Foreseen, MixedPaths, Paths, mix
 from core.trajectory.prediction import HitPlane, Prediction, Stage, TablePoint
 
 Array = NDArray[np.float64]
@@ -21,27 +22,9 @@ Array = NDArray[np.float64]
 STRAYS: Final = 5
 """So many points in a row that do not fit begin a new flight."""
 SLOWEST_MPS: Final = 1.0
+LEAST_SHARE: Final = 0.02
+"""A kind of flight that is less probable is not in what is predicted."""
 NOTHING: Final = np.full((STATE, STATE), np.nan)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Paths:
-    """The estimate and its neighbours, one sigma away along each independent direction, and what they touch."""
-
-    t_s: float
-    states: Array
-    """(27, 14)."""
-    lift: float
-
-    def at(self, t_s: Array) -> Array:
-        """Positions (N, K, 3) at ascending times (K,), not before the newest observation."""
-        ps = np.empty((len(self.states), len(t_s), 3))
-        places(self.states, self.t_s, np.ascontiguousarray(t_s), self.lift, ps)
-        return ps
-
-    def nominal(self) -> Paths:
-        """The estimate alone, without its neighbours."""
-        return Paths(self.t_s, self.states[:1], self.lift)
 
 
 class FilterPredictor:
@@ -56,12 +39,21 @@ class FilterPredictor:
         self._hit_x_m = hit_x_m
         self._noise_m2 = self.config.sigma_point_m**2 * np.eye(3)
         self._floor_m2 = self.config.noise_m**2 * np.eye(3)
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all: the flight, and what was learnt of air and table."""
+        self._filters: tuple[BallFilter, ...] = ()
+        self.learned = nothing_learned(self.config)
+        """Of air and table, by the flights before this one."""
         self.reset()
 
     def reset(self) -> None:
-        """Forget the flight seen so far."""
+        """Forget the flight seen so far; what it said of air and table is kept, where nothing was said of them."""
+        if self.config.perhaps_real:
+            self._learn()
         self.latest: Prediction | None = None
-        self._filters: tuple[BallFilter, ...] = ()
+        self._filters = ()
         self._said_us = 0
 
     @property
@@ -110,8 +102,12 @@ class FilterPredictor:
         if t_us <= self._filters[0].t_us:
             expected = f"after {self._filters[0].t_us} us"
             raise ConfigError("points are not in order", expected=expected, got=t_us, where="FilterPredictor.add")
+        before = [one.log_odds for one in self._filters]
         for one in self._filters:
             one.take(t_us, p, noise)
+        if not all(one.spoke for one in self._filters):  # a point that one of them left out says nothing of the others
+            for one, odds in zip(self._filters, before, strict=True):
+                one.log_odds = odds
         if all(one.strays >= STRAYS for one in self._filters):
             self._begin(t_us, p, noise)
         due = t_us - self._said_us >= 1e3 * self.config.every_ms
@@ -123,21 +119,54 @@ class FilterPredictor:
         if ball is None or ball.t_us - ball.first_us < 1e3 * self.config.least_seen_ms:
             return None
         self._said_us = ball.t_us
+        found, spread, paths = mix([self._foresee(one, weight) for one, weight in self.shares()])
+        _add_bias(spread, float(ball.state[5]), float(found[16]), self.config.bias_m)
+        self.latest = _describe(found, spread, ball.t_us, self.stage, paths)
+        return self.latest
+
+    def shares(self) -> list[tuple[BallFilter, float]]:
+        """The filters that count for what is predicted with their probabilities, the believed one first."""
+        best = self.believed
+        if best is None:
+            return []
+        rate = 1 / self.config.alike_points
+        weights = {one: math.exp(rate * (one.log_odds - best.log_odds)) for one in self._filters}
+        total = sum(weights.values())
+        counted = [
+            (one, weight / total)
+            for one, weight in weights.items()
+            if one is not best and weight > LEAST_SHARE * total and len(one.bounces_us) == len(best.bounces_us)
+        ]
+        return [(best, 1 / total), *counted]
+
+    def _learn(self) -> None:
+        best = self.believed
+        if best is None:
+            return
+        weights = {one: math.exp(one.log_odds - best.log_odds) for one in self._filters}
+        total = sum(weights.values())
+        air = sum(weight for one, weight in weights.items() if one.unrest.lift > 0) / total
+        self.learned = self.learned.after(best, weights[best] / total, air)
+
+    def _foresee(self, ball: BallFilter, weight: float) -> Foreseen:
         rows, spread = np.empty((ROWS, STATE)), np.empty((TOUCHES, TOUCHES))
         now_s, lift = ball.t_us * 1e-6, ball.unrest.lift
         found = foresee(ball.state, ball.covariance, now_s, self._hit_x_m, lift, rows, spread)
-        _add_bias(spread, float(ball.state[5]), float(found[16]), self.config.bias_m)
-        self.latest = _describe(found, spread, ball.t_us, self.stage, Paths(now_s, rows, lift))
-        return self.latest
+        return Foreseen(weight, found, spread, Paths(now_s, rows, lift))
 
     def _begin(self, t_us: int, p: Array, noise: Array) -> None:
         c = self.config
-        models = (c, with_physics(c, "real")) if c.perhaps_real else (c,)
-        odds = {False: 1.0, True: c.restless_odds} if c.restless_odds > 0 else {False: 1.0}
+        kinds = [(c, 1.0, c.restless_odds)]
+        if c.perhaps_real:
+            known = self.learned
+            kinds = [
+                (known.without_air(c), 1 - known.air, 0.0),
+                (known.with_air(c), known.air, c.untold_restless_odds),
+            ]
         self._filters = tuple(
-            BallFilter(model, t_us, p, noise, restless=restless, odds=odds[restless])
-            for model in models
-            for restless in odds
+            BallFilter(model, t_us, p, noise, restless=restless, odds=share * (odds / (1 + odds) if restless else 1 / (1 + odds)))
+            for model, share, odds in kinds
+            for restless in ((False, True) if odds > 0 else (False,))
         )
         self._said_us = t_us
 
@@ -157,7 +186,7 @@ def _add_bias(spread: Array, falling_mps: float, hit_mps: float, bias_m: float) 
             spread[axis, axis] += bias_m**2
 
 
-def _describe(found: Array, spread: Array, newest_us: int, stage: Stage, paths: Paths) -> Prediction:
+def _describe(found: Array, spread: Array, newest_us: int, stage: Stage, paths: Paths | MixedPaths) -> Prediction:
     """What `foresee` found, by names."""
     sigmas = np.sqrt(spread.diagonal())
     points = [
