@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 STRAYS: Final = 5
 """So many points in a row that do not fit begin a new flight."""
 SLOWEST_MPS: Final = 1.0
+IMPOSSIBLE: Final = math.log(1e-6)
+"""A kind of flight with less against another is no longer followed."""
 LEAST_SHARE: Final = 0.02
 """A kind of flight that is less probable is not in what is predicted."""
 NOTHING: Final = np.full((STATE, STATE), np.nan)
@@ -108,6 +110,7 @@ class FilterPredictor:
         if not all(one.spoke for one in self._filters):  # a point that one of them left out says nothing of the others
             for one, odds in zip(self._filters, before, strict=True):
                 one.log_odds = odds
+        self._filters = self._possible()
         if all(one.strays >= STRAYS for one in self._filters):
             self._begin(t_us, p, noise)
         due = t_us - self._said_us >= 1e3 * self.config.every_ms
@@ -148,6 +151,13 @@ class FilterPredictor:
         air = sum(weight for one, weight in weights.items() if one.unrest.lift > 0) / total
         self.learned = self.learned.after(best, weights[best] / total, air)
 
+    def _possible(self) -> tuple[BallFilter, ...]:
+        """The filters without those that nothing could make probable again."""
+        if len(self._filters) == 1:
+            return self._filters
+        least = max(one.log_odds for one in self._filters) + self.config.alike_points * IMPOSSIBLE
+        return tuple(one for one in self._filters if one.log_odds >= least)
+
     def _foresee(self, ball: BallFilter, weight: float) -> Foreseen:
         rows, spread = np.empty((ROWS, STATE)), np.empty((TOUCHES, TOUCHES))
         now_s, lift = ball.t_us * 1e-6, ball.unrest.lift
@@ -156,18 +166,15 @@ class FilterPredictor:
 
     def _begin(self, t_us: int, p: Array, noise: Array) -> None:
         c = self.config
-        kinds = [(c, 1.0, c.restless_odds)]
         if c.perhaps_real:
-            known = self.learned
-            kinds = [
-                (known.without_air(c), 1 - known.air, 0.0),
-                (known.with_air(c), known.air, c.untold_restless_odds),
-            ]
-        self._filters = tuple(
-            BallFilter(model, t_us, p, noise, restless=restless, odds=share * (odds / (1 + odds) if restless else 1 / (1 + odds)))
-            for model, share, odds in kinds
-            for restless in ((False, True) if odds > 0 else (False,))
-        )
+            self._filters = tuple(
+                BallFilter(kind, t_us, p, noise, restless=False, odds=odds) for kind, odds in self.learned.kinds(c)
+            )
+        else:
+            odds = {False: 1.0, True: c.restless_odds} if c.restless_odds > 0 else {False: 1.0}
+            self._filters = tuple(
+                BallFilter(c, t_us, p, noise, restless=restless, odds=odds[restless]) for restless in odds
+            )
         self._said_us = t_us
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from core.trajectory.ball_filter import BallFilter
 from core.trajectory.ball_kernel import DRAG
-from core.trajectory.filter_config import FilterConfig, untold, without_air
+from core.trajectory.filter_config import UNRESTS, FilterConfig, untold, without_air
 
 Array = NDArray[np.float64]
 
@@ -48,13 +48,16 @@ class LearnedConstants:
         """(3,) of the lab's constants."""
         return np.sqrt(self.variances)
 
-    def with_air(self, config: FilterConfig) -> FilterConfig:
-        """The filter of the next ball, if it flies through air."""
-        return self._told(untold(config), NAMES)
-
-    def without_air(self, config: FilterConfig) -> FilterConfig:
-        """The filter of the next ball, if it does not."""
-        return self._told(without_air(untold(config)), NAMES[1:])
+    def kinds(self, config: FilterConfig) -> list[tuple[FilterConfig, float]]:
+        """The filters of the next ball with their probabilities: without air, and through air of some unrest."""
+        through = self._told(untold(config), NAMES)
+        found = [(self._told(without_air(untold(config)), NAMES[1:]), 1 - self.air)]
+        for share, air, bounce_mps in UNRESTS:
+            kind = through
+            if air is not None and bounce_mps is not None:
+                kind = dataclasses.replace(through, air_noise=air, bounce_noise_mps=bounce_mps)
+            found.append((kind, share * self.air))
+        return found
 
     def after(self, ball: BallFilter, probability: float, air: float) -> LearnedConstants:
         """The same after a flight: as its filter, so probable among those of its flight, has it; `air`: by all."""
