@@ -46,7 +46,9 @@ class BallFilter:
         self.bounces_us: tuple[int, ...] = ()
         self.strays = 0
         """Points in a row that did not fit."""
-        self.log_odds = math.log(odds)
+        self.prior = math.log(odds)
+        """Logarithm of the odds before anything is seen."""
+        self.log_odds = self.prior
         """Of this kind of flight by its points, but for a constant."""
         self.spoke = False
         """Whether the newest point was compared with what was expected; near a bounce one is left out."""

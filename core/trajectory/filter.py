@@ -61,7 +61,7 @@ class FilterPredictor:
     @property
     def believed(self) -> BallFilter | None:
         """The filter that explains the flight best; None before there is a point."""
-        return max(self._filters, key=_log_odds, default=None)
+        return max(self._filters, key=self._evidence, default=None)
 
     @property
     def state(self) -> Array:
@@ -132,31 +132,39 @@ class FilterPredictor:
         best = self.believed
         if best is None:
             return []
-        rate = 1 / self.config.alike_points
-        weights = {one: math.exp(rate * (one.log_odds - best.log_odds)) for one in self._filters}
-        total = sum(weights.values())
+        weights = self._weights()
         counted = [
-            (one, weight / total)
+            (one, weight)
             for one, weight in weights.items()
-            if one is not best and weight > LEAST_SHARE * total and len(one.bounces_us) == len(best.bounces_us)
+            if one is not best and weight > LEAST_SHARE and len(one.bounces_us) == len(best.bounces_us)
         ]
-        return [(best, 1 / total), *counted]
+        return [(best, weights[best]), *counted]
 
     def _learn(self) -> None:
         best = self.believed
         if best is None:
             return
-        weights = {one: math.exp(one.log_odds - best.log_odds) for one in self._filters}
-        total = sum(weights.values())
-        air = sum(weight for one, weight in weights.items() if one.unrest.lift > 0) / total
-        self.learned = self.learned.after(best, weights[best] / total, air)
+        weights = self._weights()
+        air = sum(weight for one, weight in weights.items() if one.unrest.lift > 0)
+        self.learned = self.learned.after(best, weights[best], air)
 
     def _possible(self) -> tuple[BallFilter, ...]:
         """The filters without those that nothing could make probable again."""
         if len(self._filters) == 1:
             return self._filters
-        least = max(one.log_odds for one in self._filters) + self.config.alike_points * IMPOSSIBLE
-        return tuple(one for one in self._filters if one.log_odds >= least)
+        least = max(self._evidence(one) for one in self._filters) + IMPOSSIBLE
+        return tuple(one for one in self._filters if self._evidence(one) >= least)
+
+    def _evidence(self, one: BallFilter) -> float:
+        """Logarithm of how probable a kind of flight is, but for a constant: points err alike."""
+        return one.prior + (one.log_odds - one.prior) / self.config.alike_points
+
+    def _weights(self) -> dict[BallFilter, float]:
+        evidence = {one: self._evidence(one) for one in self._filters}
+        best = max(evidence.values())
+        weights = {one: math.exp(value - best) for one, value in evidence.items()}
+        total = sum(weights.values())
+        return {one: weight / total for one, weight in weights.items()}
 
     def _foresee(self, ball: BallFilter, weight: float) -> Foreseen:
         rows, spread = np.empty((ROWS, STATE)), np.empty((TOUCHES, TOUCHES))
@@ -176,10 +184,6 @@ class FilterPredictor:
                 BallFilter(c, t_us, p, noise, restless=restless, odds=odds[restless]) for restless in odds
             )
         self._said_us = t_us
-
-
-def _log_odds(one: BallFilter) -> float:
-    return one.log_odds
 
 
 def _add_bias(spread: Array, falling_mps: float, hit_mps: float, bias_m: float) -> None:

@@ -87,7 +87,7 @@ class FilterConfig:
     perhaps_real: bool = False
     """Nothing exact is said of air and table: they are as published, within their spread, there may be no air at all,
     and what the balls say of that is carried from one to the next (`learned_constants`)."""
-    air_probability: float = setting(0.9, 0.01, 0.99)
+    air_probability: float = setting(0.8, 0.01, 0.99)
     """Of there being air, before the first ball (choice: without it only simulated balls fly)."""
     drag_scatter: float = setting(0.045, 0.0, 0.5)
     """By which the drag coefficient differs from ball to ball, where it is learnt: it depends on speed and spin."""
@@ -120,7 +120,7 @@ class Unrest(NamedTuple):
     """Scatter of each velocity component from bounce to bounce."""
 
 
-UNRESTS: Final = (Unrest(0.05, None, None), Unrest(0.15, 0.1, 0.05), Unrest(0.80, 0.6, 0.1))
+UNRESTS: Final = (Unrest(0.2, None, None), Unrest(0.3, 0.1, 0.05), Unrest(0.5, 0.6, 0.1))
 """From simulated balls, of which the model leaves nothing out, to real ones. By every second of the recorded flights
 with up to 450 rad/s, at 140 points/s and 3 mm of noise: the likeliest of some, and of equally likely ones those that are
 less sure."""

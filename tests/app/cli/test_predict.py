@@ -167,7 +167,7 @@ def test_the_filter_finds_out_by_what_physics_a_ball_flies(physics, tmp_path) ->
         off[said] = np.linalg.norm(found[25] - ps[t_s >= 0.15][25])  # 100 ms ahead
     wrong = "paper" if physics == "real" else "real"
     assert off[physics] < 0.02
-    assert off[None] < 1.2 * off[physics], "nothing exact is said, and the prediction is as good"
+    assert off[None] < 1.2 * off[physics] + 0.001, "nothing exact is said, and the prediction is as good"
     assert off[physics] < off[wrong]
 
 
