@@ -116,6 +116,10 @@ class Predictor(Protocol):
         """Forget the flight seen so far."""
         ...
 
+    def forget(self) -> None:
+        """Forget the flight, and what was learnt of air and table from all before it."""
+        ...
+
 
 def predict_flight(
     t_s: Array, ps_m: Array, newest_us: int, stage: Stage, config: PaperPredictorConfig

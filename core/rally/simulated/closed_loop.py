@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from core.physics.episode import Case
 from core.rally.chain.block_windows import block_windows
 from core.rally.chain.chain import RallyChain
 from core.rally.chain.config import ChainConfig
-from core.rally.chain.physics import chain_for_physics
+from core.rally.chain.physics import chain_for_physics, expected_physics
 from core.rally.control.controller import BuiltInController, Controller
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import Player, PlayerState
@@ -70,8 +70,12 @@ class ClosedLoop:
         controller: Controller | None = None,
         window_us: int = 2000,
         recorded: RecordedServes | None = None,
+        told: bool = False,
     ) -> None:
-        """The built-in controller plays if there is no other. The chain is told the physics of the world.
+        """The built-in controller plays if there is no other.
+
+        Nobody says how balls fly and bounce: the chain finds out, and the built-in controller hears it from there. With
+        `told` both are told the physics of the world exactly. The racket's rubber the built-in controller knows.
 
         With `recorded`, the balls that are served are of those.
 
@@ -79,8 +83,12 @@ class ClosedLoop:
             CalibrationError: if the cameras cannot see depth.
         """
         self.world = SimulatedWorld(world, cameras, seed, recorded=recorded)
-        told = chain_for_physics(chain or ChainConfig(), world.task.physics)
-        self.player = Player(RallyChain(cameras, told), controller or BuiltInController(world.task))
+        config, task = chain or ChainConfig(), world.task
+        if told:
+            config = chain_for_physics(config, task.physics)
+        else:
+            task = replace(task, physics=expected_physics(task.physics))
+        self.player = Player(RallyChain(cameras, config), controller or BuiltInController(task))
         self._window_us = window_us
 
     def play(self, speed_mps: float, heard: Callable[[Block, list[PlayerState]], None] | None = None) -> PlayedBall:
