@@ -170,7 +170,7 @@ def told_physics(player: LivePlayer) -> PhysicsConfig:
 def test_a_server_that_is_killed_and_started_again_is_played_on() -> None:
     with serving(seed=1, width=320, height=240) as address:
         client = SimulationClient(address, timeout_s=0.5)
-        player = LivePlayer(client)
+        player = LivePlayer(client, config=LivePlayerConfig(told=True))
         wait_for(lambda: player.snapshot.t_us > 100_000)
         first = player.snapshot.session
         assert client.physics == told_physics(player) == physics_profile("paper")
