@@ -122,8 +122,8 @@ class Unrest(NamedTuple):
 
 UNRESTS: Final = (Unrest(0.2, None, None), Unrest(0.3, 0.1, 0.05), Unrest(0.5, 0.6, 0.1))
 """From simulated balls, of which the model leaves nothing out, to real ones. By every second of the recorded flights
-with up to 450 rad/s, at 140 points/s and 3 mm of noise: the likeliest of some, and of equally likely ones those that are
-less sure."""
+with up to 450 rad/s, at 140 points/s and 3 mm of noise: the likeliest of some, and of equally likely ones those that
+are less sure."""
 
 
 def filter_for(physics: PhysicsName, *, sigma_point_m: float = 0.003) -> FilterConfig:

@@ -61,7 +61,6 @@ class LearnedConstants:
 
     def after(self, ball: BallFilter, probability: float, air: float) -> LearnedConstants:
         """The same after a flight: as its filter, so probable among those of its flight, has it; `air`: by all."""
-        after = dataclasses.replace(self, air=(1 - 2 * CHANGE) * air + CHANGE)
         if ball.points < FEWEST_POINTS or ball.strays:
             return self
         first = 0 if ball.state[DRAG] > LEAST_SIGMA * 1e3 else 1
@@ -73,13 +72,19 @@ class LearnedConstants:
         means[first:] += gain * off
         variances[first:] -= gain**2 * np.maximum(prior - ball.covariance.diagonal()[rows], 0.0)
         return dataclasses.replace(
-            after, means=np.clip(means, LOWEST, HIGHEST), variances=variances, balls=self.balls + 1
+            self,
+            means=np.clip(means, LOWEST, HIGHEST),
+            variances=variances,
+            air=(1 - 2 * CHANGE) * air + CHANGE,
+            balls=self.balls + 1,
         )
 
     def _told(self, config: FilterConfig, names: tuple[str, ...]) -> FilterConfig:
         sigmas = np.sqrt(self.variances + self.scatter**2)
-        said = dict(zip(NAMES, zip(self.means.tolist(), sigmas.tolist(), strict=True), strict=True))
-        constants = {name: said[name][0] for name in names} | {f"{name}_sigma": said[name][1] for name in names}
+        constants: dict[str, float] = {}
+        for name, mean, sigma in zip(NAMES, self.means.tolist(), sigmas.tolist(), strict=True):
+            if name in names:
+                constants |= {name: mean, f"{name}_sigma": sigma}
         return dataclasses.replace(config, **constants)
 
 

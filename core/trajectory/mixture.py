@@ -51,8 +51,10 @@ class Foreseen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MixedPaths:
-    """Several estimates and their neighbours as one: row 0 is the mean, pairs of rows are what each of them and their
-    distances from the mean add to the variance."""
+    """Several estimates and their neighbours as one.
+
+    Row 0 is the mean; pairs of rows are what each of them, and their distances from the mean, add to the variance.
+    """
 
     weights: Array
     """(M,) sum 1."""
@@ -61,7 +63,7 @@ class MixedPaths:
     def at(self, t_s: Array) -> Array:
         """Positions (N, K, 3) at ascending times (K,), not before the newest observation."""
         each = [part.at(t_s) for part in self.parts]
-        mean = sum((weight * ps[0] for weight, ps in zip(self.weights, each, strict=True)), np.zeros_like(each[0][0]))
+        mean = np.einsum("m,mkj->kj", self.weights, np.array([ps[0] for ps in each]))
         rows = [mean[None]]
         for weight, ps in zip(self.weights, each, strict=True):
             moves = np.sqrt(weight) * np.concatenate([ps[:1] - mean, (ps[1::2] - ps[2::2]) / 2])
@@ -74,8 +76,10 @@ class MixedPaths:
 
 
 def mix(parts: Sequence[Foreseen]) -> tuple[Array, Array, Paths | MixedPaths]:
-    """What all together touch (22,), its covariance (22, 22), and their paths. The first one says what is touched:
-    others that touch something else are left out."""
+    """What all together touch (22,), its covariance (22, 22), and their paths.
+
+    The first one says what is touched: others that touch something else are left out.
+    """
     there = np.isfinite(parts[0].found)
     alike = [part for part in parts if (np.isfinite(part.found) == there).all()]
     if len(alike) == 1:

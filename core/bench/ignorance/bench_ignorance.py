@@ -1,7 +1,7 @@
 """The table of robustness: balls returned, and where they land, by what is wrong with what is believed of a lab.
 
 A row per cell of `cells`; sessions of ten balls are kept in the folder and not played again. With recorded flights in
-FOLDER/flights (CSV, as `fit-physics` reads them) the page also has the filter that is told nothing beside the told ones.
+FOLDER/flights (CSV, as `fit-physics` reads them) the page also has the filter that is told nothing beside told ones.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from core.bench.ignorance.cells import CELLS, Cell
 from core.bench.ignorance.filter_rows import filter_rows, held_out
-from core.bench.ignorance.play import BALLS, CONSTANTS, SEED, PlayedSession, Session, play_session
+from core.bench.ignorance.play import BALLS, CONSTANTS, SEED, CellSession, PlayedSession, play_session
 from core.bench.ignorance.report import write_robustness_report
 from core.bench.machine import describe_machine
 from core.bench.partial_rows import tell_rows
@@ -48,7 +48,7 @@ def run(
     """A row per cell, or the one called `only`, the rows of the filter, and the machine."""
     cells = _chosen(only)
     wanted = [
-        Session(cell, number, min(BALLS, balls - number * BALLS))
+        CellSession(cell, number, min(BALLS, balls - number * BALLS))
         for number in range(-(-balls // BALLS))
         for cell in cells
     ]
@@ -108,11 +108,11 @@ def _row(cell: Cell, sessions: Sequence[PlayedSession]) -> dict[str, object]:
     }
 
 
-def _path(folder: Path, session: Session) -> Path:
+def _path(folder: Path, session: CellSession) -> Path:
     return folder / f"{session.cell.name}-{SEED}-{session.number:03d}-{session.balls}.json"
 
 
-def _kept(folder: Path, session: Session) -> PlayedSession | None:
+def _kept(folder: Path, session: CellSession) -> PlayedSession | None:
     path = _path(folder, session)
     if not path.exists():
         return None
@@ -122,6 +122,6 @@ def _kept(folder: Path, session: Session) -> PlayedSession | None:
     )
 
 
-def _keep(folder: Path, session: Session, played: PlayedSession) -> None:
+def _keep(folder: Path, session: CellSession, played: PlayedSession) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     replace_file(_path(folder, session), json.dumps(asdict(played)).encode(), durable=False)

@@ -34,7 +34,7 @@ CONSTANTS: Final = ("drag", "restitution", "friction")
 
 
 @dataclass(frozen=True, slots=True)
-class Session:
+class CellSession:
     """A piece of work: balls of a cell."""
 
     cell: Cell
@@ -54,7 +54,7 @@ class PlayedSession:
     """Of the step test; None without one."""
 
 
-def play_session(session: Session, control: PieceControl | None = None) -> PlayedSession:
+def play_session(session: CellSession, control: PieceControl | None = None) -> PlayedSession:
     """Play the balls of a session; which balls they are depends on its number alone."""
     cell, task = session.cell, task_profile("real")
     seed, rng = [SEED, session.number], np.random.default_rng([SEED, session.number, 1])

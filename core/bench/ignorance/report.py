@@ -11,15 +11,16 @@ from core.text.markdown_table import markdown_table
 
 Row = Mapping[str, object]
 
-ABOUT: Final = """Rallies through two simulated 1280x720 event cameras of the `side` placement, detector `refined`, serves
-of 3 to 9 m/s without spin, drawn evenly, the built-in controller aimed at (0.8, 0) m, the racket of the profile `real`
-(the controller knows its rubber in every row). Sessions of {session} balls: in each, drag, restitution and friction of
-the lab are drawn about what is published ({constants}), and chain and controller are told nothing of that: they begin
-with what is published and learn from ball to ball. Rows that are told something exactly have it under *told*. A row
-with a constant off has the other two as published. Signs, directions, cameras and instants are drawn for each session,
-the racket's tilt and the blocked 20 ms for each ball; serves are the same in all rows. Late commands: the racket hears
-of a command so much later, and takes so much longer. *Led*: a step test of {steps} steps before the session says by how
-much, and the controller sends the racket so much earlier. Landing: from where a returned ball lands to the goal.
+ABOUT: Final = """Rallies through two simulated 1280x720 event cameras of the `side` placement, detector `refined`,
+serves of 3 to 9 m/s without spin, drawn evenly, the built-in controller aimed at (0.8, 0) m, the racket of the profile
+`real` (the controller knows its rubber in every row). Sessions of {session} balls: in each, drag, restitution and
+friction of the lab are drawn about what is published ({constants}), and chain and controller are told nothing of that:
+they begin with what is published and learn from ball to ball. Rows that are told something exactly have it under
+*told*. A row with a constant off has the other two as published. Signs, directions, cameras and instants are drawn for
+each session, the racket's tilt and the blocked 20 ms for each ball; serves are the same in all rows. Late commands: the
+racket hears of a command so much later, and takes so much longer. *Led*: a step test of {steps} steps before the
+session says by how much, and the controller sends the racket so much earlier. Flicker: events of a disc of 81 pixels,
+two bursts of 1 ms in 10 ms, laid over each picture. Landing: from where a returned ball lands to the goal.
 Intervals are Wilson's, 95 %."""
 TITLES: Final = ("wrong", "told", "balls", "returned % (95 %)", "net/out/own half/missed", "landing mm, median (p95)")
 FILTER: Final = """Recorded flights (tt3d, 179 Hz, 1 to 2 mm of noise), thinned to 140 points/s, with noise added to
@@ -44,8 +45,8 @@ def write_robustness_report(
     balls = max((int(str(row["balls"])) for row in rows), default=0)
     parts = [
         "# What ignorance costs",
-        f"Made by `rallyscope bench ignorance --balls {balls} --folder FOLDER --report docs/measured/robustness-report.md`"
-        f" (seed {seed}; {machine_words(machine)}).",
+        f"Made by `rallyscope bench ignorance --balls {balls} --folder FOLDER --report"
+        f" docs/measured/robustness-report.md` (seed {seed}; {machine_words(machine)}).",
         ABOUT.format(session=session, steps=steps, constants=constants),
         markdown_table(TITLES, [_cells(row) for row in _ordered(rows)]).rstrip(),
     ]

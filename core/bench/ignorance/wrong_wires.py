@@ -136,5 +136,5 @@ def _later(events: Events, by_us: int) -> Events:
 def _joined(one: Events, other: Events) -> Events:
     t = np.concatenate([one.t_us, other.t_us])
     order = np.argsort(t, kind="stable")
-    columns = (np.concatenate([getattr(one, name), getattr(other, name)])[order] for name in ("x_px", "y_px", "on"))
-    return Events.from_columns(t[order], *columns, one.sensor)
+    x, y, on = (np.concatenate([getattr(one, name), getattr(other, name)])[order] for name in ("x_px", "y_px", "on"))
+    return Events.from_columns(t[order], x, y, on, one.sensor)

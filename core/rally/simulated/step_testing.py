@@ -35,7 +35,7 @@ def measure_steps(
 
 def _step(world: SimulatedWorld, command: Callable[[SimulatedWorld, RacketTarget], None], aside_m: float) -> RacketStep:
     sent_s, start = world.now_us * 1e-6, world.rally.racket.p_m.copy()
-    there = start + [0.0, aside_m, 0.0]
+    there = start + np.array([0.0, aside_m, 0.0])
     q = base_orientation(world.config.task.stroke)
     command(world, RacketTarget(there, q, np.zeros(3), sent_s + TAKES_S))
     times, places = [], []
