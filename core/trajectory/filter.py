@@ -123,6 +123,8 @@ class FilterPredictor:
             return None
         self._said_us = ball.t_us
         found, spread, paths = mix([self._foresee(one, weight) for one, weight in self.shares()])
+        if math.isfinite(found[13]):
+            found[13] = self._hit_x_m
         _add_bias(spread, float(ball.state[5]), float(found[16]), self.config.bias_m)
         self.latest = _describe(found, spread, ball.t_us, self.stage, paths)
         return self.latest
