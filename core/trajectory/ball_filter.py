@@ -87,7 +87,8 @@ class BallFilter:
             return
         bounced = self._question.add(t_us, p, noise_m2, self.noise_scales, GATE)
         self.spoke = self._question.likelihood is not None
-        self.log_odds += self._question.likelihood or 0.0
+        if self._config.perhaps_real:
+            self.log_odds += self._question.likelihood or 0.0
         self.state, self.covariance = self._question.likelier
         if bounced is not None:
             if bounced:

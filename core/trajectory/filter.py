@@ -33,7 +33,8 @@ class FilterPredictor:
     """Fed point by point like `PaperPredictor`; every point moves the estimate.
 
     Filters for several kinds of flights run side by side: one that the model describes, one of which it leaves a good
-    deal out, perhaps one with air and spin. The one that explains the points best is believed.
+    deal out. The one that explains the points best is believed. Where nothing was said of air and table there are more
+    of them, and what is predicted is the mean of all, each as probable as the points make it.
     """
 
     def __init__(self, config: FilterConfig | None = None, *, hit_x_m: float = -1.42) -> None:
@@ -107,10 +108,11 @@ class FilterPredictor:
         before = [one.log_odds for one in self._filters]
         for one in self._filters:
             one.take(t_us, p, noise)
-        if not all(one.spoke for one in self._filters):  # a point that one of them left out says nothing of the others
-            for one, odds in zip(self._filters, before, strict=True):
-                one.log_odds = odds
-        self._filters = self._possible()
+        if self.config.perhaps_real:
+            if not all(one.spoke for one in self._filters):  # what one of them left out says nothing of the others
+                for one, odds in zip(self._filters, before, strict=True):
+                    one.log_odds = odds
+            self._filters = self._possible()
         if all(one.strays >= STRAYS for one in self._filters):
             self._begin(t_us, p, noise)
         due = t_us - self._said_us >= 1e3 * self.config.every_ms
@@ -132,8 +134,8 @@ class FilterPredictor:
     def shares(self) -> list[tuple[BallFilter, float]]:
         """The filters that count for what is predicted with their probabilities, the believed one first."""
         best = self.believed
-        if best is None:
-            return []
+        if best is None or not self.config.perhaps_real:
+            return [] if best is None else [(best, 1.0)]
         weights = self._weights()
         counted = [
             (one, weight)
@@ -159,7 +161,8 @@ class FilterPredictor:
 
     def _evidence(self, one: BallFilter) -> float:
         """Logarithm of how probable a kind of flight is, but for a constant: points err alike."""
-        return one.prior + (one.log_odds - one.prior) / self.config.alike_points
+        alike = self.config.alike_points if self.config.perhaps_real else 1.0
+        return one.prior + (one.log_odds - one.prior) / alike
 
     def _weights(self) -> dict[BallFilter, float]:
         evidence = {one: self._evidence(one) for one in self._filters}
