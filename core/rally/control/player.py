@@ -40,6 +40,9 @@ class Player:
     def __init__(self, chain: RallyChain, controller: Controller) -> None:
         self.chain = chain
         self.controller = controller
+        self.freeze_s = FREEZE_S
+        """So short before the racket is to be there nothing is decided any more. Commands that take now longer, now
+        shorter need more: a racket that is told another time just before it is due would have to jump."""
         self._decision: RacketDecision | None = None
         self._informed: tuple[Controller, LearnedConstants, Controller] | None = None
 
@@ -72,7 +75,7 @@ class Player:
             return None
         hit = state.prediction.hit_plane
         impact_s = hit.t_s if self._decision is None else min(hit.t_s, self._decision.target.t_s)
-        if impact_s - state.t_us * 1e-6 < FREEZE_S:
+        if impact_s - state.t_us * 1e-6 < self.freeze_s:
             return None
         p, v = hit.p_world_m, hit.v_world_mps
         found = self._informed_controller().decide(hit.t_s, p, v, stage=hit.stage, spin_radps=hit.spin_radps)
