@@ -19,7 +19,8 @@ they begin with what is published and learn from ball to ball. Rows that are tol
 *told*. A row with a constant off has the other two as published. Signs, directions, cameras and instants are drawn for
 each session, the racket's tilt and the blocked 20 ms for each ball; serves are the same in all rows. Late commands: the
 racket hears of a command so much later, and takes so much longer. *Led*: a step test of {steps} steps before the
-session says by how much, and the controller sends the racket so much earlier. Flicker: events of a disc of 81 pixels,
+session says by how much, and the controller sends the racket so much earlier;
+where that differs from command to command the last decision stands longer. Flicker: events of a disc of 81 pixels,
 two bursts of 1 ms in 10 ms, laid over each picture. Landing: from where a returned ball lands to the goal.
 Intervals are Wilson's, 95 %."""
 TITLES: Final = ("wrong", "told", "balls", "returned % (95 %)", "net/out/own half/missed", "landing mm, median (p95)")
