@@ -33,6 +33,7 @@ BENCHES = {
     "perceived-prediction": "core.bench.prediction.bench_perceived_prediction",
     "rally": "core.bench.rally.bench_rally",
     "outcomes": "core.bench.rally.bench_outcomes",
+    "ignorance": "core.bench.ignorance.bench_ignorance",
     "paper-perception": "core.bench.perception.bench_paper_perception",
     "scenes": "core.bench.rally.bench_scenes",
     "learning": "core.bench.learning.bench_learning",
@@ -68,18 +69,22 @@ class BenchArguments:
     )
     folder: Path | None = flag(
         "what is measured is kept here "
-        "(learning, state-errors, perceived-prediction, drawn-scenes, paper-perception, outcomes)"
+        "(learning, state-errors, perceived-prediction, drawn-scenes, paper-perception, outcomes, ignorance)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
         "which chain plays (rally)", "filter|fit|paper|auto|known", "the first three"
     )
-    balls: PositiveInt | None = flag("of each chain and speed (rally), through cameras (outcomes)", "N", "20, 40")
+    balls: PositiveInt | None = flag(
+        "of each chain and speed (rally), through cameras (outcomes), of each row (ignorance)", "N", "20, 40, 100"
+    )
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
     physics: Literal["paper", "real"] | None = flag("of the balls (rally, outcomes)", "paper|real", "paper; both")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
-        "a fault, or a job (faults); a kind of file (damage); door, return or pace (app)", "NAME", "all"
+        "a fault, or a job (faults); a kind of file (damage); door, return or pace (app); a row (ignorance)",
+        "NAME",
+        "all",
     )
     engine: EngineArguments
     json: bool = flag("print the figures as JSON")

@@ -46,9 +46,14 @@ class BallFilter:
         self.bounces_us: tuple[int, ...] = ()
         self.strays = 0
         """Points in a row that did not fit."""
-        self.log_odds = math.log(odds)
+        self.prior = math.log(odds)
+        """Logarithm of the odds before anything is seen."""
+        self.log_odds = self.prior
         """Of this kind of flight by its points, but for a constant."""
-        self._points = 1
+        self.spoke = False
+        """Whether the newest point was compared with what was expected; near a bounce one is left out."""
+        self.points = 1
+        """So many were taken."""
         self._question: BounceQuestion | None = None
         self._tally = np.zeros((2, 3))
 
@@ -74,12 +79,16 @@ class BallFilter:
             move(self.state, self.covariance, seconds, self.unrest)
             found = observe(self.state, self.covariance, p, noise_m2, self.noise_scales, GATE, self._tally)
             distance, likelihood = found
-            self._points += 1
+            self.points += 1
+            self.spoke = True
             self.strays = self.strays + 1 if distance > GATE else 0
-            if self._points > TYPICAL:
+            if self.points > TYPICAL:
                 self.log_odds += likelihood
             return
         bounced = self._question.add(t_us, p, noise_m2, self.noise_scales, GATE)
+        self.spoke = self._question.likelihood is not None
+        if self._config.perhaps_real:
+            self.log_odds += self._question.likelihood or 0.0
         self.state, self.covariance = self._question.likelier
         if bounced is not None:
             if bounced:
@@ -88,7 +97,7 @@ class BallFilter:
 
     def _ask(self, t_us: int) -> BounceQuestion | None:
         """Whether a bounce is near until the next point."""
-        if self._points < SETTLED:
+        if self.points < SETTLED:
             return None
         contact = coming_contact(self.state, self.covariance, self.unrest.lift)
         if contact is None or contact.in_s - SIGMAS * contact.sigma_s > (t_us - self.t_us) * 1e-6:

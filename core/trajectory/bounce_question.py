@@ -72,6 +72,8 @@ class BounceQuestion:
         self._bounce_us = self._off_us = t_us + round(1e6 * contact.in_s)
         self._quiet_until_us = self._bounce_us + round(1e6 * (SIGMAS * contact.sigma_s + guard_s))
         self._points = 0
+        self.likelihood: float | None = None
+        """Logarithm of how likely the newest point was, by both flights together; None if it was left out."""
 
     @property
     def likelier(self) -> tuple[Array, Array]:
@@ -85,11 +87,14 @@ class BounceQuestion:
             move(*self.off, (t_us - self._off_us) * 1e-6, self._unrest)
             self._off_us = t_us
         self._t_us = t_us
+        self.likelihood = None
         if t_us < self._quiet_until_us:
             return None
         unused = np.zeros((2, 3))
-        self._odds += observe(*self.off, p_m, noise_m2, scales, gate, unused)[1]
-        self._odds -= observe(*self.past, p_m, noise_m2, scales, gate, unused)[1]
+        off = observe(*self.off, p_m, noise_m2, scales, gate, unused)[1]
+        past = observe(*self.past, p_m, noise_m2, scales, gate, unused)[1]
+        self.likelihood = _either(off, past, self._odds)
+        self._odds += off - past
         self._points += 1
         if abs(self._odds) < SURE and self._points < MOST_POINTS:
             return None
@@ -105,6 +110,14 @@ class BounceQuestion:
                 return self._bounce_us
             t += (back[2] - BALL_RADIUS_M - back[HIGHER]) / back[5]
         return self._t_us - round(1e6 * t)
+
+
+def _either(one: float, other: float, odds: float) -> float:
+    """Logarithm of the likelihood of a point that has these under two flights, with log odds between them."""
+    odds = min(max(odds, -500.0), 500.0)
+    first, second = one - math.log1p(math.exp(-odds)), other - math.log1p(math.exp(odds))
+    best = max(first, second)
+    return best + math.log(math.exp(first - best) + math.exp(second - best))
 
 
 def _log_odds_of_table(x: Array, cov: Array) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,9 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
 from core.trajectory.ball_filter import BallFilter
-from core.trajectory.ball_kernel import STATE, TOUCHES, places
-from core.trajectory.filter_config import FilterConfig, with_physics
+from core.trajectory.ball_kernel import STATE, TOUCHES
+from core.trajectory.filter_config import FilterConfig
 from core.trajectory.filter_kernel import ROWS, foresee
+from core.trajectory.learned_constants import nothing_learned
+from core.trajectory.mixture import Foreseen, MixedPaths, Paths, mix
 from core.trajectory.prediction import HitPlane, Prediction, Stage, TablePoint
 
 Array = NDArray[np.float64]
@@ -21,34 +22,19 @@ Array = NDArray[np.float64]
 STRAYS: Final = 5
 """So many points in a row that do not fit begin a new flight."""
 SLOWEST_MPS: Final = 1.0
+IMPOSSIBLE: Final = math.log(1e-6)
+"""A kind of flight with less against another is no longer followed."""
+LEAST_SHARE: Final = 0.02
+"""A kind of flight that is less probable is not in what is predicted."""
 NOTHING: Final = np.full((STATE, STATE), np.nan)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Paths:
-    """The estimate and its neighbours, one sigma away along each independent direction, and what they touch."""
-
-    t_s: float
-    states: Array
-    """(27, 14)."""
-    lift: float
-
-    def at(self, t_s: Array) -> Array:
-        """Positions (N, K, 3) at ascending times (K,), not before the newest observation."""
-        ps = np.empty((len(self.states), len(t_s), 3))
-        places(self.states, self.t_s, np.ascontiguousarray(t_s), self.lift, ps)
-        return ps
-
-    def nominal(self) -> Paths:
-        """The estimate alone, without its neighbours."""
-        return Paths(self.t_s, self.states[:1], self.lift)
 
 
 class FilterPredictor:
     """Fed point by point like `PaperPredictor`; every point moves the estimate.
 
     Filters for several kinds of flights run side by side: one that the model describes, one of which it leaves a good
-    deal out, perhaps one with air and spin. The one that explains the points best is believed.
+    deal out. The one that explains the points best is believed. Where nothing was said of air and table there are more
+    of them, and what is predicted is the mean of all, each as probable as the points make it.
     """
 
     def __init__(self, config: FilterConfig | None = None, *, hit_x_m: float = -1.42) -> None:
@@ -56,18 +42,27 @@ class FilterPredictor:
         self._hit_x_m = hit_x_m
         self._noise_m2 = self.config.sigma_point_m**2 * np.eye(3)
         self._floor_m2 = self.config.noise_m**2 * np.eye(3)
+        self.forget()
+
+    def forget(self) -> None:
+        """Forget all: the flight, and what was learnt of air and table."""
+        self._filters: tuple[BallFilter, ...] = ()
+        self.learned = nothing_learned(self.config)
+        """Of air and table, by the flights before this one."""
         self.reset()
 
     def reset(self) -> None:
-        """Forget the flight seen so far."""
+        """Forget the flight seen so far; what it said of air and table is kept, where nothing was said of them."""
+        if self.config.perhaps_real:
+            self._learn()
         self.latest: Prediction | None = None
-        self._filters: tuple[BallFilter, ...] = ()
+        self._filters = ()
         self._said_us = 0
 
     @property
     def believed(self) -> BallFilter | None:
         """The filter that explains the flight best; None before there is a point."""
-        return max(self._filters, key=_log_odds, default=None)
+        return max(self._filters, key=self._evidence, default=None)
 
     @property
     def state(self) -> Array:
@@ -110,8 +105,14 @@ class FilterPredictor:
         if t_us <= self._filters[0].t_us:
             expected = f"after {self._filters[0].t_us} us"
             raise ConfigError("points are not in order", expected=expected, got=t_us, where="FilterPredictor.add")
+        before = [one.log_odds for one in self._filters]
         for one in self._filters:
             one.take(t_us, p, noise)
+        if self.config.perhaps_real:
+            if not all(one.spoke for one in self._filters):  # what one of them left out says nothing of the others
+                for one, odds in zip(self._filters, before, strict=True):
+                    one.log_odds = odds
+            self._filters = self._possible()
         if all(one.strays >= STRAYS for one in self._filters):
             self._begin(t_us, p, noise)
         due = t_us - self._said_us >= 1e3 * self.config.every_ms
@@ -123,27 +124,71 @@ class FilterPredictor:
         if ball is None or ball.t_us - ball.first_us < 1e3 * self.config.least_seen_ms:
             return None
         self._said_us = ball.t_us
+        found, spread, paths = mix([self._foresee(one, weight) for one, weight in self.shares()])
+        if math.isfinite(found[13]):
+            found[13] = self._hit_x_m
+        _add_bias(spread, float(ball.state[5]), float(found[16]), self.config.bias_m)
+        self.latest = _describe(found, spread, ball.t_us, self.stage, paths)
+        return self.latest
+
+    def shares(self) -> list[tuple[BallFilter, float]]:
+        """The filters that count for what is predicted with their probabilities, the believed one first."""
+        best = self.believed
+        if best is None or not self.config.perhaps_real:
+            return [] if best is None else [(best, 1.0)]
+        weights = self._weights()
+        counted = [
+            (one, weight)
+            for one, weight in weights.items()
+            if one is not best and weight > LEAST_SHARE and len(one.bounces_us) == len(best.bounces_us)
+        ]
+        return [(best, weights[best]), *counted]
+
+    def _learn(self) -> None:
+        best = self.believed
+        if best is None:
+            return
+        weights = self._weights()
+        air = sum(weight for one, weight in weights.items() if one.unrest.lift > 0)
+        self.learned = self.learned.after(best, weights[best], air)
+
+    def _possible(self) -> tuple[BallFilter, ...]:
+        """The filters without those that nothing could make probable again."""
+        if len(self._filters) == 1:
+            return self._filters
+        least = max(self._evidence(one) for one in self._filters) + IMPOSSIBLE
+        return tuple(one for one in self._filters if self._evidence(one) >= least)
+
+    def _evidence(self, one: BallFilter) -> float:
+        """Logarithm of how probable a kind of flight is, but for a constant: points err alike."""
+        alike = self.config.alike_points if self.config.perhaps_real else 1.0
+        return one.prior + (one.log_odds - one.prior) / alike
+
+    def _weights(self) -> dict[BallFilter, float]:
+        evidence = {one: self._evidence(one) for one in self._filters}
+        best = max(evidence.values())
+        weights = {one: math.exp(value - best) for one, value in evidence.items()}
+        total = sum(weights.values())
+        return {one: weight / total for one, weight in weights.items()}
+
+    def _foresee(self, ball: BallFilter, weight: float) -> Foreseen:
         rows, spread = np.empty((ROWS, STATE)), np.empty((TOUCHES, TOUCHES))
         now_s, lift = ball.t_us * 1e-6, ball.unrest.lift
         found = foresee(ball.state, ball.covariance, now_s, self._hit_x_m, lift, rows, spread)
-        _add_bias(spread, float(ball.state[5]), float(found[16]), self.config.bias_m)
-        self.latest = _describe(found, spread, ball.t_us, self.stage, Paths(now_s, rows, lift))
-        return self.latest
+        return Foreseen(weight, found, spread, Paths(now_s, rows, lift))
 
     def _begin(self, t_us: int, p: Array, noise: Array) -> None:
         c = self.config
-        models = (c, with_physics(c, "real")) if c.perhaps_real else (c,)
-        odds = {False: 1.0, True: c.restless_odds} if c.restless_odds > 0 else {False: 1.0}
-        self._filters = tuple(
-            BallFilter(model, t_us, p, noise, restless=restless, odds=odds[restless])
-            for model in models
-            for restless in odds
-        )
+        if c.perhaps_real:
+            self._filters = tuple(
+                BallFilter(kind, t_us, p, noise, restless=False, odds=odds) for kind, odds in self.learned.kinds(c)
+            )
+        else:
+            odds = {False: 1.0, True: c.restless_odds} if c.restless_odds > 0 else {False: 1.0}
+            self._filters = tuple(
+                BallFilter(c, t_us, p, noise, restless=restless, odds=odds[restless]) for restless in odds
+            )
         self._said_us = t_us
-
-
-def _log_odds(one: BallFilter) -> float:
-    return one.log_odds
 
 
 def _add_bias(spread: Array, falling_mps: float, hit_mps: float, bias_m: float) -> None:
@@ -157,7 +202,7 @@ def _add_bias(spread: Array, falling_mps: float, hit_mps: float, bias_m: float) 
             spread[axis, axis] += bias_m**2
 
 
-def _describe(found: Array, spread: Array, newest_us: int, stage: Stage, paths: Paths) -> Prediction:
+def _describe(found: Array, spread: Array, newest_us: int, stage: Stage, paths: Paths | MixedPaths) -> Prediction:
     """What `foresee` found, by names."""
     sigmas = np.sqrt(spread.diagonal())
     points = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from core.config import check_settings, setting
 from core.table import REAL_DRAG, REAL_FRICTION, REAL_MAGNUS, REAL_RESTITUTION
@@ -21,6 +21,20 @@ PAPER: Final = {
     "friction_sigma": 0.01,
 }
 """What the physics called `paper` changes: no air, no spin, and the table of the simulation."""
+
+
+UNKNOWN: Final = {
+    "drag": 0.50,
+    "drag_sigma": 0.06,
+    "magnus": REAL_MAGNUS,
+    "spin_sigma_radps": 200.0,
+    "restitution": 0.92,
+    "restitution_sigma": 0.03,
+    "friction": 0.22,
+    "friction_sigma": 0.05,
+}
+"""Air and table of which nobody has said anything: what is published of any, with its spread (drag .40 to .55, tables
+.88 to .96 and .15 to .30)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +85,19 @@ class FilterConfig:
     restless_odds: float = setting(20.0, 0.0, 1e6)
     """How many flights are like that for each that is not (choice); which one this is, its points decide. 0: none."""
     perhaps_real: bool = False
-    """Whether balls may also fly and bounce as in the physics `real`: each flight's points decide between the two."""
+    """Nothing exact is said of air and table: they are as published, within their spread, there may be no air at all,
+    and what the balls say of that is carried from one to the next (`learned_constants`)."""
+    air_probability: float = setting(0.8, 0.01, 0.99)
+    """Of there being air, before the first ball (choice: without it only simulated balls fly)."""
+    drag_scatter: float = setting(0.045, 0.0, 0.5)
+    """By which the drag coefficient differs from ball to ball, where it is learnt: it depends on speed and spin."""
+    restitution_scatter: float = setting(0.025, 0.0, 0.3)
+    """The same of the table's restitution."""
+    friction_scatter: float = setting(0.035, 0.0, 0.3)
+    """The same of its friction."""
+    alike_points: float = setting(3.0, 1.0, 100.0)
+    """So many points err alike: what they say of the kinds of flights counts for so much less. By 31 recorded flights
+    (the likeliest of 1, 2, 3 and 10)."""
     bounce_guard_ms: float = setting(0.0, 0.0, 30.0)
     """So long after a bounce nothing is observed: a window of events may hold both sides of it."""
     least_seen_ms: float = setting(20.0, 1.0, 200.0)
@@ -83,9 +109,37 @@ class FilterConfig:
         check_settings(self)
 
 
+class Unrest(NamedTuple):
+    """How much the model leaves out of one kind of flights through air of which nobody said anything."""
+
+    share: float
+    """Of such flights, before anything is seen."""
+    air: float | None
+    """White acceleration, m/s^2 per root hertz; None: as the configuration says."""
+    bounce_mps: float | None
+    """Scatter of each velocity component from bounce to bounce."""
+
+
+UNRESTS: Final = (Unrest(0.2, None, None), Unrest(0.3, 0.1, 0.05), Unrest(0.5, 0.6, 0.1))
+"""From simulated balls, of which the model leaves nothing out, to real ones. By every second of the recorded flights
+with up to 450 rad/s, at 140 points/s and 3 mm of noise: the likeliest of some, and of equally likely ones those that
+are less sure."""
+
+
 def filter_for(physics: PhysicsName, *, sigma_point_m: float = 0.003) -> FilterConfig:
     """The filter for the physics called `paper` (no air, no serve with spin) or `real`."""
     return with_physics(FilterConfig(sigma_point_m=sigma_point_m), physics)
+
+
+def untold(config: FilterConfig) -> FilterConfig:
+    """The same where nothing is known of air and table but what is published of any."""
+    return dataclasses.replace(config, **UNKNOWN)
+
+
+def without_air(config: FilterConfig) -> FilterConfig:
+    """The same without air, so that spin does not move the ball, for serves without spin."""
+    nothing = {name: PAPER[name] for name in ("drag", "drag_sigma", "magnus", "spin_sigma_radps")}
+    return dataclasses.replace(config, **nothing)
 
 
 def with_physics(config: FilterConfig, physics: PhysicsName) -> FilterConfig:

@@ -86,8 +86,14 @@ class Prediction:
 
     @property
     def curve_ps_world_m(self) -> Array:
-        """(M, 3) where the ball is at `curve_t_s`."""
-        return self.flights.nominal().at(self.curve_t_s)[0]
+        """(M, 3) where the ball is at `curve_t_s`; it ends where `hit_plane` says."""
+        times = self.curve_t_s
+        ps = self.flights.nominal().at(times)[0]
+        if self.hit_plane is None or times[-1] <= times[0]:
+            return ps
+        # The mean of several flights is not quite at the plane at their mean time.
+        share = (times - times[0]) / (times[-1] - times[0])
+        return ps + share[:, None] * (self.hit_plane.p_world_m - ps[-1])
 
     def positions(self, t_s: ArrayLike) -> tuple[Array, Array]:
         """Positions (K, 3) and their standard deviations (K, 3) at times (K,)."""
@@ -114,6 +120,10 @@ class Predictor(Protocol):
 
     def reset(self) -> None:
         """Forget the flight seen so far."""
+        ...
+
+    def forget(self) -> None:
+        """Forget the flight, and what was learnt of air and table from all before it."""
         ...
 
 

@@ -38,6 +38,10 @@ class PaperPredictor:
         self.latest: Prediction | None = None
         self._expected_us = 1 << 62
 
+    def forget(self) -> None:
+        """The same: nothing is learnt from flight to flight."""
+        self.reset()
+
     @property
     def stage(self) -> Stage:
         """Before or after the first bounce that was seen."""

@@ -11,13 +11,14 @@ rallyscope=${RALLYSCOPE:-$here/../../.venv/bin/rallyscope}
 out=${1:?"usage: stereo_pair.sh OUT [LEFT.raw RIGHT.raw CALIBRATION.toml]"}
 mkdir -p "$out"
 
+told=""  # of air and table: nothing, `predict` finds out
 if [ $# -ge 4 ]; then
     left=$2 right=$3 calibration=$4
 else
     calibration=$here/rig.toml
     $rallyscope simulate --out "$out/simulated.h5" --serves 1 --speed 5 --cameras "$calibration" --seed 7 --force
     $rallyscope export "$out/simulated.h5" --evt3 "$out" --force
-    left=$out/left.raw right=$out/right.raw
+    left=$out/left.raw right=$out/right.raw told="--physics paper"
 fi
 
 # One recording of both cameras. If their clocks differ: --offset-us (see docs/use/calibration.md).
@@ -30,6 +31,6 @@ done
 $rallyscope track "$out/pair.h5" --method refined --out "$out/track.csv"
 # Where it bounces and crosses the hitting plane, from the first 250 ms. `predict` takes one flight: of a recording with
 # several, cut the rows of one out of track.csv.
-$rallyscope predict "$out/track.csv" --observe-ms 250 --out "$out/prediction.json"
+$rallyscope predict "$out/track.csv" --observe-ms 250 $told --out "$out/prediction.json"
 # Everything on one time axis, for Rerun.
 $rallyscope export "$out/pair.h5" --rrd "$out/pair.rrd" --method refined --stride-us 20000 --force

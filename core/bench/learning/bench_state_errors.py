@@ -25,7 +25,7 @@ from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import Deliveries, deliver
 from core.learning.task.point_errors import PointErrors, SeenFlight, fit_point_errors
 from core.rally.chain.chain import ChainState
-from core.rally.simulated.event_environment import EventCameraBackend
+from core.rally.simulated.event_environment import EventCameraBackend, EventCourtConfig
 from core.simulation.episodes.closed_form import sample_serves
 
 Array = NDArray[np.float64]
@@ -122,7 +122,9 @@ class _Watching:
     def watch(self, speed_mps: float, number: int) -> WatchedBall:
         """Serve a ball and watch it until the stroke has to be decided."""
         if self._backend is None:
-            backend = EventCameraBackend(self._environment, seed=SEED, heard=self._hear)
+            backend = EventCameraBackend(
+                self._environment, seed=SEED, config=EventCourtConfig(told=True), heard=self._hear
+            )
             self._backend = self._ends.enter_context(contextlib.closing(backend))
         rng = np.random.default_rng([SEED, round(1000 * speed_mps), 0, number])
         dealt = deliver(speed_mps, 1, self._environment, rng)

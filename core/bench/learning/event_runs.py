@@ -25,7 +25,7 @@ from core.learning.evaluation.policy_evaluator import PolicyScore, score_played
 from core.learning.runs.run_files import create_run, load_policy
 from core.learning.runs.running import run_training
 from core.learning.task.environment import evaluation_balls
-from core.rally.simulated.event_environment import EventCameraBackend
+from core.rally.simulated.event_environment import EventCameraBackend, EventCourtConfig
 
 SPEED_MPS: Final = 5.0
 SEEN_BALLS: Final = 20
@@ -69,7 +69,9 @@ def play_event_seed(counts: Counts, folder: Path, seed: int) -> bool:
     if not (run / "config.toml").is_file():
         shutil.rmtree(run, ignore_errors=True)
         create_run(run, config)
-    with contextlib.closing(EventCameraBackend(config.environment, seed=seed)) as backend:
+    with contextlib.closing(
+        EventCameraBackend(config.environment, seed=seed, config=EventCourtConfig(told=True))
+    ) as backend:
         run_training(run, backend=backend)
         balls = evaluation_balls(SPEED_MPS, counts.event_balls, config.environment)
         score = score_played(backend, load_policy(run, seed), balls)

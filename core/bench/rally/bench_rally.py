@@ -137,7 +137,13 @@ def measure_rally(
     world = world or WorldConfig()
     controller = BuiltInController(world.task)
     loop = ClosedLoop(
-        world, stereo_preset(sensor=sensor), seed=seed, chain=chain, controller=controller, window_us=WINDOW_US
+        world,
+        stereo_preset(sensor=sensor),
+        seed=seed,
+        chain=chain,
+        controller=controller,
+        window_us=WINDOW_US,
+        told=True,
     )
     watched, played = [], []
     began_s = time.perf_counter()

@@ -17,7 +17,8 @@ CHAINS: Final = {
     "known": "no cameras: told at the launch exactly what will arrive",
 }
 ABOUT: Final = """Two 1280x720 cameras of the `side` placement, noise 0.1 events/s/pixel, physics `{physics}`, serves
-without spin, built-in controller aimed at (0.8, 0) m, racket in the picture, windows of 2 ms. The world waits for the
+without spin, built-in controller aimed at (0.8, 0) m, racket in the picture, windows of 2 ms. Chain and
+controller are `told` the physics exactly. The world waits for the
 chain, so the load of the machine changes no outcome; the delay is a block of 10 ms. Landing: from where a returned ball
 lands to the goal. Intervals are Wilson's. A step is wall time of chain and controller beside whatever else ran."""
 TITLES: Final = (

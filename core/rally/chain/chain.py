@@ -21,7 +21,8 @@ from core.rally.chain.config import ChainConfig
 from core.rally.chain.size_check import SizeCheck
 from core.rally.chain.time_alignment import TimeAligner
 from core.rally.chain.track_gating import TrackGate, Verdict
-from core.trajectory import Prediction
+from core.trajectory import FilterPredictor, Prediction
+from core.trajectory.learned_constants import LearnedConstants
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,16 +93,23 @@ class RallyChain:
         self._predictor = self.config.make_predictor()
 
     def reset(self) -> None:
-        """Forget everything: the regions of interest too."""
+        """Forget everything: the regions of interest too, and what was learnt of air and table."""
         for detector in self._detectors.values():
             detector.reset()
         self._common_time.reset()
         if self._size is not None:
             self._size.reset()
         self.forget_flight()
+        self._predictor.forget()
+
+    @property
+    def learned(self) -> LearnedConstants | None:
+        """Of air and table, by the balls so far; None for a chain that was told them, or does not learn."""
+        predictor = self._predictor
+        return predictor.learned if isinstance(predictor, FilterPredictor) and self.config.filter.perhaps_real else None
 
     def forget_flight(self) -> None:
-        """Expect a new ball; the detectors go on as they are."""
+        """Expect a new ball; the detectors go on as they are, and what was learnt of air and table is kept."""
         self._gate.reset()
         self._predictor.reset()
 

@@ -53,6 +53,9 @@ class ControllerConfig:
     """Lowest racket speed along +x at the impact; below zero the racket gives way, as fast balls demand."""
     fastest_mps: float = setting(4.5, 0.0, 5.0)
     """Highest racket speed; the simulated racket's own limit is 5."""
+    lead_ms: float = setting(0.0, 0.0, 200.0)
+    """The racket is told to be there so much before the ball: what a command takes to become motion, which a step test
+    tells (`step_test`)."""
     orient_early: bool = False
     """Turn the face on the first prediction already. Off: the paper's, which decides the orientation after the
     bounce only and until then just moves there."""
@@ -175,7 +178,7 @@ class BuiltInController:
             stage=stage,
             state=np.concatenate([p, v]),
             goal_m=goal,
-            target=target_for_ball(p, q, v_racket, t_c_s),
+            target=target_for_ball(p, q, v_racket, t_c_s - 1e-3 * self.config.lead_ms),
             action=action,
             landing_m=landing,
             net_z_m=net_z_m,

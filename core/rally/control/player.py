@@ -9,8 +9,10 @@ from typing import Final
 
 from core.events import Window
 from core.rally.chain.chain import ChainState, RallyChain
-from core.rally.control.controller import Controller
+from core.rally.chain.physics import learned_physics
+from core.rally.control.controller import BuiltInController, Controller
 from core.rally.control.decision import RacketDecision
+from core.trajectory.learned_constants import LearnedConstants
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,7 +40,11 @@ class Player:
     def __init__(self, chain: RallyChain, controller: Controller) -> None:
         self.chain = chain
         self.controller = controller
+        self.freeze_s = FREEZE_S
+        """So short before the racket is to be there nothing is decided any more. Commands that take now longer, now
+        shorter need more: a racket that is told another time just before it is due would have to jump."""
         self._decision: RacketDecision | None = None
+        self._informed: tuple[Controller, LearnedConstants, Controller] | None = None
 
     def reset(self) -> None:
         """Forget everything."""
@@ -69,8 +75,18 @@ class Player:
             return None
         hit = state.prediction.hit_plane
         impact_s = hit.t_s if self._decision is None else min(hit.t_s, self._decision.target.t_s)
-        if impact_s - state.t_us * 1e-6 < FREEZE_S:
+        if impact_s - state.t_us * 1e-6 < self.freeze_s:
             return None
         p, v = hit.p_world_m, hit.v_world_mps
-        found = self.controller.decide(hit.t_s, p, v, stage=hit.stage, spin_radps=hit.spin_radps)
+        found = self._informed_controller().decide(hit.t_s, p, v, stage=hit.stage, spin_radps=hit.spin_radps)
         return None if found is None else replace(found, t_us=state.t_us)
+
+    def _informed_controller(self) -> Controller:
+        """The controller with what the chain has learnt of the air, if it computes flights and nobody told them."""
+        learned, controller = self.chain.learned, self.controller
+        if learned is None or not learned.balls or not isinstance(controller, BuiltInController):
+            return controller
+        if self._informed is None or self._informed[0] is not controller or self._informed[1] is not learned:
+            informed = controller.for_physics(learned_physics(learned, controller.task.physics))
+            self._informed = controller, learned, informed
+        return self._informed[2]

@@ -20,7 +20,7 @@ from core.physics.config import PhysicsConfig
 from core.rally.chain.block_windows import block_windows
 from core.rally.chain.chain import RallyChain
 from core.rally.chain.config import ChainConfig
-from core.rally.chain.physics import chain_for_physics
+from core.rally.chain.physics import chain_for_physics, expected_physics
 from core.rally.control.controller import BuiltInController, LiveController
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import Player, PlayerState
@@ -45,6 +45,8 @@ class LivePlayerConfig:
     chain: ChainConfig = field(default_factory=ChainConfig)
     window_us: int = setting(2000, 200, 10_000)
     """Length of a window of events, a whole part of a block."""
+    told: bool = False
+    """Whether chain and controller are told the physics that a simulated source knows; otherwise they find out."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -83,8 +85,8 @@ class LivePlayer:
         """Begin as soon as everything is loaded; without `playing`, or a robot, it only watches and sends nothing."""
         self._source = source
         self._physics = source.physics
-        self._controller = self._told(controller or BuiltInController())
         self._config = config or LivePlayerConfig()
+        self._controller = self._told(controller or BuiltInController())
         self._new_config = False
         self._playing = playing and source.robot is not None
         self._changed = threading.Condition()
@@ -127,7 +129,7 @@ class LivePlayer:
         return self._playing
 
     def use(self, controller: LiveController) -> None:
-        """Let another controller decide, from the next block on; it is told the physics of the source."""
+        """Let another controller decide, from the next block on; it is told of the physics what the player is told."""
         self._controller = self._told(controller)
 
     def aim_at(self, goal_m: tuple[float, float]) -> None:
@@ -271,12 +273,13 @@ class LivePlayer:
             self._problem = str(error)
 
     def _chain_config(self) -> ChainConfig:
-        """Told how balls fly where that is known; where it is not, its filter finds out."""
-        physics = self._physics
+        """Its filter finds out how balls fly, unless it is to be told and somebody knows."""
+        physics = self._physics if self._config.told else None
         return self._config.chain if physics is None else chain_for_physics(self._config.chain, physics)
 
     def _told(self, controller: LiveController) -> LiveController:
-        return controller.for_physics(self._physics or PhysicsConfig())
+        physics = self._physics or PhysicsConfig()
+        return controller.for_physics(physics if self._config.told else expected_physics(physics))
 
     def _play(self, heard: _ReceivedBlock, counted: int) -> None:
         """Follow a block; of those that are missing before it, `counted` were dropped here, the others never came."""

@@ -8,22 +8,25 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.errors import ConfigError
+from core.events import Events
 from core.physics.episode import Case
 from core.rally.chain.block_windows import block_windows
 from core.rally.chain.chain import RallyChain
 from core.rally.chain.config import ChainConfig
-from core.rally.chain.physics import chain_for_physics
+from core.rally.chain.physics import chain_for_physics, expected_physics
 from core.rally.control.controller import BuiltInController, Controller
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import Player, PlayerState
 from core.rally.simulated.world import Block, JudgedBall, SimulatedWorld, WorldConfig
+from core.simulation.episodes.racket import RacketTarget
 from core.simulation.episodes.recorded_serves import RecordedServes
 
 logger = logging.getLogger(__name__)
@@ -57,6 +60,22 @@ class PlayedBall:
         return self.decisions[-1].stage if self.decisions else "none"
 
 
+class Between(Protocol):
+    """What stands between the world and who plays in it: the wires, and what is wrong with them."""
+
+    def seen(self, events: Mapping[str, Events], start_us: int, end_us: int) -> Mapping[str, Events]:
+        """What of a block's events comes through, by camera."""
+        ...
+
+    def command(self, world: SimulatedWorld, target: RacketTarget) -> None:
+        """Give the racket a target.
+
+        Raises:
+            ConfigError: if it is out of bounds.
+        """
+        ...
+
+
 class ClosedLoop:
     """A simulated world, and a chain and a controller that play in it."""
 
@@ -70,8 +89,15 @@ class ClosedLoop:
         controller: Controller | None = None,
         window_us: int = 2000,
         recorded: RecordedServes | None = None,
+        told: bool = False,
+        believed: Mapping[str, Camera] | None = None,
+        between: Between | None = None,
     ) -> None:
-        """The built-in controller plays if there is no other. The chain is told the physics of the world.
+        """The built-in controller plays if there is no other.
+
+        Nobody says how balls fly and bounce: the chain finds out, and the built-in controller hears it from there. With
+        `told` both are told the physics of the world exactly. The racket's rubber the built-in controller knows.
+        `believed`: the cameras as they were calibrated, where that is not what they are.
 
         With `recorded`, the balls that are served are of those.
 
@@ -79,9 +105,14 @@ class ClosedLoop:
             CalibrationError: if the cameras cannot see depth.
         """
         self.world = SimulatedWorld(world, cameras, seed, recorded=recorded)
-        told = chain_for_physics(chain or ChainConfig(), world.task.physics)
-        self.player = Player(RallyChain(cameras, told), controller or BuiltInController(world.task))
+        config, task = chain or ChainConfig(), world.task
+        if told:
+            config = chain_for_physics(config, task.physics)
+        else:
+            task = replace(task, physics=expected_physics(task.physics))
+        self.player = Player(RallyChain(believed or cameras, config), controller or BuiltInController(task))
         self._window_us = window_us
+        self._between = between
 
     def play(self, speed_mps: float, heard: Callable[[Block, list[PlayerState]], None] | None = None) -> PlayedBall:
         """Serve one ball of a speed and play it to its outcome; `heard` is told every block and its steps.
@@ -120,7 +151,10 @@ class ClosedLoop:
         self.world.close()
 
     def _perceive(self, block: Block) -> Iterator[PlayerState]:
-        for windows in block_windows(block.events, block.start_us, block.end_us, self._window_us):
+        events = block.events
+        if self._between is not None:
+            events = self._between.seen(events, block.start_us, block.end_us)
+        for windows in block_windows(events, block.start_us, block.end_us, self._window_us):
             yield self.player.step(windows)
 
     def _decide(self, state: PlayerState) -> RacketDecision | None:
@@ -129,7 +163,10 @@ class ClosedLoop:
         if decision is None or not state.is_new or decision.target.t_s <= self.world.now_us * 1e-6:
             return None
         try:
-            self.world.aim(decision.target)
+            if self._between is None:
+                self.world.aim(decision.target)
+            else:
+                self._between.command(self.world, decision.target)
         except ConfigError as error:
             logger.info("racket target refused: %s", error)
             return None

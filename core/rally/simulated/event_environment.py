@@ -49,6 +49,9 @@ class EventCourtConfig:
     """The stroke is decided on the newest prediction when so much time is left (choice: the racket turns 15 degrees in
     13 ms, moves 3 cm in 40 ms, and a block of 10 ms has to be over before its events are seen)."""
 
+    told: bool = False
+    """Whether the chain is told the physics of the court exactly; otherwise it finds out, each ball for itself."""
+
     def __post_init__(self) -> None:
         check_settings(self)
 
@@ -78,9 +81,10 @@ class EventCameraBackend:
         self._world_config = dataclasses.replace(world or WorldConfig(), task=task)
         self.world = SimulatedWorld(self._world_config, cameras, seed)
         chain = self._config.chain
-        table = predictor_for("real") if task.physics.has_air else chain.predictor
+        told = self._config.told
+        table = predictor_for("real") if told and task.physics.has_air else chain.predictor
         predictor = dataclasses.replace(table, hit_x_m=task.stroke.hit_plane_x_m)
-        ball = chain_for_physics(chain, task.physics).filter
+        ball = chain_for_physics(chain, task.physics).filter if told else chain.filter
         self._chain = RallyChain(cameras, dataclasses.replace(chain, predictor=predictor, filter=ball))
         self._served_s = 0.0
         self._judged: JudgedBall | None = None

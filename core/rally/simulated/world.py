@@ -23,7 +23,7 @@ from core.simulation.bodies import MovingBodies, make_actors
 from core.simulation.episodes import draw_serves
 from core.simulation.episodes.judge import BallOutcome, RallyJudge
 from core.simulation.episodes.mujoco_rally import MujocoRally
-from core.simulation.episodes.racket import RacketConfig, RacketTarget
+from core.simulation.episodes.racket import RacketConfig, RacketTarget, check_target
 from core.simulation.episodes.rally_events import RallyEvent
 from core.simulation.episodes.recorded_serves import RecordedServes
 from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
@@ -123,6 +123,7 @@ class SimulatedWorld:
         self._arrival, self._q_hit = np.full(6, np.nan), np.full(4, np.nan)
         self._unreported: list[JudgedBall] = []
         self._contacts: list[RacketContact] = []
+        self._on_their_way: list[tuple[float, RacketTarget | None]] = []
 
     def serve(self, p_m: ArrayLike, v_mps: ArrayLike, spin_radps: ArrayLike) -> RallyEvent:
         """Put a ball into play now; one still in play counts as missed.
@@ -149,13 +150,19 @@ class SimulatedWorld:
             drawn = draw_serves(speed_mps, 1, self.config.task, self._rng)
         return self.serve(drawn.ps_m[0], drawn.vs_mps[0], drawn.spins_radps[0])
 
-    def aim(self, target: RacketTarget | None) -> None:
-        """Send the racket to a target, or to rest.
+    def aim(self, target: RacketTarget | None, *, after_s: float = 0.0) -> None:
+        """Send the racket to a target, or to rest; it hears of that so much later, at a step of the physics.
 
         Raises:
             ConfigError: if it is out of bounds.
         """
-        self.rally.aim_racket(target)
+        if after_s <= 0:
+            self.rally.aim_racket(target)
+            return
+        if target is not None:
+            check_target(target, self.config.racket)
+        self._on_their_way.append((self.now_us * 1e-6 + after_s, target))
+        self._on_their_way.sort(key=lambda one: one[0])
 
     def set_noise(self, noise_hz: float) -> None:
         """Of all cameras."""
@@ -245,6 +252,8 @@ class SimulatedWorld:
         edges_s = np.linspace(start_us, end_us, steps + 1) * 1e-6
         rows = [self._racket_row(float(edges_s[0]))]
         for begin_s, end_s in itertools.pairwise(edges_s):
+            while self._on_their_way and self._on_their_way[0][0] <= begin_s + 1e-9:
+                self.rally.aim_racket(self._on_their_way.pop(0)[1])
             outcomes += self._step(path, float(begin_s), float(end_s))
             rows.append(self._racket_row(float(end_s)))
         return path, np.array(rows), tuple(outcomes)

@@ -99,7 +99,7 @@ def test_a_ball_that_flies_away_has_no_hitting_plane(tmp_path, capsys) -> None:
 
 
 def test_the_filter_is_what_predicts_by_default_and_it_reads_what_track_writes(points, tmp_path) -> None:
-    """The times of `track` are whole microseconds."""
+    """The times of `track` are whole microseconds; both see the same points."""
     header, *rows = points.read_text().splitlines()
     tracked = tmp_path / "track.csv"
     cells = [row.split(",") for row in rows]
@@ -107,7 +107,7 @@ def test_the_filter_is_what_predicts_by_default_and_it_reads_what_track_writes(p
     tracked.write_text("\n".join([header.replace("t_s", "t_us"), *lines]) + "\n")
     found = {}
     for name, path, arguments in (("a", points, []), ("b", tracked, []), ("c", points, ["--method", "filter"])):
-        assert main(["predict", str(path), *arguments, "--out", str(tmp_path / name)]) == 0
+        assert main(["predict", str(path), "--observe-ms", "148", *arguments, "--out", str(tmp_path / name)]) == 0
         found[name] = json.loads((tmp_path / name).read_text())
     assert found["a"] == found["c"]
     for key in ("t_s", "p_world_m"):
@@ -166,7 +166,8 @@ def test_the_filter_finds_out_by_what_physics_a_ball_flies(physics, tmp_path) ->
         found = np.array([one["p_world_m"] for one in json.loads(out.read_text())["positions"]])
         off[said] = np.linalg.norm(found[25] - ps[t_s >= 0.15][25])  # 100 ms ahead
     wrong = "paper" if physics == "real" else "real"
-    assert off[None] == off[physics] < 0.02
+    assert off[physics] < 0.02
+    assert off[None] < 1.2 * off[physics] + 0.001, "nothing exact is said, and the prediction is as good"
     assert off[physics] < off[wrong]
 
 

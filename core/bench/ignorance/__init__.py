@@ -1,0 +1,1 @@
+"""How well balls come back where what is believed of the lab is wrong, and nobody says what is right."""

@@ -1,0 +1,100 @@
+"""What was learnt of air and table from the balls so far: a lab's constants do not change between two balls.
+
+Three numbers with standard deviations, and how probable it is that there is air at all. What a ball says of its own
+constants is one draw around the lab's: they scatter from ball to ball (the models of drag and bounce are crude).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.trajectory.ball_filter import BallFilter
+from core.trajectory.ball_kernel import DRAG
+from core.trajectory.filter_config import UNRESTS, FilterConfig, untold, without_air
+
+Array = NDArray[np.float64]
+
+NAMES: Final = ("drag", "restitution", "friction")
+"""In the order of the filter's state, from `DRAG` on."""
+LOWEST, HIGHEST = np.array([0.0, 0.5, 0.0]), np.array([1.0, 1.0, 1.0])
+LEAST_SIGMA: Final = 1e-6
+FEWEST_POINTS: Final = 20
+"""A flight of fewer says nothing (choice)."""
+CHANGE: Final = 0.01
+"""How probable it is that balls fly otherwise from one to the next: with air, or without (choice)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LearnedConstants:
+    """Drag coefficient, restitution and friction, each (3,)."""
+
+    means: Array
+    variances: Array
+    """Of what is not known of the lab; the scatter from ball to ball comes on top."""
+    scatter: Array
+    """(3,) standard deviations from ball to ball."""
+    air: float
+    """The probability that balls fly through air."""
+    balls: int
+    """Learnt from."""
+
+    @property
+    def sigmas(self) -> Array:
+        """(3,) of the lab's constants."""
+        return np.sqrt(self.variances)
+
+    def kinds(self, config: FilterConfig) -> list[tuple[FilterConfig, float]]:
+        """The filters of the next ball with their probabilities: without air, and through air of some unrest."""
+        through = self._told(untold(config), NAMES)
+        found = [(self._told(without_air(untold(config)), NAMES[1:]), 1 - self.air)]
+        for share, air, bounce_mps in UNRESTS:
+            kind = through
+            if air is not None and bounce_mps is not None:
+                kind = dataclasses.replace(through, air_noise=air, bounce_noise_mps=bounce_mps)
+            found.append((kind, share * self.air))
+        return found
+
+    def after(self, ball: BallFilter, probability: float, air: float) -> LearnedConstants:
+        """The same after a flight: as its filter, so probable among those of its flight, has it; `air`: by all."""
+        if ball.points < FEWEST_POINTS or ball.strays:
+            return self
+        first = 0 if ball.state[DRAG] > LEAST_SIGMA * 1e3 else 1
+        rows = slice(DRAG + first, DRAG + 3)
+        means, variances = self.means.copy(), self.variances.copy()
+        prior = variances[first:] + self.scatter[first:] ** 2
+        gain = probability * variances[first:] / prior
+        off = np.clip(ball.state[rows] - means[first:], -3 * np.sqrt(prior), 3 * np.sqrt(prior))
+        means[first:] += gain * off
+        variances[first:] -= gain**2 * np.maximum(prior - ball.covariance.diagonal()[rows], 0.0)
+        return dataclasses.replace(
+            self,
+            means=np.clip(means, LOWEST, HIGHEST),
+            variances=variances,
+            air=(1 - 2 * CHANGE) * air + CHANGE,
+            balls=self.balls + 1,
+        )
+
+    def _told(self, config: FilterConfig, names: tuple[str, ...]) -> FilterConfig:
+        sigmas = np.sqrt(self.variances + self.scatter**2)
+        constants: dict[str, float] = {}
+        for name, mean, sigma in zip(NAMES, self.means.tolist(), sigmas.tolist(), strict=True):
+            if name in names:
+                constants |= {name: mean, f"{name}_sigma": sigma}
+        return dataclasses.replace(config, **constants)
+
+
+def nothing_learned(config: FilterConfig) -> LearnedConstants:
+    """Before the first ball: what is published."""
+    c = untold(config)
+    return LearnedConstants(
+        means=np.array([c.drag, c.restitution, c.friction]),
+        variances=np.square([c.drag_sigma, c.restitution_sigma, c.friction_sigma]),
+        scatter=np.array([c.drag_scatter, c.restitution_scatter, c.friction_scatter]),
+        air=c.air_probability,
+        balls=0,
+    )
