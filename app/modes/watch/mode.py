@@ -196,7 +196,8 @@ class WatchMode:
         figures, live = "", self._live
         if live is not None and live.state is not None and self._simulation is not None:
             cameras = live.watch.health().cameras
-            figures = live_html(live.player.snapshot, live.state, live.source.status, cameras)
+            snapshot = live.player.snapshot
+            figures = live_html(snapshot, live.state, live.source.status, cameras, snapshot.learned)
         assert self._rally is not None
         robot, outcomes = (True, True) if live is None else (live.has_robot, live.source.tells_outcomes)
         said = moment_html(

@@ -10,6 +10,7 @@ import numpy as np
 
 from app import theme
 from app.modes.watch.figures import figures_html, usually
+from app.modes.watch.learned_words import learned_words
 from app.modes.watch.stream_status import camera_rows
 from app.scene.landing import CASE_NAMES, CASE_RGB
 from app.words.file_text import html_text
@@ -21,6 +22,7 @@ from core.rally.link.messages import WorldState
 from core.rally.link.pace import pace_words
 from core.rally.live.live_snapshot import RallySnapshot
 from core.rally.live.stream_watch import CameraHealth
+from core.trajectory.learned_constants import LearnedConstants
 from core.trajectory.prediction import HitPlane
 
 READ_US: Final = 1_000_000
@@ -70,7 +72,13 @@ def moment_html(
     return figures_html(rows)
 
 
-def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: tuple[CameraHealth, ...] = ()) -> str:
+def live_html(
+    snapshot: RallySnapshot,
+    state: WorldState,
+    status: str,
+    cameras: tuple[CameraHealth, ...] = (),
+    learned: LearnedConstants | None = None,
+) -> str:
     """How well the rally of a simulation is followed, and what is wrong with its cameras if anything is."""
     health = snapshot.health
     rows = [
@@ -79,6 +87,8 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
         ("Seen to racket", usually(health.window_to_sent)),
         ("Controller", html_text(snapshot.controller)),
     ]
+    if learned is not None:
+        rows.append(("Air and table", learned_words(learned)))
     rows += camera_rows(cameras)
     if state.readout_delayed or state.readout_dropped:
         rows.append(("Sensor readout", _readout(state)))

@@ -7,6 +7,7 @@ from typing import Final
 from app import theme
 from app.modes.watch.device_status import device_rows
 from app.modes.watch.figures import figures_html, usually
+from app.modes.watch.learned_words import learned_words
 from app.words.file_text import html_text
 from core.rally.link.live_source import LiveSource
 from core.rally.live.camera_source import CameraSource
@@ -38,6 +39,8 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
     else:
         followed = snapshot.health
         rows.append(("Followed", f"{followed.state_hz:.0f} times a second, {usually(followed.step)} each"))
+        if snapshot.learned is not None:
+            rows.append(("Air and table", learned_words(snapshot.learned)))
         if followed.blocks_dropped:
             live = isinstance(source, CameraSource)
             remedy = "It is too slow for these cameras" if live else "Ask for a lower speed"

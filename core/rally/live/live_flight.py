@@ -18,6 +18,7 @@ from core.rally.link import messages as m
 from core.rally.live.live_meter import LiveMeter
 from core.rally.live.live_snapshot import FinishedBall, RacketPose, RallySnapshot, TrueBall
 from core.trajectory import Prediction
+from core.trajectory.learned_constants import LearnedConstants
 
 Array = NDArray[np.float64]
 
@@ -131,6 +132,7 @@ class LiveFlight:
         playing: bool,
         meter: LiveMeter,
         problem: str,
+        learned: LearnedConstants | None = None,
     ) -> RallySnapshot:
         """All of it, frozen."""
         return RallySnapshot(
@@ -155,4 +157,5 @@ class LiveFlight:
             returned=self._returned,
             health=meter.health(),
             problem=problem,
+            learned=learned,
         )

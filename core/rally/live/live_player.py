@@ -321,6 +321,7 @@ class LivePlayer:
         return QueuedCommand(self._session, decision, window_s, heard.arrived_s)
 
     def _publish(self) -> None:
+        learned = None if self._player is None else self._player.chain.learned
         self._snapshot = self._flight.snapshot(
-            next(self._number), self._session, self._controller, self._playing, self._meter, self._problem
+            next(self._number), self._session, self._controller, self._playing, self._meter, self._problem, learned
         )

@@ -12,6 +12,7 @@ from core.rally.chain.chain import BallPoint, ChainState
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import PlayerState
 from core.trajectory import Prediction
+from core.trajectory.learned_constants import LearnedConstants
 
 Array = NDArray[np.float64]
 
@@ -143,6 +144,8 @@ class RallySnapshot:
     health: PlayerHealth
     problem: str
     """Why there is no chain, or empty."""
+    learned: LearnedConstants | None
+    """Of air and table, by the balls so far; None of a chain that does not learn."""
 
     @property
     def chain(self) -> ChainState | None:
