@@ -114,6 +114,8 @@ class FilterPredictor:
                     one.log_odds = odds
             self._filters = self._possible()
         if all(one.strays >= STRAYS for one in self._filters):
+            if self.config.perhaps_real:
+                self._learn()
             self._begin(t_us, p, noise)
         due = t_us - self._said_us >= 1e3 * self.config.every_ms
         return self.predict() if due and not any(one.is_asking for one in self._filters) else None

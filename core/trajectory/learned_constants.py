@@ -61,7 +61,7 @@ class LearnedConstants:
 
     def after(self, ball: BallFilter, probability: float, air: float) -> LearnedConstants:
         """The same after a flight: as its filter, so probable among those of its flight, has it; `air`: by all."""
-        if ball.points < FEWEST_POINTS or ball.strays:
+        if ball.points - ball.strays < FEWEST_POINTS:  # strays moved nothing: most flights end with some, of the hit
             return self
         first = 0 if ball.state[DRAG] > LEAST_SIGMA * 1e3 else 1
         rows = slice(DRAG + first, DRAG + 3)

@@ -68,6 +68,25 @@ def test_the_next_ball_begins_with_what_was_learnt_and_forget_takes_it_away() ->
     assert predictor.learned.balls == 0
 
 
+@pytest.mark.parametrize("strays", [2, 40])
+def test_a_flight_that_ends_with_a_hit_teaches_as_much(strays: int) -> None:
+    """The first points after it fit no flight that was seen; after some of them the filter begins anew by itself."""
+    taught = []
+    for back in (0, strays):
+        predictor = FilterPredictor(UNTOLD)
+        watch(predictor, lab(0.42, 0.95, 0.29), 1)
+        start = np.array([1.3, 0.1, 0.35, -5.0, 0.1, 0.5, 0, 0, 0])
+        ps = simulate_flight(start, 0.003 * np.arange(170), lab(0.42, 0.95, 0.29))
+        away = ps[-1] + 0.03 * np.arange(1, back + 1)[:, None] * [1.0, 0.0, 0.1]
+        for number, p in enumerate(np.concatenate([ps, away])):
+            predictor.add(3000 * number, p, 0.0005**2 * np.eye(3))
+        before = predictor.learned.balls
+        predictor.reset()
+        assert predictor.learned.balls >= 2 and (before == 1) == (back < 5)
+        taught.append(predictor.learned)
+    np.testing.assert_allclose(taught[1].means[1:], taught[0].means[1:], atol=0.004)
+
+
 def test_some_points_teach_nothing() -> None:
     predictor = FilterPredictor(UNTOLD)
     assert watch(predictor, lab(0.42, 0.95, 0.29), 3, points=15).balls == 0

@@ -19,7 +19,9 @@ WELL = StreamHealth(1.0, 0.01, False, 0, (CameraHealth("left", 0, 0, 0), CameraH
 @pytest.fixture
 def snapshot() -> SimpleNamespace:
     span = SimpleNamespace(p50_ms=0.2, p99_ms=1.0)
-    return SimpleNamespace(health=SimpleNamespace(state_hz=400.0, step=span, blocks_dropped=0), problem="", learned=None)
+    return SimpleNamespace(
+        health=SimpleNamespace(state_hz=400.0, step=span, blocks_dropped=0), problem="", learned=None
+    )
 
 
 @pytest.fixture
