@@ -16,6 +16,7 @@ from app.shared.simulation_process import SimulationProcess
 from core.cameras import Camera
 from core.errors import LinkError, RecordingError
 from core.physics.episode import Case
+from core.rally.chain.calibration_drift import CalibrationDrift, DriftReport
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import PlayerState
 from core.rally.history.live_rows import LiveRows
@@ -67,6 +68,7 @@ class LiveRally:
         """Since this app was started, over all sessions of the source."""
         self.watch = StreamWatch()
         """What is missing of it."""
+        self._drift: CalibrationDrift | None = None
         self._umpire = None if source.tells_outcomes else SeenOutcomes(self.history)
         self._scene: str | None = None
         self._session = ""
@@ -95,6 +97,12 @@ class LiveRally:
     def has_robot(self) -> bool:
         """Whether somebody plays; otherwise balls are only watched."""
         return self._heard.robot is not None
+
+    @property
+    def drift(self) -> DriftReport:
+        """Whether the cameras still fit each other, as far as is known in this session."""
+        drift = self._drift
+        return DriftReport() if drift is None else drift.report
 
     @property
     def recorded(self) -> Path | None:
@@ -170,6 +178,7 @@ class LiveRally:
         self.returns.drop_ball()
         self._session, self._forgotten_us = welcome.session, 0
         self.bodies, self._scene = PlayedBodies(), None
+        self._drift = None
 
     def on_events(self, batch: m.EventBatch) -> None:
         """Kept by the recording."""
@@ -210,9 +219,17 @@ class LiveRally:
             if not self.has_robot:  # what a racket would do that is not there
                 state, decision = replace(state, decision=None), None
             self.history.add_step(state)
+            self._watch_calibration(state)
             if self._umpire is not None:
                 self._umpire.add_step(state.chain)
             self.rows.add_step(state, decision)
+
+    def _watch_calibration(self, state: PlayerState) -> None:
+        """In the player's thread; begun anew with the cameras of each session."""
+        drift = self._drift
+        if drift is None:
+            drift = self._drift = CalibrationDrift(self.source.welcome.calibrated())
+        drift.add(state.chain)
 
 
 def join_simulation(

@@ -206,6 +206,7 @@ class WatchMode:
             robot=robot,
             outcomes=outcomes,
             returned=self._live is None,
+            drift=self._rally.drift,
         )
         self._cameras.show_figures(said, figures)
 
