@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -29,7 +29,7 @@ from core.rally.history.seen_outcomes import SeenOutcomes
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
 from core.rally.link.keys import ClientKeys
-from core.rally.link.live_source import LiveSource
+from core.rally.link.live_source import LiveSource, RecalibratedSource
 from core.rally.live.live_player import LivePlayer
 from core.rally.live.ring_recording import LiveConfig, RingRecording
 from core.rally.live.stream_watch import StreamWatch
@@ -151,6 +151,13 @@ class LiveRally:
             finally:
                 self._recorder = None
                 self._listen()
+
+    def recalibrate(self, cameras: Mapping[str, Camera]) -> bool:
+        """Follow with these cameras from now on; False where the source knows its cameras better."""
+        if not isinstance(self.source, RecalibratedSource):
+            return False
+        self.source.recalibrate(cameras)
+        return True
 
     def stop_simulation(self) -> None:
         """End the simulation that was started for this rally, if one was; what it left can still be watched."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from app.pictures.canvas import Canvas, Region
 from app.pictures.event_picture import event_picture
 from app.state.client_state import RenderSettings, TuneView
+from app.state.table_clicks import TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.mosaic import Mosaic, lay_out
 from app.views.stage_picture import draw_answer, draw_detection, draw_stages, draw_truth
+from app.views.table_marks import draw_table_clicks
 from core.detection import Detection, DetectorConfig, FastDetector, PipelineTrace, trace_window
 from core.detection.fast.cluster import grid_labels
 from core.detection.methods import STAGED, method_config
@@ -37,6 +39,8 @@ class WatchRequest:
     show_truth: bool
     large: str = ""
     """The only camera that is shown; all of them if it is empty or unknown."""
+    table: TableClicks = field(default_factory=TableClicks)
+    """Corners of the table that were clicked."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,6 +106,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
         detection = _detector_before(stream, seen.start_us, request.config).step(seen)
         if detection is not None:
             draw_detection(canvas, detection)
+        draw_table_clicks(canvas, name, stream.calibration, request.table)
         canvas.caption(f"{name}: {len(window.events)} events")
         canvases.append(canvas)
     return lay_out(canvases, look.colours, look.arrangement)
