@@ -288,7 +288,16 @@ class Session:
 
     def _request_picture(self, state: ClientState, recording: Recording, now_us: int) -> None:
         config, show_truth = state.configs.present.a, state.tune.show_truth
-        key = (recording.uuid, now_us, state.look, config, show_truth, state.watch.large, state.watch.table)
+        key = (
+            recording.uuid,
+            now_us,
+            state.look,
+            config,
+            show_truth,
+            state.watch.large,
+            state.watch.table,
+            state.watch.swept,
+        )
         if key != self._requested:
             self._requested = key
             self._pictures.submit(WatchRequest(recording, *key[1:]))

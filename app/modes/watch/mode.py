@@ -15,6 +15,7 @@ from app.modes.watch.robot_panel import RobotPanel
 from app.modes.watch.simulation_panel import SimulationPanel
 from app.modes.watch.source_panel import SourcePanel
 from app.modes.watch.status import live_html, moment_html
+from app.modes.watch.sweep import SweepPanel
 from app.modes.watch.table import TablePanel
 from app.modes.watch.view_panel import ViewPanel
 from app.scene.view_render import render_view
@@ -59,6 +60,7 @@ class WatchMode:
                 gui, host.send, self._look_from, self._look_again, self._save_picture, host.world.views
             )
             self._table = TablePanel(gui, host)
+            self._sweep = SweepPanel(gui, host)
             self._missed = MissedBallSearch(host)
             self._simulation: SimulationPanel | None = None
             self._source: SourcePanel | None = None
@@ -120,6 +122,7 @@ class WatchMode:
         )
         live = self._live
         self._table.show(state, live, flat=self.middle == "events")
+        self._sweep.show(state, flat=self.middle == "events")
         self._missed.tick(None if self._rally is None else self._rally.history, now_us, wall_s)
         if self._simulation is not None:
             self._simulation.set_visible(live is not None)

@@ -1,7 +1,8 @@
 """How surely the alarm of a moved camera rings, and how often it does so for nothing: random turns of one camera.
 
 Rows: a placement and a drift (rms distance of the pictures of the volume above the table from the epipolar lines that
-are believed). The thresholds were chosen with seeds from `TUNED_FROM` on, which are not scored.
+are believed). The thresholds were chosen with seeds from `TUNED_FROM` on, which are not scored. Besides, how well
+clicked corners of the table alone place a pair.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from core.bench.calibration.clicked_rigs import clicked_row
 from core.bench.calibration.drifted_rigs import feed_serves, turn_second
 from core.bench.machine import describe_machine
 from core.bench.partial_rows import tell_rows
@@ -25,17 +27,24 @@ Progress = Callable[[float], None]
 DRIFTS_PX: Final = (0.0, 0.3, 0.6, 1.0, 1.5, 20.0)
 SEEDS: Final = 100
 SERVES: Final = 10
+CLICKS_PX: Final = (0.5, 1.0)
+"""Errors of clicks along each picture axis."""
 TUNED_FROM: Final = 100_000
 
 
 def run(progress: Progress, count: int = SEEDS) -> dict[str, object]:
-    """Rows of alarms among `count` seeds, of ten serves each."""
+    """Rows of alarms among `count` seeds, of ten serves each; and what as many sets of clicks achieve."""
     rows: list[Row] = []
     for placement in PLACEMENTS:
         for drift_px in DRIFTS_PX:
             rows.append(alarm_row(placement, drift_px, range(count)))
             tell_rows(progress, rows[-1:], len(rows) / (len(PLACEMENTS) * len(DRIFTS_PX)))
-    return {"rows": rows, "machine": describe_machine("numpy", seeds=str(count), serves=str(SERVES))}
+    clicked = [clicked_row(placement, px, range(count)) for placement in PLACEMENTS for px in CLICKS_PX]
+    return {
+        "rows": rows,
+        "clicked": clicked,
+        "machine": describe_machine("numpy", seeds=str(count), serves=str(SERVES)),
+    }
 
 
 def alarm_row(placement: str, drift_px: float, seeds: range) -> Row:

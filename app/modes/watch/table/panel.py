@@ -23,7 +23,7 @@ from app.state.table_clicks import CORNER_NAMES, TableClicks
 from app.widgets import when_changed, when_clicked
 from core.cameras.calibration.table_calibration import place_at_table, write_table_calibration
 from core.cameras.calibration.table_pose import clicks_of
-from core.errors import RallyscopeError
+from core.errors import CommandError, RallyscopeError
 from core.recordings import Recording
 
 
@@ -98,6 +98,9 @@ class TablePanel:
 
     def _write(self, request: PosesRequest, live: LiveRally | None) -> None:
         try:
+            if live is not None and live.recorded is not None:
+                remedy = "stop it first: its cameras stand where they stood when it was begun"
+                raise CommandError("a recording is being written", where=live.recorded, remedy=remedy)
             clicks = {name: clicks_of(request.clicks.of(name)) for name in request.lenses}
             poses = place_at_table(request.lenses, clicks)
             folder = self._host.services.workspace.cameras
