@@ -61,6 +61,9 @@ def test_corners_that_are_clicked_place_the_cameras_of_a_live_source(
             window.press("Use these poses")
             wait_for(lambda: live.cameras["left"].position_world_m[0] > -2.0, "the source to go on with them")
             page.get_by_text("Calibration written").first.wait_for()
+            wait_for(lambda: 0 < live.drift.points <= live.drift.needed, "the new poses to be watched from anew")
+            window.press("3D")
+            page.get_by_text("points of the ball").first.wait_for()
         (path,) = workspace.cameras.glob("table-*.toml")
         assert path.with_suffix(".csv").exists()
         for name, written in load_calibration(path).items():
