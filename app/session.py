@@ -27,6 +27,7 @@ from app.shared.source_news import SourceNews
 from app.state.client_state import MODES, ClientState, ModeName
 from app.state.commands import Command, SetMode, TogglePlay
 from app.state.playback import Playhead
+from app.state.table_clicks import TableClicks
 from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
 from app.views.requests import WatchRequest, render_watch
@@ -287,10 +288,19 @@ class Session:
 
     def _request_picture(self, state: ClientState, recording: Recording, now_us: int) -> None:
         config, show_truth = state.configs.present.a, state.tune.show_truth
-        key = (recording.uuid, now_us, state.look, config, show_truth, state.watch.large)
+        key = (
+            recording.uuid,
+            now_us,
+            state.look,
+            config,
+            show_truth,
+            state.watch.large,
+            state.watch.table,
+            state.watch.swept,
+        )
         if key != self._requested:
             self._requested = key
-            self._pictures.submit(WatchRequest(recording, now_us, state.look, config, show_truth, state.watch.large))
+            self._pictures.submit(WatchRequest(recording, *key[1:]))
 
     def _picture_done(self, request: WatchRequest, sheet: Mosaic) -> None:
         self._enqueue(lambda: self._show_picture(sheet))
@@ -328,7 +338,7 @@ class Session:
         else:
             views = {
                 "tune": replace(self._state.tune, centre_px=None),
-                "watch": replace(self._state.watch, large=""),
+                "watch": replace(self._state.watch, large="", table=TableClicks()),
             }
             self._state = replace(
                 self._state,

@@ -28,6 +28,7 @@ BENCHES = {
     "simulation": "core.bench.simulation.bench_simulation",
     "sensor": "core.bench.simulation.bench_sensor",
     "calibration": "core.bench.calibration.bench_calibration",
+    "drift": "core.bench.calibration.bench_drift",
     "physics": "core.bench.physics.bench_physics",
     "prediction": "core.bench.prediction.bench_prediction",
     "perceived-prediction": "core.bench.prediction.bench_perceived_prediction",
@@ -62,7 +63,7 @@ class BenchArguments:
     count: PositiveInt | None = flag(
         "balls of each speed (perceived-prediction, state-errors), balls of points alone (outcomes), "
         "flights (drawn-scenes, rivals), "
-        "seeds (paper-perception), seeds of both sides of every claim (learning), "
+        "seeds (paper-perception, drift), seeds of both sides of every claim (learning), "
         "damages of each kind of file (damage), trials of each fault and job (faults), events (long), pieces (jobs), "
         "seconds (record)",
         "N",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -16,6 +16,7 @@ from app.shared.simulation_process import SimulationProcess
 from core.cameras import Camera
 from core.errors import LinkError, RecordingError
 from core.physics.episode import Case
+from core.rally.chain.calibration_drift import CalibrationDrift, DriftReport
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import PlayerState
 from core.rally.history.live_rows import LiveRows
@@ -28,7 +29,7 @@ from core.rally.history.seen_outcomes import SeenOutcomes
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
 from core.rally.link.keys import ClientKeys
-from core.rally.link.live_source import LiveSource
+from core.rally.link.live_source import LiveSource, RecalibratedSource
 from core.rally.live.live_player import LivePlayer
 from core.rally.live.ring_recording import LiveConfig, RingRecording
 from core.rally.live.stream_watch import StreamWatch
@@ -67,6 +68,7 @@ class LiveRally:
         """Since this app was started, over all sessions of the source."""
         self.watch = StreamWatch()
         """What is missing of it."""
+        self._drift: CalibrationDrift | None = None
         self._umpire = None if source.tells_outcomes else SeenOutcomes(self.history)
         self._scene: str | None = None
         self._session = ""
@@ -95,6 +97,12 @@ class LiveRally:
     def has_robot(self) -> bool:
         """Whether somebody plays; otherwise balls are only watched."""
         return self._heard.robot is not None
+
+    @property
+    def drift(self) -> DriftReport:
+        """Whether the cameras still fit each other, as far as is known in this session."""
+        drift = self._drift
+        return DriftReport() if drift is None else drift.report
 
     @property
     def recorded(self) -> Path | None:
@@ -144,6 +152,13 @@ class LiveRally:
                 self._recorder = None
                 self._listen()
 
+    def recalibrate(self, cameras: Mapping[str, Camera]) -> bool:
+        """Follow with these cameras from now on; False where the source knows its cameras better."""
+        if not isinstance(self.source, RecalibratedSource):
+            return False
+        self.source.recalibrate(cameras)
+        return True
+
     def stop_simulation(self) -> None:
         """End the simulation that was started for this rally, if one was; what it left can still be watched."""
         if self._process is not None:
@@ -170,6 +185,7 @@ class LiveRally:
         self.returns.drop_ball()
         self._session, self._forgotten_us = welcome.session, 0
         self.bodies, self._scene = PlayedBodies(), None
+        self._drift = None
 
     def on_events(self, batch: m.EventBatch) -> None:
         """Kept by the recording."""
@@ -210,9 +226,17 @@ class LiveRally:
             if not self.has_robot:  # what a racket would do that is not there
                 state, decision = replace(state, decision=None), None
             self.history.add_step(state)
+            self._watch_calibration(state)
             if self._umpire is not None:
                 self._umpire.add_step(state.chain)
             self.rows.add_step(state, decision)
+
+    def _watch_calibration(self, state: PlayerState) -> None:
+        """In the player's thread; begun anew with the cameras of each session."""
+        drift = self._drift
+        if drift is None:
+            drift = self._drift = CalibrationDrift(self.source.welcome.calibrated())
+        drift.add(state.chain)
 
 
 def join_simulation(

@@ -7,6 +7,7 @@ from typing import Final
 
 from app.shared.live_rally import LiveRally, positions
 from core.cameras import Camera
+from core.rally.chain.calibration_drift import DriftReport
 from core.rally.history.following import Following, Followings, is_stereo
 from core.rally.history.rally_history import RallyHistory, RallyMoment
 from core.rally.history.rally_picture import People, RallyPicture
@@ -72,6 +73,13 @@ class WatchedRally:
     def picture_at(self, t_us: int) -> RallyPicture:
         """A time as the 3D scene shows it."""
         return self.picture_of(self.history.at(t_us, positions(self.cameras)))
+
+    @property
+    def drift(self) -> DriftReport:
+        """Whether the cameras fit each other."""
+        if self.live is not None:
+            return self.live.drift
+        return DriftReport() if self.following is None else self.following.drift.report
 
     @property
     def followed(self) -> float:

@@ -1,4 +1,4 @@
-"""What a browser is told in whatever mode it is in when a live source, a camera or a robot is lost, or comes back."""
+"""What a browser is told in any mode: a live source, camera or robot is lost or comes back, a camera was moved."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 
 from app.shared.live_rally import LiveRally
 from app.words.file_text import html_text
+from core.rally.chain.calibration_drift import DriftReport
 from core.rally.link.live_source import SourceStatus
 from core.rally.live.stream_watch import StreamHealth
 from core.rally.robot import RobotStatus
@@ -35,11 +36,17 @@ class SourceNews:
             return []
         self._looked_s = wall_s
         robot = None if live.robot is None else live.robot.status
-        return self.compare(live.source.status, live.watch.health(), robot)
+        return self.compare(live.source.status, live.watch.health(), robot, live.drift)
 
-    def compare(self, status: SourceStatus, health: StreamHealth, robot: RobotStatus | None = None) -> list[News]:
+    def compare(
+        self,
+        status: SourceStatus,
+        health: StreamHealth,
+        robot: RobotStatus | None = None,
+        drift: DriftReport | None = None,
+    ) -> list[News]:
         """What is wrong and was not before, and what no longer is; each is told once."""
-        now = _troubles(status, health) | _robot_troubles(robot)
+        now = _troubles(status, health) | _robot_troubles(robot) | _drift_troubles(drift)
         begun = [News(title, body, "red") for title, body in now.items() if title not in self._told]
         over = [
             News("It goes on", f"Over: {title[0].lower()}{title[1:]}.", "green") for title in self._told.keys() - now
@@ -68,3 +75,13 @@ def _robot_troubles(robot: RobotStatus | None) -> dict[str, str]:
     if robot.stop is not None and robot.stop.by == "robot" and robot.counts.stops:
         return {"The robot has stopped": f"{html_text(robot.stop.reason)}. In Watch a person can start it again."}
     return {}
+
+
+def _drift_troubles(report: DriftReport | None) -> dict[str, str]:
+    """The same of the calibration; no figure, which would be told again with every change."""
+    if report is None or not report.alarm:
+        return {}
+    body = (
+        "One was moved, or its lens. Positions in space are wrong until they are calibrated again; Watch says how far."
+    )
+    return {"The cameras no longer fit each other": body}

@@ -76,7 +76,12 @@ class Workspace:
     @property
     def biases_path(self) -> Path:
         """The biases of the event cameras, for `--biases`."""
-        return self._folder("cameras") / "biases.toml"
+        return self.cameras / "biases.toml"
+
+    @property
+    def cameras(self) -> Path:
+        """What is known of the event cameras: biases and calibrations."""
+        return self._folder("cameras")
 
     def run_path(self, name: str) -> Path:
         """Where the training of this name is or will be."""

@@ -9,6 +9,8 @@ from typing import Final, Literal, get_args
 from app.pictures.event_picture import Rendering
 from app.pictures.palette import PolarityColours
 from app.state.playback import Playhead
+from app.state.swept_cells import SweptCells
+from app.state.table_clicks import TableClicks
 from app.state.undo import History
 from core.detection import DetectorConfig
 from core.detection.methods import STAGED, Method, method_config
@@ -66,6 +68,8 @@ class WatchView:
     """Layers that are switched off."""
     large: str = ""
     """The camera whose picture fills the middle instead of all this; none if empty."""
+    table: TableClicks = field(default_factory=TableClicks)
+    swept: SweptCells = field(default_factory=SweptCells)
 
 
 @dataclass(frozen=True, slots=True)

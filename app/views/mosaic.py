@@ -61,6 +61,8 @@ class Mosaic:
     width: int
     height: int
     texts: tuple[SheetText, ...] = ()
+    ball_cells: tuple[tuple[str, int], ...] = ()
+    """Camera and cell of its picture in which the ball was found, where that was looked for."""
 
     def sensor_point(self, x: float, y: float) -> tuple[float, float] | None:
         """Sensor coordinates under a point of the sheet, None beside the pictures."""

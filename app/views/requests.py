@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from app.pictures.canvas import Canvas, Region
 from app.pictures.event_picture import event_picture
+from app.pictures.palette import Ink
 from app.state.client_state import RenderSettings, TuneView
+from app.state.swept_cells import SweptCells
+from app.state.table_clicks import TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.mosaic import Mosaic, lay_out
 from app.views.stage_picture import draw_answer, draw_detection, draw_stages, draw_truth
+from app.views.table_marks import draw_table_clicks
+from core.cameras.calibration.coverage import cell_box, cells_of
 from core.detection import Detection, DetectorConfig, FastDetector, PipelineTrace, trace_window
 from core.detection.fast.cluster import grid_labels
 from core.detection.methods import STAGED, method_config
@@ -21,6 +26,8 @@ from core.recordings import CameraStream, Recording
 
 WARM_UP_WINDOWS = 25
 """Windows run before the one that is shown, so that the region of interest and the polarity are those of a live run."""
+CELL_GAP_PX = 10
+"""Between the frames of cells that the ball has not been in."""
 BINNED_WIDTH_PX = 900
 """Sensors wider than this are binned two by two where several pictures share the window: single events stay visible."""
 
@@ -37,6 +44,10 @@ class WatchRequest:
     show_truth: bool
     large: str = ""
     """The only camera that is shown; all of them if it is empty or unknown."""
+    table: TableClicks = field(default_factory=TableClicks)
+    """Corners of the table that were clicked."""
+    swept: SweptCells = field(default_factory=SweptCells)
+    """Where the ball has been."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,6 +98,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
         cameras = {request.large: cameras[request.large]}
     across = len(cameras) if look.arrangement == "side by side" else 1
     canvases: list[Canvas] = []
+    balls: list[tuple[str, int]] = []
     for name, stream in cameras.items():
         window = window_before(stream, request.t_us, look.window_us)
         binning = 2 if len(cameras) > 1 and stream.sensor.width_px > BINNED_WIDTH_PX else 1
@@ -102,9 +114,17 @@ def render_watch(request: WatchRequest) -> Mosaic:
         detection = _detector_before(stream, seen.start_us, request.config).step(seen)
         if detection is not None:
             draw_detection(canvas, detection)
+            balls.append((name, int(cells_of((detection.u_px, detection.v_px), stream.sensor)[0])))
+        if request.swept.active:
+            for cell in request.swept.missing(name):
+                left, top, right, bottom = cell_box(cell, stream.sensor)
+                canvas.draw_box(
+                    left + CELL_GAP_PX, top + CELL_GAP_PX, right - CELL_GAP_PX, bottom - CELL_GAP_PX, Ink.NO_BALL
+                )
+        draw_table_clicks(canvas, name, stream.calibration, request.table)
         canvas.caption(f"{name}: {len(window.events)} events")
         canvases.append(canvas)
-    return lay_out(canvases, look.colours, look.arrangement)
+    return replace(lay_out(canvases, look.colours, look.arrangement), ball_cells=tuple(balls))
 
 
 def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[PipelineTrace, ...]]:

@@ -10,6 +10,7 @@ GLOSSARY: Final[dict[str, str]] = {
     "Auto-serve": "The simulation serves by itself, again and again, at the chosen speed.",
     "Bias": "An analogue setting of all pixels of an event camera, such as how much contrast makes an event.",
     "Block": "10 ms of the simulation: it is computed, published and followed as a whole.",
+    "Calibration": "How far the ball is from the other camera's epipolar lines by a wrong pose: 1 px is too much.",
     "CDTA": "Case-dependent temporally adaptive reward: first it pays for returning the ball, later for placing it.",
     "Circularity": "4 pi area / perimeter^2 of a cluster's hull: 1 for a disc, 0.79 for a square.",
     "Cluster": "Events that lie close together (DBSCAN): the ball is one of them, a racket or a person are others.",

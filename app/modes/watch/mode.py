@@ -15,6 +15,8 @@ from app.modes.watch.robot_panel import RobotPanel
 from app.modes.watch.simulation_panel import SimulationPanel
 from app.modes.watch.source_panel import SourcePanel
 from app.modes.watch.status import live_html, moment_html
+from app.modes.watch.sweep import SweepPanel
+from app.modes.watch.table import TablePanel
 from app.modes.watch.view_panel import ViewPanel
 from app.scene.view_render import render_view
 from app.scene.world import LAYERS
@@ -57,6 +59,8 @@ class WatchMode:
             self._view = ViewPanel(
                 gui, host.send, self._look_from, self._look_again, self._save_picture, host.world.views
             )
+            self._table = TablePanel(gui, host)
+            self._sweep = SweepPanel(gui, host)
             self._missed = MissedBallSearch(host)
             self._simulation: SimulationPanel | None = None
             self._source: SourcePanel | None = None
@@ -117,6 +121,8 @@ class WatchMode:
             state, is_stereo=self._rally is not None, knows_ball=self._host.knows_ball, views=self._host.world.views
         )
         live = self._live
+        self._table.show(state, live, flat=self.middle == "events")
+        self._sweep.show(state, flat=self.middle == "events")
         self._missed.tick(None if self._rally is None else self._rally.history, now_us, wall_s)
         if self._simulation is not None:
             self._simulation.set_visible(live is not None)
@@ -157,11 +163,14 @@ class WatchMode:
         self._request_pictures(state, moment, wall_s)
 
     def clicked(self, x: float, y: float) -> None:
-        """Nothing is chosen by clicks."""
+        """Only corners of the table are chosen by clicks."""
+        if self.middle == "events":
+            self._table.clicked(x, y)
 
     def close(self) -> None:
         """The browser is gone."""
         self._missed.close()
+        self._table.close()
         self._pictures.close()
         self._lead_times.close()
 
@@ -207,6 +216,7 @@ class WatchMode:
             robot=robot,
             outcomes=outcomes,
             returned=self._live is None,
+            drift=self._rally.drift,
         )
         self._cameras.show_figures(said, figures)
 

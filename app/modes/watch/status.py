@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from app import theme
+from app.modes.watch.drift_words import drift_row
 from app.modes.watch.figures import figures_html, usually
 from app.modes.watch.learned_words import learned_words
 from app.modes.watch.stream_status import camera_rows
@@ -16,6 +17,7 @@ from app.scene.landing import CASE_NAMES, CASE_RGB
 from app.words.file_text import html_text
 from app.words.percent import percent
 from core.physics.episode import Case
+from core.rally.chain.calibration_drift import DriftReport
 from core.rally.control.decision import RacketDecision
 from core.rally.history.rally_history import Outcome, RallyMoment, RallyStep, ShownPrediction
 from core.rally.link.messages import WorldState
@@ -38,11 +40,12 @@ def moment_html(
     robot: bool = True,
     outcomes: bool = True,
     returned: bool = True,
+    drift: DriftReport | None = None,
 ) -> str:
     """Ball, predictions and racket at one time; `followed` is the share of the recording that the chain has seen.
 
     Without a robot nothing is said of a racket, and without word of outcomes only what was seen of strokes; how many
-    came back only where no panel counts them by controller and scene.
+    came back only where no panel counts them by controller and scene. `drift` is of all that was followed so far.
     """
     step = moment.step
     sent = moment.sent
@@ -50,6 +53,7 @@ def moment_html(
         ("Ball speed", "-" if moment.speed_mps is None else f"{moment.speed_mps:.2f} m/s"),
         ("Hit in", _contact(step, moment.t_us)),
         ("Stereo mismatch", _residual(step)),
+        *([] if drift is None else [drift_row(drift)]),
         ("Hit predicted before the bounce", _hit(step.before if step else None, moment.t_us)),
         ("Hit predicted after the bounce", _hit(step.after if step else None, moment.t_us)),
     ]

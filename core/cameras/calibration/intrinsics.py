@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras.calibration.board import Board
+from core.cameras.calibration.coverage import coverage
 from core.cameras.camera import Camera
 from core.cameras.distortion import fold_radius
 from core.errors import CalibrationError
@@ -23,8 +24,6 @@ PICTURES_AT_LEAST: Final = 6
 OUTLIER_TIMES_MEDIAN: Final = 2.5
 OUTLIER_FROM_PX: Final = 0.3
 """A picture is left out when its rms is above both; sharp pictures of a flat board have 0.05 to 0.3 px."""
-COVERAGE_CELLS: Final = (8, 6)
-"""Across and down."""
 PARAMETERS: Final = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 COEFFICIENTS: Final = (0, 2, 4, 5)
 """How many of k1 k2 p1 p2 k3 may be fitted."""
@@ -143,14 +142,6 @@ def _residuals(view: BoardView, board: Board, camera: Camera) -> Array:
     _, rvec, tvec = cv2.solvePnP(board.points_m, view.uvs_px, camera.K, camera.distortion)
     projected, _ = cv2.projectPoints(board.points_m, rvec, tvec, camera.K, camera.distortion)
     return view.uvs_px - np.asarray(projected, np.float64).reshape(-1, 2)
-
-
-def coverage(uvs_px: Array, sensor: SensorSize) -> float:
-    """Share of the picture's cells (8 x 6) that hold one of the pixels (N, 2)."""
-    across, down = COVERAGE_CELLS
-    columns = np.clip((uvs_px[:, 0] + 0.5) * across / sensor.width_px, 0, across - 1).astype(int)
-    rows = np.clip((uvs_px[:, 1] + 0.5) * down / sensor.height_px, 0, down - 1).astype(int)
-    return len(np.unique(rows * across + columns)) / (across * down)
 
 
 def _corner_radius(camera: Camera) -> float:

@@ -19,7 +19,7 @@ from core.errors import RecordingError
 from core.events import Window
 from core.rally.chain.config import ChainConfig
 from core.rally.chain.size_check import SizeCheck
-from core.rally.chain.time_alignment import TimeAligner
+from core.rally.chain.time_alignment import AlignedPixels, TimeAligner
 from core.rally.chain.track_gating import TrackGate, Verdict
 from core.trajectory import FilterPredictor, Prediction
 from core.trajectory.learned_constants import LearnedConstants
@@ -73,6 +73,9 @@ class ChainState:
     bounces_us: tuple[int, ...]
     """Bounces seen in this flight."""
     seconds: StageSeconds
+    pixels: AlignedPixels | None = None
+    """What the cameras saw at their common time, also where the rays missed each other; None where it was no ball by
+    its size."""
 
 
 class RallyChain:
@@ -130,7 +133,7 @@ class RallyChain:
         started = time.perf_counter()
         detections = {name: self._detectors[name].step(window) for name, window in windows.items()}
         detected = time.perf_counter()
-        point = self._triangulate(detections, windows)
+        point, pixels = self._triangulate(detections, windows)
         triangulated = time.perf_counter()
         verdict = None if point is None else self._gate.judge(point.t_us, point.p_world_m)
         fresh = self._follow(point, verdict)
@@ -144,16 +147,21 @@ class RallyChain:
             is_new=fresh is not None,
             bounces_us=self._predictor.bounces_us,
             seconds=seconds,
+            pixels=pixels,
         )
 
-    def _triangulate(self, detections: dict[str, Detection | None], windows: Mapping[str, Window]) -> BallPoint | None:
+    def _triangulate(
+        self, detections: dict[str, Detection | None], windows: Mapping[str, Window]
+    ) -> tuple[BallPoint | None, AlignedPixels | None]:
         """The point of the cameras' common time; a circle that is no ball is replaced in `detections` or dropped."""
         together = self._common_time.add(detections)
         if together is None:
-            return None
+            return None, None
         t_us, uvs, covariances = together
         found = self.rig.triangulate_one(uvs, covariances)
-        if found is not None and self._size is not None:
+        if found is None:
+            return None, together
+        if self._size is not None:
             radii = {name: one.r_px for name, one in detections.items() if one is not None and one.t_us == t_us}
             wrong = self._size.wrong(found.p_world_m, radii)
             if wrong:
@@ -161,11 +169,11 @@ class RallyChain:
             else:
                 self._size.reset()
         if found is None:
-            return None
+            return None, None
         pixels = {
             name: (float(u), float(v)) for name, (u, v) in zip(self.rig.names, uvs, strict=True) if np.isfinite(u)
         }
-        return BallPoint(t_us, found.p_world_m, found.residual_px, found.covariance_m2, pixels)
+        return BallPoint(t_us, found.p_world_m, found.residual_px, found.covariance_m2, pixels), together
 
     def _correct(
         self,

@@ -7,6 +7,7 @@ import threading
 
 from core.cameras import Camera
 from core.detection.window import windows_side_by_side
+from core.rally.chain.calibration_drift import CalibrationDrift
 from core.rally.chain.chain import RallyChain
 from core.rally.chain.config import ChainConfig
 from core.rally.chain.follow import calibrated_cameras
@@ -38,6 +39,8 @@ class Following:
     def __init__(self, recording: Recording) -> None:
         self.history = RallyHistory()
         self.cameras: dict[str, Camera] = calibrated_cameras(recording)
+        self.drift = CalibrationDrift(self.cameras)
+        """Whether the cameras fit each other."""
         self.bodies = PlayedBodies()
         """Who is in it, as far as that is known."""
         self.share = 0.0
@@ -76,6 +79,7 @@ class Following:
                 return
             state = player.step(windows)
             self.history.add_step(state)
+            self.drift.add(state.chain)
             if judge is not None:
                 note_stroke(self.history, judge.step(state.chain))
             self.share = state.chain.t_us / duration_us

@@ -7,8 +7,10 @@ cameras that have one, then a state that ends the block.
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from collections.abc import Mapping
+from typing import Literal, Protocol, runtime_checkable
 
+from core.cameras import Camera
 from core.physics.config import PhysicsConfig
 from core.rally.link import messages as m
 
@@ -35,6 +37,15 @@ class Robot(Protocol):
         Raises:
             LinkError: if that is refused, or not answered in time.
         """
+        ...
+
+
+@runtime_checkable
+class RecalibratedSource(Protocol):
+    """A source whose cameras may be calibrated while it runs. One that knows its cameras exactly is none."""
+
+    def recalibrate(self, cameras: Mapping[str, Camera]) -> None:
+        """These are its cameras from now on: a new session begins with the next block. Others stay as they are."""
         ...
 
 

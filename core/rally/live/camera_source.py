@@ -106,7 +106,7 @@ class CameraSource:
         self._zero_us: int | None = None
         """What the first camera's clock showed at the session's 0."""
         self._listeners: list[LinkListener] = []
-        self._listening, self._stop = True, False
+        self._listening, self._stop, self._recalibrated = True, False, False
         self._seq = self._block = 0
         self.welcome = self._new_session()
         self._thread = threading.Thread(target=self._run, name="cameras", daemon=True)
@@ -132,6 +132,12 @@ class CameraSource:
             )
             for feed in self._feeds
         )  # fmt: skip
+
+    def recalibrate(self, cameras: Mapping[str, Camera]) -> None:
+        """These are its cameras from now on: a new session begins with the next block. Others stay as they are."""
+        with self._telling:
+            self._calibration |= dict(cameras)
+            self._recalibrated = True
 
     def add_listener(self, listener: LinkListener) -> None:
         """From now on; it hears of the present session at once."""
@@ -262,7 +268,7 @@ class CameraSource:
         return [None if end_us is None else end_us + count * BLOCK_US for end_us in ends_us]
 
     def _tell_block(self, ends_us: _Ends) -> None:
-        if (self._block + 1) * BLOCK_US > self._longest_us:
+        if self._recalibrated or (self._block + 1) * BLOCK_US > self._longest_us:
             self._begin_again()
             return
         session, start_us = self.welcome.session, self._block * BLOCK_US
@@ -301,6 +307,7 @@ class CameraSource:
         self._zero_us += self._block * BLOCK_US
         self._block = self._seq = 0
         with self._telling:
+            self._recalibrated = False
             self.welcome = self._new_session()
             for listener in self._listeners:
                 listener.on_session(self.welcome)

@@ -9,9 +9,10 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final
 
+from core.cameras import Camera
 from core.errors import ConfigError, RallyscopeError, RecordingError
 from core.events import Events
 from core.rally.link import messages as m
@@ -63,7 +64,8 @@ class ReplaySource:
         self._longest_us, self._clock = longest_us, clock
         self._changed = threading.Condition()
         self._listeners: list[LinkListener] = []
-        self._listening, self._stop = True, False
+        self._listening, self._stop, self._recalibrated = True, False, False
+        self._calibration = {name: stream.calibration for name, stream in self._cameras.items()}
         self._numbers = 0
         self.welcome = self._new_session()
         self._thread = threading.Thread(target=self._run, name="replay", daemon=True)
@@ -73,6 +75,12 @@ class ReplaySource:
     def status(self) -> SourceStatus:
         """Lost only after a failure of its own: what cannot be read of a camera is that camera's loss."""
         return "connected" if self._thread.is_alive() else "lost"
+
+    def recalibrate(self, cameras: Mapping[str, Camera]) -> None:
+        """These are its cameras from now on: it begins again in a new session. Others stay as they are."""
+        with self._changed:
+            self._calibration |= dict(cameras)
+            self._recalibrated = True
 
     def add_listener(self, listener: LinkListener) -> None:
         """From now on; it hears of the present session at once."""
@@ -109,7 +117,7 @@ class ReplaySource:
             while True:
                 since_s, begun = self._clock(), number
                 while self._wait_until(since_s + (number + 1 - begun) * BLOCK_US * 1e-6 / self._speed):
-                    if (number + 1) * BLOCK_US > self._longest_us:
+                    if self._recalibrated or (number + 1) * BLOCK_US > self._longest_us:
                         self._begin_again()
                         since_s, begun, number = self._clock(), 0, 0
                         continue
@@ -138,11 +146,12 @@ class ReplaySource:
         return self._listening and bool(self._listeners)
 
     def _new_session(self) -> m.Reply:
-        return welcome_to({name: (stream.sensor, stream.calibration) for name, stream in self._cameras.items()})
+        return welcome_to({name: (one.sensor, self._calibration[name]) for name, one in self._cameras.items()})
 
     def _begin_again(self) -> None:
-        welcome = self._new_session()
         with self._changed:
+            self._recalibrated = False
+            welcome = self._new_session()
             self.welcome, self._numbers = welcome, 0
             for listener in self._listeners:
                 listener.on_session(welcome)

@@ -3,6 +3,8 @@
 from dataclasses import replace
 
 from app.shared.source_news import SourceNews
+from core.cameras.epipolar import EpipolarDrift
+from core.rally.chain.calibration_drift import DriftReport
 from core.rally.live.stream_watch import LOST_US, CameraHealth, StreamHealth
 from core.rally.robot import RobotStatus
 from core.rally.robot.robot_watch import RobotCounts, StopNote
@@ -47,3 +49,14 @@ def test_a_robot_that_is_lost_or_stops_by_itself_is_told_and_one_that_nobody_has
     assert titles(news.compare("connected", WELL, robot("ready", StopNote("rallyscope", "a person"), 2))) == [
         "It goes on"
     ]
+
+
+def test_a_moved_camera_is_told_once_however_its_figure_changes_and_so_is_the_end_of_it() -> None:
+    news, pair = SourceNews(), ("left", "right")
+    fits = DriftReport(200, 200, pair, EpipolarDrift(0.2, 0.1, 0.02))
+    moved = [DriftReport(200, 200, pair, EpipolarDrift(px, 0.1, 0.02), alarm=True) for px in (1.2, 1.3)]
+    assert news.compare("connected", WELL, None, fits) == []
+    (told,) = news.compare("connected", WELL, None, moved[0])
+    assert told.title == "The cameras no longer fit each other" and "calibrated again" in told.body
+    assert news.compare("connected", WELL, None, moved[1]) == []
+    assert titles(news.compare("connected", WELL, None, fits)) == ["It goes on"]

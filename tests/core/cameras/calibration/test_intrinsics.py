@@ -4,7 +4,7 @@ from scipy.spatial.transform import Rotation
 
 from core.cameras import Camera
 from core.cameras.calibration import Board, BoardView, calibrate_lens
-from core.cameras.calibration.intrinsics import coverage
+from core.cameras.calibration.coverage import coverage
 from core.errors import CalibrationError
 from core.events import SensorSize
 

@@ -297,6 +297,22 @@ def test_a_long_session_is_followed_by_another():
         assert len(set(heard.sessions)) >= 3
 
 
+def test_cameras_that_are_calibrated_while_they_run_begin_a_new_session_and_miss_nothing(recording):
+    seen = {"only": Replayed(stream=Noise(), duration_us=10**9)}
+    found = calibration_of(recording)["left"]
+    with cameras(seen) as (source, library):
+        heard = Heard()
+        source.add_listener(heard)
+        library.begin()
+        wait_for(lambda: len(heard.blocks) >= 3)
+        source.recalibrate({"only": found})
+        wait_for(lambda: len(heard.sessions) == 2)
+        count = len(heard.blocks)
+        wait_for(lambda: len(heard.blocks) >= count + 3)
+        np.testing.assert_allclose(source.welcome.calibrated()["only"].T_world_camera, found.T_world_camera)
+        assert len(heard.sessions) == 2 and source.blocks_skipped == 0
+
+
 def test_what_is_recorded_of_cameras_opens_again(recording, tmp_path):
     with cameras(of_recording(recording), calibration=calibration_of(recording)) as (source, library):
         recorder, heard = LiveRecorder(source, tmp_path / "live.h5"), Heard()

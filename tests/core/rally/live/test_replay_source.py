@@ -348,3 +348,16 @@ def test_the_live_chain_sees_what_the_chain_sees_in_the_file(serve_recording):
         assert (live.point is None) == (known.point is None)
         if live.point is not None:
             np.testing.assert_array_equal(live.point.p_world_m, known.point.p_world_m)
+
+
+def test_cameras_that_are_calibrated_while_it_runs_begin_a_new_session(pair):
+    with replaying(pair, speed=20.0) as source:
+        play(source, 3)
+        before, found = source.welcome, stereo_preset("behind", SENSOR)
+        source.recalibrate({"left": found["left"]})
+        halting = play(source, 2)
+        known = source.welcome.calibrated()
+        assert halting.sessions == [before.session, source.welcome.session] and before.session != source.welcome.session
+        assert [t_us for t_us, _ in halting.blocks] == [10_000, 20_000]
+        np.testing.assert_allclose(known["left"].T_world_camera, found["left"].T_world_camera)
+        np.testing.assert_allclose(known["right"].T_world_camera, before.calibrated()["right"].T_world_camera)

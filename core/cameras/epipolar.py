@@ -1,0 +1,104 @@
+"""How far two cameras' sightings are from their epipolar lines, and how much of that is a wrong relative pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.cameras.camera import Camera
+from core.errors import CalibrationError
+
+Array = NDArray[np.float64]
+
+UNKNOWNS: Final = 5
+"""Of a relative pose that pictures can tell: three of the rotation, two of the direction of the baseline."""
+ROUNDS: Final = 12
+HUBER_SIGMAS: Final = 1.5
+"""Sightings farther off than that pull no harder (Huber's weights)."""
+LEAST_SIGMA_PX: Final = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class EpipolarDrift:
+    """What sightings say of a calibration."""
+
+    drift_px: float
+    """Root mean square over the sightings of the distance from the epipolar line that a small change of the relative
+    pose explains; what noise alone would pretend is taken off."""
+    noise_px: float
+    """Robust standard deviation of what it does not explain."""
+    sigma_px: float
+    """Standard deviation of `drift_px`, if the sightings err independently."""
+
+
+class EpipolarPair:
+    """Two calibrated cameras, as seen by their essential matrix."""
+
+    def __init__(self, first: Camera, second: Camera) -> None:
+        """Raises CalibrationError if both stand in one place."""
+        T_first_world = first.T_world_camera
+        self._R = T_first_world[:3, :3].T @ second.T_world_camera[:3, :3]
+        baseline = T_first_world[:3, :3].T @ (second.position_world_m - first.position_world_m)
+        length_m = float(np.linalg.norm(baseline))
+        if length_m < 1e-6:
+            raise CalibrationError("the cameras stand in one place: no epipolar lines", got=f"{length_m:g} m apart")
+        self._t = baseline / length_m
+        across = np.linalg.svd(self._t[None])[2]
+        self._across = across[1:]
+        self._first, self._second = first, second
+
+    def residuals_px(self, first_px: ArrayLike, second_px: ArrayLike) -> Array:
+        """(N,) signed distances of pixels (N, 2) from the other camera's epipolar lines, root mean square of both
+        pictures; nan where no ray leads.
+        """
+        return self._residuals_and_slopes(first_px, second_px)[0]
+
+    def fit(self, first_px: ArrayLike, second_px: ArrayLike) -> EpipolarDrift:
+        """The drift that the sightings (N, 2) of both cameras show together; strays are outvoted.
+
+        Raises:
+            CalibrationError: with no more sightings than unknowns.
+        """
+        residuals, slopes = self._residuals_and_slopes(first_px, second_px)
+        known = np.isfinite(residuals)
+        residuals, slopes = residuals[known], slopes[known]
+        if len(residuals) <= UNKNOWNS:
+            raise CalibrationError("too few sightings", expected=f"more than {UNKNOWNS}", got=len(residuals))
+        left, sigma = residuals, 0.0
+        weights = np.ones(len(residuals))
+        explained = np.zeros(len(residuals))
+        for _ in range(ROUNDS):
+            sigma = max(1.4826 * float(np.median(np.abs(left))), LEAST_SIGMA_PX)
+            weights = 1 / np.maximum(np.abs(left) / (HUBER_SIGMAS * sigma), 1.0)
+            root = np.sqrt(weights)
+            step = np.linalg.lstsq(slopes * root[:, None], residuals * root, rcond=1e-6)[0]
+            explained = slopes @ step
+            left = residuals - explained
+        noise_of_mean = UNKNOWNS * sigma**2 / float(weights.sum())
+        mean_square = float(np.mean(np.square(explained)))
+        return EpipolarDrift(
+            float(np.sqrt(max(mean_square - noise_of_mean, 0.0))), sigma, float(np.sqrt(noise_of_mean))
+        )
+
+    def _residuals_and_slopes(self, first_px: ArrayLike, second_px: ArrayLike) -> tuple[Array, Array]:
+        """(N,) residuals, and (N, 5) how a rotation of the second camera and the baseline's direction change them."""
+        x1 = _rays(self._first, first_px)
+        x2 = _rays(self._second, second_px)
+        y2 = x2 @ self._R.T
+        values = np.einsum("ij,ij->i", x1, np.cross(self._t, y2))
+        line1 = np.cross(self._t, y2)[:, :2] / np.diag(self._first.K)[:2]
+        line2 = (np.cross(x1, self._t) @ self._R)[:, :2] / np.diag(self._second.K)[:2]
+        scale = np.sqrt((np.square(line1).sum(axis=1) + np.square(line2).sum(axis=1)) / 2)
+        turned = x1 * (y2 @ self._t)[:, None] - self._t * np.einsum("ij,ij->i", x1, y2)[:, None]
+        shifted = np.cross(y2, x1) @ self._across.T
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return values / scale, np.hstack([turned, shifted]) / scale[:, None]
+
+
+def _rays(camera: Camera, uvs_px: ArrayLike) -> Array:
+    """(N, 3) rays in the camera's frame, z = 1."""
+    xys = camera.undistort(np.asarray(uvs_px, np.float64).reshape(-1, 2))
+    return np.column_stack([xys, np.ones(len(xys))])
