@@ -11,7 +11,7 @@ from app.modes.mode import Middle, ModeHost
 from app.modes.watch.cameras_panel import CamerasPanel
 from app.modes.watch.commands import EnlargeCamera
 from app.modes.watch.missed_ball import MissedBallSearch
-from app.modes.watch.robot_panel import RobotPanel
+from app.modes.watch.robot import RobotPanel
 from app.modes.watch.simulation_panel import SimulationPanel
 from app.modes.watch.source_panel import SourcePanel
 from app.modes.watch.status import live_html, moment_html

@@ -7,7 +7,7 @@ from typing import Final
 import viser
 
 from app.modes.mode import ModeHost
-from app.modes.watch.robot_words import robot_html
+from app.modes.watch.robot.words import robot_html
 from app.widgets import when_clicked
 from core.errors import RallyscopeError
 from core.rally.robot import RobotClient

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from app import theme
-from app.modes.watch.robot_words import limits_words, robot_html
+from app.modes.watch.robot.words import limits_words, robot_html
 from core.rally.robot import RobotLimits, RobotState, RobotStatus
 from core.rally.robot.robot_clock import ClockOffset
 from core.rally.robot.robot_watch import RobotCounts, StopNote
