@@ -68,7 +68,7 @@ class Samples:
 
 def run_soak(progress: Callable[[float], None], minutes: float) -> dict[str, object]:
     """Rows: rates, labels lost, growth; each with its goal."""
-    with tempfile.TemporaryDirectory(prefix="rallyscope-soak-") as folder:
+    with tempfile.TemporaryDirectory(prefix="rallyscope-soak-", ignore_cleanup_errors=True) as folder:
         workspace = Path(folder)
         recordings = workspace / "recordings"
         recordings.mkdir()

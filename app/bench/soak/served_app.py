@@ -6,12 +6,16 @@ import contextlib
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from app.bench.soak.process_usage import children_of
 from core.errors import CommandError
+
+HELPERS_S: Final = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +51,20 @@ def served(workspace: Path, *arguments: str, port: int = 0) -> Iterator[ServedAp
             raise CommandError("the app did not come up", got=said.read_text()[-300:])
         yield ServedApp(process, int(address[1]))
     finally:
+        helpers = children_of(process.pid) if process.poll() is None else ()
         process.terminate()
         try:
             process.wait(timeout=60)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+        _wait_for_end(helpers)
         assert process.stdout is not None
         process.stdout.close()
+
+
+def _wait_for_end(helpers: tuple[int, ...]) -> None:
+    """They end by themselves when the app has; a training first writes what it has into the workspace."""
+    deadline = time.monotonic() + HELPERS_S
+    while any(Path(f"/proc/{pid}").exists() for pid in helpers) and time.monotonic() < deadline:
+        time.sleep(0.05)
