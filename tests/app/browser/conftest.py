@@ -54,6 +54,8 @@ SAID = """() => ["Notification-root", "Modal-content"].flatMap(part =>
     [...document.querySelectorAll(`[class*=mantine-${part}]`)].map(one => one.textContent))"""
 PATIENCE_S = 150.0
 """How long a test waits before it fails: on a machine that does other things, and draws without a graphics card."""
+FIRST_S = 600.0
+"""The same for the first picture: the first test of all finds nothing compiled, and others compile beside it."""
 CANVAS = (slice(0, 495), slice(0, 870))
 """Rows and columns of a 1280x720 window that the pictures fill."""
 
@@ -98,11 +100,11 @@ class Window:
         page.add_style_tag(content="[class*=mantine-Notification] { pointer-events: none !important; }")
         wait_for(lambda: set(lab.sessions) - before, "the browser to connect")
         (self.session,) = set(lab.sessions) - before
-        wait_for(lambda: self.session.state, "the recording to be open")
+        wait_for(lambda: self.session.state, "the recording to be open", FIRST_S)
         if not in_space:
             self.session.send(ShowSpace(False))
             self.session.send(SetZoom(1.0))  # Tune opens zoomed on the ball
-            wait_for(lambda: self.session.sheet.pictures, "the first picture")
+            wait_for(lambda: self.session.sheet.pictures, "the first picture", FIRST_S)
         self.wait_until_still()
         WINDOWS.add(self)
 
