@@ -9,7 +9,9 @@ from typing import Final
 
 from core.config import config_to_mapping
 from core.detection.methods import Method
+from core.physics.config import physics_profile
 from core.rally.chain.config import ChainConfig, published_chain
+from core.rally.chain.physics import chain_for_physics
 from core.rally.data_sets import DataSetPlan, preset_plan
 from core.rally.data_sets.plan import Making
 from core.rally.data_sets.presets import PAPER7_FRAMES
@@ -35,8 +37,13 @@ def set_folder(folder: Path, seed: int) -> Path:
 
 
 def chain_of(method: Method) -> ChainConfig:
-    """The chain from a method's detections to the hitting point: `paper` predicts as published too."""
-    return published_chain() if method == "paper" else ChainConfig.of_method(method)
+    """The chain from a method's detections to the hitting point: `paper` predicts as published too.
+
+    It is told the physics of the recordings: methods that find the ball are compared, not what a filter finds out.
+    """
+    if method == "paper":
+        return published_chain()
+    return chain_for_physics(ChainConfig.of_method(method), physics_profile(Making(frames=PAPER7_FRAMES).physics))
 
 
 def result_path(folder: Path, seed: int, recording: str, method: Method) -> Path:

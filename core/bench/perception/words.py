@@ -104,7 +104,7 @@ window. Errors are those of right answers, at the time that they state. Both cam
 
 3D: distance of the chain's points from the ball at their time. Hitting point: along the plane x = -1.42 m, what the
 chain says at its last step 100 ms before the ball is there; `told` is the share of balls for which it says something.
-`paper` predicts by the paper's five-point rule and checks no sizes; the others with the filter.
+`paper` predicts by the paper's five-point rule and checks no sizes; the others with the filter, told the physics.
 
 Bytes per detection: all events that the detector was given, {event_bytes} bytes each (EVT 2.0), over its right
 answers; of `yolo` all frames, 3 bytes a pixel. (In the columns of our files an event has 13 bytes before
