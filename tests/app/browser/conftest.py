@@ -98,7 +98,7 @@ class Window:
         page.goto(f"http://127.0.0.1:{lab.port}/?fixedDpr={dpr:g}")
         # The software renderer makes viser show a note over the upper left corner: let clicks through.
         page.add_style_tag(content="[class*=mantine-Notification] { pointer-events: none !important; }")
-        wait_for(lambda: set(lab.sessions) - before, "the browser to connect")
+        wait_for(lambda: set(lab.sessions) - before, "the browser to connect", FIRST_S)
         (self.session,) = set(lab.sessions) - before
         wait_for(lambda: self.session.state, "the recording to be open", FIRST_S)
         if not in_space:
