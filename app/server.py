@@ -144,9 +144,10 @@ class App:
             session.close()
 
     def _run(self) -> None:
-        rescanned_s = 0.0
+        rescanned_s = due_s = 0.0
         while not self._stopping:
             started_s = time.monotonic()
+            due_s = max(due_s, started_s - TICK_S) + TICK_S  # a late tick is made up for, more of them are not
             sessions = self.sessions
             self.services.rallies.attend(bool(sessions), started_s)
             if sessions and started_s - rescanned_s > RESCAN_EVERY_S:
@@ -158,9 +159,8 @@ class App:
                 except Exception:
                     logger.exception("a browser's update failed")
             restless = any(session.restless for session in sessions)
-            spent_s = time.monotonic() - started_s
             if restless:
-                time.sleep(max(0.0, TICK_S - spent_s))
+                time.sleep(max(0.0, due_s - time.monotonic()))
             else:
                 self._awake.wait(IDLE_S)
             self._awake.clear()

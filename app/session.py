@@ -296,7 +296,7 @@ class Session:
             show_truth,
             state.watch.large,
             state.watch.table,
-            state.watch.swept,
+            state.watch.framed,
         )
         if key != self._requested:
             self._requested = key

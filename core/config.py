@@ -86,6 +86,8 @@ def check_settings(config: object) -> None:
         elif kind is bool:
             if not isinstance(value, bool):
                 raise ConfigError("not a truth value", expected="true or false", got=repr(value), where=where)
+        elif kind is str and not isinstance(value, str):
+            raise ConfigError("not a text", expected="str", got=repr(value), where=where)
         elif typing.get_origin(kind) is typing.Literal and value not in typing.get_args(kind):
             choices = " | ".join(map(str, typing.get_args(kind)))
             raise ConfigError("not one of the choices", expected=choices, got=repr(value), where=where)

@@ -20,6 +20,12 @@ def make_transform(R: ArrayLike, t: ArrayLike) -> Array:
     return T
 
 
+def random_direction(rng: np.random.Generator) -> Array:
+    """(3,) a unit vector, all of them alike probable."""
+    v = rng.standard_normal(3)
+    return v / np.linalg.norm(v)
+
+
 def invert_transform(T: ArrayLike) -> Array:
     """`T_b_a` from a rigid `T_a_b` (4, 4)."""
     T = np.asarray(T, np.float64)

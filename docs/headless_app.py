@@ -14,6 +14,7 @@ from playwright.sync_api import Page, sync_playwright
 from app.server import App
 from app.session import Session
 from app.shared.library import Library
+from app.shared.live_rally import LiveRally
 from app.shared.workspace import Workspace
 from core.errors import CommandError
 from tests.app.browser.conftest import FLAGS, make_known
@@ -24,8 +25,8 @@ PATIENCE_S: Final = 120.0
 
 
 @contextmanager
-def show_app(workspace: Workspace, name: str) -> Iterator[tuple[Page, Session]]:
-    """A browser that has opened a recording of the workspace.
+def show_app(workspace: Workspace, name: str, live: LiveRally | None = None) -> Iterator[tuple[Page, Session]]:
+    """A browser that has opened a recording of the workspace; or a live rally, whose name is LIVE.
 
     Raises:
         CommandError: if there is no browser, or it does not open it in time.
@@ -33,7 +34,7 @@ def show_app(workspace: Workspace, name: str) -> Iterator[tuple[Page, Session]]:
     program = find_chromium()
     if program is None:
         raise CommandError("no browser to film in", expected=HELP)
-    lab = App(workspace, Library(workspace), name, host="127.0.0.1", port=0)
+    lab = App(workspace, Library(workspace), name, host="127.0.0.1", port=0, live=live)
     try:
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path=program, args=FLAGS)

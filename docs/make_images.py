@@ -2,7 +2,8 @@
 
     python -m docs.make_images [--out docs/images] [--only tune]
 
-The rally is that of the film. `watch`, `tune`, `label`, `train` and `export` are written as PNG of 256 colours.
+The rally is that of the film. `watch`, `tune`, `label`, `train` and `export` are written as PNG of 256 colours, and so
+are the pictures of the steps in a lab (`docs/lab_pictures.py`), into `your-lab/`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from app.session import Session
 from app.shared.workspace import Workspace
 from core.errors import CommandError
 from docs.headless_app import show_app, still_picture, wait_for, wait_for_chain
+from docs.lab_pictures import STEPS, LabRecordings, take_lab_pictures
 from docs.make_film import SEED, play_rally
 
 OUT: Final = Path("docs/images")
@@ -33,23 +35,28 @@ def main() -> None:
     """Take the pictures, and say how large they became."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--only", choices=TAKE)
+    parser.add_argument("--only", choices=[*TAKE, *STEPS])
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         workspace = Workspace(Path(folder))
         play_rally(workspace.recording_path("rally"), (SPEED_MPS,), SEED)
-        with show_app(workspace, "rally") as (page, session):
-            for name, take in TAKE.items():
-                if arguments.only in (None, name):
-                    take(page, session)
-                    path = arguments.out / f"{name}.png"
-                    save(still_picture(page), path)
-                    print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
+        if arguments.only is None or arguments.only in TAKE:
+            with show_app(workspace, "rally") as (page, session):
+                for name, take in TAKE.items():
+                    if arguments.only in (None, name):
+                        take(page, session)
+                        save(still_picture(page), arguments.out / f"{name}.png")
+        if arguments.only is None or arguments.only in STEPS:
+            recordings = LabRecordings(workspace, workspace.recording_path("rally"))
+            for name, picture in take_lab_pictures(recordings, arguments.only):
+                save(picture, arguments.out / "your-lab" / f"{name}.png")
 
 
 def save(picture: Image.Image, path: Path) -> None:
-    """Of few colours: a picture of a user interface has not many."""
+    """Of few colours: a picture of a user interface has not many. Says how large it became."""
+    path.parent.mkdir(exist_ok=True)
     picture.quantize(COLOURS, kmeans=2, dither=Image.Dither.NONE).save(path, optimize=True)
+    print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
 
 
 def enter(page: Page, session: Session, mode: str) -> None:

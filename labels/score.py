@@ -16,7 +16,7 @@ from core.detection import Detection, Detector
 from core.events import Window
 from core.metrics import WindowAnswers, score_answers
 from core.recordings import CameraStream, PixelTruth
-from labels.arrays import SOURCES, STATES, LabelArrays
+from labels.arrays import SOURCES, STATES, LabelArrays, label_arrays
 from labels.model import LabelState, PositionSource
 
 Array = NDArray[np.float64]
@@ -154,6 +154,12 @@ def pooled(parts: Sequence[tuple[WindowAnswers, LabelArrays]]) -> tuple[WindowAn
     if not moved_labels:
         return parts[0]
     return _joined(WindowAnswers, moved_answers), _joined(LabelArrays, moved_labels)
+
+
+def joined_in_time(parts: Sequence[LabelArrays], moved_us: Sequence[int]) -> LabelArrays:
+    """Labels of several cameras or recordings, each moved on by its time: the caller sees to it that they ascend."""
+    moved = [replace(labels, t_us=labels.t_us + by_us) for labels, by_us in zip(parts, moved_us, strict=True)]
+    return _joined(LabelArrays, moved) if moved else label_arrays([])
 
 
 def _joined(kind: type[Rows], parts: Sequence[Rows]) -> Rows:

@@ -13,11 +13,12 @@ import numpy as np
 from app.bench.door_cost import measure_door
 from app.bench.live_pace import measure_pace
 from app.bench.page_return import measure_return
+from app.bench.page_speed import measure_page
 from app.bench.soak.bench_soak import run_soak
 from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
 from app.views.requests import TuneRequest, WatchRequest, answer_request
-from core.bench.machine import describe_machine
+from core.bench.machine import Row, describe_machine
 from core.bench.partial_rows import tell_rows
 from core.cameras import stereo_preset
 from core.config import replace_setting
@@ -29,13 +30,21 @@ from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_r
 PICTURES: Final = 200
 NOISES_HZ: Final = (0.1, 1.0)
 SEED: Final = 1
+PARTS: Final[dict[str, Callable[[Path, Callable[[float], None]], list[Row]]]] = {
+    "door": lambda folder, progress: measure_door(progress),
+    "return": lambda folder, progress: [measure_return(folder, progress)],
+    "page": measure_page,
+    "pace": measure_pace,
+}
+"""What is measured in an empty folder."""
 
 
 def run(progress: Callable[[float], None], *, soak: float | None = None, only: str | None = None) -> dict[str, object]:
     """The app under load for `soak` minutes, or how long its pictures take.
 
     With `only` "door" what its door costs, with "return" how soon an open page is back after a killed server,
-    with "pace" whether the live rally keeps up while a browser shows it.
+    with "page" how soon a browser shows what is asked for, with "pace" whether the live rally keeps up while one shows
+    it.
 
     Rows of the latter per view: p50, p99 and the largest number of milliseconds a picture takes, at random times of a
     recording.
@@ -46,17 +55,12 @@ def run(progress: Callable[[float], None], *, soak: float | None = None, only: s
     Raises:
         CommandError: if `only` names another part.
     """
-    if only not in (None, "door", "return", "pace"):
-        expected = "door, return or pace"
+    if only not in (None, *PARTS):
+        expected = ", ".join(PARTS)
         raise CommandError("no such part of the app to measure", expected=expected, got=only, where="--only")
-    if only == "door":
-        return {"rows": measure_door(progress), "machine": describe_machine()}
-    if only == "return":
+    if only is not None:
         with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
-            return {"rows": [measure_return(Path(folder), progress)], "machine": describe_machine()}
-    if only == "pace":
-        with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
-            return {"rows": measure_pace(Path(folder), progress), "machine": describe_machine("viser")}
+            return {"rows": PARTS[only](Path(folder), progress), "machine": describe_machine("viser")}
     if soak is not None:
         return run_soak(progress, soak)
     rows: list[dict[str, object]] = []

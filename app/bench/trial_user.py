@@ -185,7 +185,7 @@ class _User:
         self._page.get_by_text(re.compile(r"^[1-9]\d* proposals$")).wait_for(timeout=300_000)
 
     def _label_until(self, count: int) -> None:
-        begun_s = time.perf_counter()
+        begun_s, tried_us = time.perf_counter(), -1
         while (labels := self._count()) < count:
             t_us = self._time()
             proposed = self._page.evaluate(f"{LINES_JS}.includes('proposed: space accepts')")
@@ -203,8 +203,9 @@ class _User:
             except Exception as error:  # the picture was not there yet: what is not seen is not judged
                 if "Timeout" not in type(error).__name__:
                     raise
-                if self._time() == t_us:
-                    self._key("u")  # what cannot be judged is passed over
+                if self._time() == t_us == tried_us:
+                    self._key("u")  # what cannot be judged by now either is passed over
+                tried_us = t_us
                 continue
             if by_hand:
                 self._key("u")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from app.cli.arguments import Numbers, PositiveFloat, PositiveInt, flag, given, positional
+from app.cli.arguments import DATA, Numbers, PositiveFloat, PositiveInt, flag, given, positional
 from app.cli.engine_arguments import EngineArguments
 from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
@@ -38,6 +38,7 @@ BENCHES = {
     "paper-perception": "core.bench.perception.bench_paper_perception",
     "scenes": "core.bench.rally.bench_scenes",
     "learning": "core.bench.learning.bench_learning",
+    "paper-settings": "core.bench.learning.paper_settings.bench_paper_settings",
     "state-errors": "core.bench.learning.bench_state_errors",
     "jobs": "core.bench.jobs.bench_jobs",
     "labels": "labels.bench_labels",
@@ -49,9 +50,13 @@ BENCHES = {
     "faults": "app.bench.bench_faults",
 }
 """The module that measures each."""
+OWN_RECORDINGS = {"paper-perception": "app.bench.own_balls.bench_own_balls"}
+"""The module that measures instead, with `--recorded`: against labels, what is otherwise held against the truth."""
 
 
-OPTIONS = ("count", "folder", "report", "chain", "balls", "speeds", "physics", "only", "soak")
+OPTIONS = (
+    "count", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data", "annotator", "soak",
+)  # fmt: skip
 """That only some of them have."""
 
 
@@ -63,14 +68,15 @@ class BenchArguments:
     count: PositiveInt | None = flag(
         "balls of each speed (perceived-prediction, state-errors), balls of points alone (outcomes), "
         "flights (drawn-scenes, rivals), "
-        "seeds (paper-perception, drift), seeds of both sides of every claim (learning), "
+        "seeds (paper-perception, drift), seeds of both sides of every claim (learning, paper-settings), "
         "damages of each kind of file (damage), trials of each fault and job (faults), events (long), pieces (jobs), "
         "seconds (record)",
         "N",
     )
     folder: Path | None = flag(
         "what is measured is kept here "
-        "(learning, state-errors, perceived-prediction, drawn-scenes, paper-perception, outcomes, ignorance)"
+        "(learning, paper-settings, state-errors, perceived-prediction, drawn-scenes, paper-perception, outcomes, "
+        "ignorance)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
@@ -83,10 +89,18 @@ class BenchArguments:
     physics: Literal["paper", "real"] | None = flag("of the balls (rally, outcomes)", "paper|real", "paper; both")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
-        "a fault, or a job (faults); a kind of file (damage); door, return or pace (app); a row (ignorance)",
+        "a fault, or a job (faults); a kind of file (damage); door, return, page or pace (app); a row (ignorance); "
+        "real-balls or slow-serves (learning); a method (paper-perception with --recorded)",
         "NAME",
         "all",
     )
+    recorded: str | None = flag(
+        "balls of human play, a file of ball states or a folder of them (learning); "
+        "your own recordings, one or a folder, scored against their labels (paper-perception)",
+        "PATH",
+    )
+    data: Path | None = flag("workspace with the labels (paper-perception with --recorded)", "DIR", str(DATA))
+    annotator: str | None = flag("whose labels (paper-perception with --recorded)", "NAME", "everybody's, apart")
     engine: EngineArguments
     json: bool = flag("print the figures as JSON")
 
@@ -94,6 +108,8 @@ class BenchArguments:
 def run(arguments: BenchArguments) -> None:
     """Run the module of the name and print what it returns: "rows", "machine" and what else it has."""
     module = find_bench(arguments.name)
+    if arguments.recorded is not None:
+        module = OWN_RECORDINGS.get(arguments.name, module)
     if module is None:
         built = ", ".join(name for name in BENCHES if find_bench(name))
         raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")

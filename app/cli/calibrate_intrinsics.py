@@ -14,6 +14,9 @@ from app.cli.progress import progress_bar
 from app.cli.terminal import say
 from core.cameras.calibration import Board, BoardView, Lens, calibrate_lens, find_board
 from core.cameras.calibration.board import KINDS, BoardKind
+from core.cameras.calibration.board_cover import BoardCover, board_cover, missing_for_lens
+from core.cameras.calibration.cover_picture import cover_column
+from core.cameras.calibration.coverage import CELLS_ACROSS, CELLS_DOWN
 from core.cameras.calibration.intrinsics import COEFFICIENTS
 from core.cameras.calibration.lens_file import YAML_SUFFIXES, save_lens
 from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
@@ -23,7 +26,6 @@ from core.recordings.board_pictures import read_board_pictures
 
 POOR_SIGMA = 0.005
 """Relative standard deviation of the focal length above which a warning is printed."""
-POOR_COVERAGE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +47,7 @@ class IntrinsicsArguments:
     )
     pictures: PositiveInt = flag("at most so many, evenly spread", "N", 40)
     window_us: PositiveInt = flag("of an event picture", "N", 5000)
-    report: Path | None = flag("the residuals as a picture", "FILE.svg")
+    report: Path | None = flag("the residuals, and where the board was, as a picture", "FILE.svg")
     json: bool = flag("print the figures as JSON")
 
 
@@ -57,10 +59,11 @@ def run(arguments: IntrinsicsArguments) -> None:
     lens = calibrate_lens(views, board, sensor, coefficients=arguments.coefficients)
     name = arguments.camera or "camera"
     save_lens(arguments.out, name, lens.camera, notes={"rms_px": lens.rms_px, "camera_name": name})
+    cover = board_cover([fit.view for fit in lens.fits if fit.used], board, lens.camera)
     if arguments.report is not None:
-        write_text(arguments.report, _picture(lens, f"{name}: {arguments.source.name}"))
-    report = _report(lens, empty, arguments)
-    say(json.dumps(report) if arguments.json else _describe(lens, empty, arguments.out))
+        write_text(arguments.report, _picture(lens, cover, f"{name}: {arguments.source.name}"))
+    report = _report(lens, cover, empty, arguments)
+    say(json.dumps(report) if arguments.json else _describe(lens, cover, empty, arguments.out))
 
 
 def check_destinations(out: Path, report: Path | None, suffixes: tuple[str, ...] = (*YAML_SUFFIXES, ".toml")) -> None:
@@ -102,7 +105,7 @@ def _find_views(arguments: IntrinsicsArguments, board: Board) -> tuple[list[Boar
     return views, empty, sensor
 
 
-def _report(lens: Lens, empty: list[str], arguments: IntrinsicsArguments) -> dict[str, object]:
+def _report(lens: Lens, cover: BoardCover, empty: list[str], arguments: IntrinsicsArguments) -> dict[str, object]:
     K = lens.camera.K
     values = (K[0, 0], K[1, 1], K[0, 2], K[1, 2], *lens.camera.distortion)
     return {
@@ -116,11 +119,17 @@ def _report(lens: Lens, empty: list[str], arguments: IntrinsicsArguments) -> dic
         },
         "pictures": [{"name": fit.view.name, "rms_px": fit.rms_px, "used": fit.used} for fit in lens.fits],
         "without_board": empty,
+        "cover": {
+            "cells": cover.cells.reshape(CELLS_DOWN, CELLS_ACROSS).tolist(),
+            "tilts_deg": cover.tilts_deg.round(1).tolist(),
+            "distances_m": cover.distances_m.round(4).tolist(),
+            "missing": list(missing_for_lens(cover)),
+        },
         "out": str(arguments.out),
     }
 
 
-def _describe(lens: Lens, empty: list[str], out: Path) -> str:
+def _describe(lens: Lens, cover: BoardCover, empty: list[str], out: Path) -> str:
     K, d, sigma = lens.camera.K, lens.camera.distortion, lens.sigmas
     rms = np.array([fit.rms_px for fit in lens.fits if fit.used])
     lines = [
@@ -140,13 +149,28 @@ def _describe(lens: Lens, empty: list[str], out: Path) -> str:
         lines.append(f"no whole board in {len(empty)} pictures: {', '.join(empty[:5])}{more}")
     if sigma["fx"] > POOR_SIGMA * K[0, 0]:
         lines.append("the focal length is poorly known: tilt the board more, by 20 to 40 degrees about both axes")
-    if lens.coverage < POOR_COVERAGE:
-        lines.append("much of the picture was never covered: hold the board into its corners too")
+    lines += _cover_lines(cover)
     return "\n".join(line for line in lines if line)
 
 
-def _picture(lens: Lens, title: str) -> str:
+def _cover_lines(cover: BoardCover) -> list[str]:
+    """Where the board was, and what to show more."""
+    (left, upper), (right, lower) = -cover.tilts_deg.min(axis=0), cover.tilts_deg.max(axis=0)
+    missing = missing_for_lens(cover)
+    said = (
+        f"missing: {'; '.join(missing)}" if missing else "nothing is missing: all parts, tilts and distances were seen"
+    )
+    return [
+        f"the board was in {int((cover.cells > 0).sum())} of {len(cover.cells)} parts of the picture, tilted by "
+        f"{-left:+.0f} to {right:+.0f} degrees about the vertical axis and {-upper:+.0f} to {lower:+.0f} about the "
+        f"horizontal one, {cover.distances_m.min():.2f} to {cover.distances_m.max():.2f} m away",
+        said,
+    ]
+
+
+def _picture(lens: Lens, cover: BoardCover, title: str) -> str:
     uvs = np.concatenate([fit.view.uvs_px for fit in lens.fits])
     residuals = np.concatenate([fit.residuals_px for fit in lens.fits])
     used = np.concatenate([np.full(len(fit.residuals_px), fit.used) for fit in lens.fits])
-    return residual_svg(title, [ResidualPanel("lens", lens.camera.sensor, uvs, residuals, used)])
+    panel = ResidualPanel("lens", lens.camera.sensor, uvs, residuals, used)
+    return residual_svg(title, [panel], [cover_column(cover, lens.camera.sensor)])

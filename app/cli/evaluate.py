@@ -13,6 +13,7 @@ from app.cli.progress import progress_bar
 from app.cli.tables import format_table
 from app.cli.terminal import say
 from core.errors import CommandError
+from core.learning.evaluation.reachable import reachable_words
 from core.learning.runs.run_files import read_run
 from core.learning.runs.summary import evaluate_run
 
@@ -47,12 +48,18 @@ def _evaluate(folder: Path, arguments: EvaluateArguments) -> None:
         else:
             with progress_bar("Playing before the cameras") as progress:
                 rows = evaluate_run(folder, balls=arguments.balls, which=which, backend=backend, progress=progress)
-    say(json.dumps(rows) if arguments.json else format_table([line for row in rows for line in _lines(row)]))
+    if arguments.json:
+        say(json.dumps(rows))
+        return
+    say(format_table([line for row in rows for line in _lines(row)]))
+    config = read_run(folder)
+    for words in reachable_words(config.environment, config.curriculum.speeds_mps):
+        say(words)
 
 
 def _lines(row: dict[str, object]) -> list[dict[str, object]]:
     """The run and what stands beside it, a line each."""
-    speed = row["speed_mps"]
+    speed = "recorded" if row["recorded"] else row["speed_mps"]
     error, baselines = row["error_mm"], row["baselines"]
     assert isinstance(error, dict) and isinstance(baselines, dict)
     lines: list[dict[str, object]] = [

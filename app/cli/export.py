@@ -32,7 +32,7 @@ class ExportArguments:
     stride_us: PositiveInt | None = flag("time between two pictures", "N", "4000; mp4: 10000")
     detector: MethodArguments
     annotator: str | None = flag("rrd: whose labels to show along", "NAME")
-    seed: int | None = flag("onnx: whose actor", "N", "the run's first")
+    seed: int | None = flag("onnx, and mp4 of a run: which seed", "N", "the run's first")
     best: bool = flag("onnx: the best policy instead of the last")
     data: Path = flag("workspace", "DIR", DATA)
     force: bool = flag("replace what exists")

@@ -21,16 +21,23 @@ from core.learning.config import (
     AgentName,
     CurriculumConfig,
     EnvironmentConfig,
+    HeadName,
+    LandingModelConfig,
     OutcomeSource,
+    RacketSpeedRule,
     ReplayRule,
     RewardConfig,
     RewardKind,
     RunConfig,
+    StateKind,
     StateSource,
     default_run,
     environment_profile,
+    spinning_environment,
 )
+from core.learning.evaluation.reachable import reachable_words
 from core.learning.runs.run_files import create_run, read_run, seed_files
+from core.learning.task.recorded_balls import ball_state_files
 from core.physics.config import Profile
 
 BALLS_BEFORE_CAMERAS = 100
@@ -48,6 +55,7 @@ class NewRunArguments:
     agent: AgentName | None = setting_flag(
         RunConfig, "agent", what="who learns; the defaults below are those of ddpg, the paper's"
     )
+    head: HeadName | None = setting_flag(LandingModelConfig, "head", what="what the landing model learns")
     speeds: Numbers | None = flag("curriculum: serve speeds in m/s, 3 to 9", "3,5")
     episodes: Counts | None = flag("of each stage, or one number for all", "800,900")
     advance: Literal["episodes", "converged"] | None = setting_flag(CurriculumConfig, "advance")
@@ -56,6 +64,18 @@ class NewRunArguments:
     seeds: PositiveInt | None = setting_flag(RunConfig, "seeds", "N")
     first_seed: int | None = setting_flag(RunConfig, "first_seed", "N")
     state_source: StateSource | None = setting_flag(EnvironmentConfig, "state_source")
+    state: StateKind | None = setting_flag(
+        EnvironmentConfig, "state", what="what is known of a ball: p_c and v_c, or with them spin and its uncertainty"
+    )
+    racket: RacketSpeedRule | None = setting_flag(
+        EnvironmentConfig, "racket", what="its speed by the ball's, or chosen for every ball (landing-model)"
+    )
+    balls: str | None = flag(
+        "drawn serves; the same with spin, up to 100 rad/s about each axis; or recorded ball states, a file or a folder"
+        " of them, of which a fifth is kept for the evaluation (the last two: physics `real` unless told otherwise)",
+        "serves|spinning|PATH",
+        "serves",
+    )
     outcomes: OutcomeSource | None = setting_flag(
         EnvironmentConfig, "outcomes", what="who says what came of a stroke; `events` goes with states from events"
     )
@@ -94,10 +114,18 @@ def run(arguments: TrainArguments) -> None:
             create_run(folder, config)
         from core.learning.runs.running import run_training  # late: torch takes a second, a mistake should not
 
+        if not arguments.json:
+            _tell_bounds(config)
         ended = end_event()
         with progress_bar(f"Training {config.agent}") as progress:
             state = run_training(folder, progress=progress, stopped=ended.is_set, backend=backend, engine=engine)
     _report(folder, config, state, as_json=arguments.json)
+
+
+def _tell_bounds(config: RunConfig) -> None:
+    """Where the racket's bounds limit what can be returned, say so before."""
+    for words in reachable_words(config.environment, config.curriculum.speeds_mps):
+        say(words)
 
 
 def _engine(arguments: TrainArguments) -> Engine:
@@ -116,20 +144,56 @@ def requested_run(arguments: NewRunArguments) -> RunConfig:
     config = load_config(RunConfig, arguments.config) if arguments.config else default_run(arguments.agent or "ddpg")
     environment, outcomes = config.environment, arguments.outcomes or config.environment.outcomes
     source = "events" if arguments.outcomes == "events" else environment.state_source
+    balls, state = arguments.balls or "serves", arguments.state or environment.state
+    recorded = environment.recorded if arguments.balls is None else _recorded(balls)
+    if source == "predicted" and (state == "spin" or recorded):
+        source = "truth"  # the paper's prediction knows of neither
     state_source = arguments.state_source or source
-    if arguments.physics or arguments.serves:
-        physics, serves = arguments.physics or "paper", arguments.serves or "standard"
+    other_balls = balls != "serves" and not arguments.config
+    if arguments.physics or arguments.serves or other_balls:
+        physics, serves = arguments.physics or ("real" if other_balls else "paper"), arguments.serves or "standard"
         environment = environment_profile(physics, serves=serves, state_source=state_source)
+    if balls == "spinning":
+        environment = spinning_environment(environment)
+    if recorded and (arguments.speeds or arguments.serves):
+        given_twice = "--speeds" if arguments.speeds else "--serves"
+        raise CommandError("recorded balls come as they were struck", got=given_twice, remedy="leave it out")
     before_cameras = {"told": BALLS_BEFORE_CAMERAS, "events": BALLS_PLAYED_OUT}[outcomes]
     few = state_source == "events" and not arguments.config
     return dataclasses.replace(
         config,
-        environment=dataclasses.replace(environment, state_source=state_source, outcomes=outcomes),
+        environment=dataclasses.replace(
+            environment,
+            state_source=state_source,
+            outcomes=outcomes,
+            state=state,
+            recorded=recorded,
+            racket=arguments.racket or config.environment.racket,
+        ),
         evaluation_balls=before_cameras if few else config.evaluation_balls,
+        landing_model=dataclasses.replace(config.landing_model, **given({"head": arguments.head})),
         reward=dataclasses.replace(config.reward, **given({"kind": arguments.reward})),
-        curriculum=_curriculum(config.curriculum, arguments),
+        curriculum=_curriculum(_one_stage(config.curriculum) if recorded else config.curriculum, arguments),
         **given({"agent": arguments.agent, "seeds": arguments.seeds, "first_seed": arguments.first_seed}),
     )
+
+
+def _recorded(balls: str) -> str:
+    """The absolute path of recorded balls, so that a run finds them again; empty for serves.
+
+    Raises:
+        ConfigError: if there are none.
+    """
+    if balls in ("serves", "spinning"):
+        return ""
+    ball_state_files(balls)
+    return str(Path(balls).resolve())
+
+
+def _one_stage(curriculum: CurriculumConfig) -> CurriculumConfig:
+    """Recorded balls have no stages of speed: the last stage, as long as all of them."""
+    stage = {"speeds_mps": curriculum.speeds_mps[-1:], "episodes": (sum(curriculum.episodes),)}
+    return dataclasses.replace(curriculum, **stage)
 
 
 def _curriculum(curriculum: CurriculumConfig, arguments: NewRunArguments) -> CurriculumConfig:
@@ -158,4 +222,5 @@ def _report(folder: Path, config: RunConfig, state: str, *, as_json: bool) -> No
     for line in last:
         error = line["error_mm"]
         shown = "-" if error is None else f"{error:.0f} mm from the target"
-        say(f"seed {line['seed']}: {100 * line['returned']:.1f} % returned at {line['speed_mps']:g} m/s, {shown}")
+        balls = "of the recorded balls" if config.environment.recorded else f"at {line['speed_mps']:g} m/s"
+        say(f"seed {line['seed']}: {100 * line['returned']:.1f} % returned {balls}, {shown}")

@@ -33,7 +33,9 @@ FORMATS: Final = {
     "rrd": ExportFormat("a Rerun recording: 3D, pictures with the detector's stages, curves", ".rrd", of_runs=True),
     "html": ExportFormat("the 3D scene with playback as one web page", ".html"),
     "viser": ExportFormat("the 3D scene with playback for viser's own player", ".viser"),
-    "mp4": ExportFormat("a film: 3D drawing and event pictures", ".mp4"),
+    "mp4": ExportFormat(
+        "a film: 3D drawing and event pictures; of a training run every 10th ball", ".mp4", of_runs=True
+    ),
     "png": ExportFormat("a picture of the end of the part: 3D drawing and event pictures", ".png"),
     "dsec": ExportFormat("event files in DSEC's HDF5 layout, one per camera", "", folder=True),
     "evt3": ExportFormat("Prophesee RAW files (EVT3), one per camera", "", folder=True),
@@ -58,7 +60,7 @@ class ExportRequest:
     chain: ChainConfig = field(default_factory=lambda: ChainConfig.of_method("auto"))
     overwrite: bool = False
     seed: int | None = None
-    """Whose actor; None: the run's first."""
+    """Of a run: whose actor or film; None: its first."""
     policy: Literal["last", "best"] = "last"
 
 
@@ -102,6 +104,12 @@ def _export_run(order: ExportRequest, run: Path, progress: Progress, cancelled: 
         except ImportError as error:
             raise CommandError("an ONNX file needs onnx", remedy="pip install 'rallyscope[onnx]'") from error
         return export_actor(run, order.destination, seed=order.seed, which=order.policy, overwrite=order.overwrite)
+    if order.format == "mp4":
+        from app.export.scenes.training_film import export_training_film
+
+        return export_training_film(
+            run, order.destination, seed=order.seed, overwrite=order.overwrite, progress=progress, cancelled=cancelled
+        )
     from app.export.rrd.run import export_run
 
     return export_run(run, order.destination, overwrite=order.overwrite, progress=progress, cancelled=cancelled)

@@ -35,10 +35,12 @@ def export_actor(
         CommandError: if the policy needs more than state and goal, or the file cannot be written.
     """
     config, policy = read_run(run), load_policy(run, seed, which)
-    if policy.sees_racket_speed:
+    if policy.sees_racket_speed or policy.chooses_speed:
         raise CommandError(
             "not an actor of state and goal alone", expected="any agent but the landing model", got=config.agent
         )
+    if policy.state != "plain":
+        raise CommandError("an actor of states with spin", expected="one of p_c and v_c", got=policy.state)
     with unfinished_file(path, overwrite=overwrite) as unfinished:
         unfinished.write_bytes(actor_model(policy, config).SerializeToString())
     return path

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from app.shared.live_learning import LiveLearning
 from app.shared.simulation_process import SimulationProcess
 from core.cameras import Camera
 from core.errors import LinkError, RecordingError
@@ -32,6 +33,7 @@ from core.rally.link.keys import ClientKeys
 from core.rally.link.live_source import LiveSource, RecalibratedSource
 from core.rally.live.live_player import LivePlayer
 from core.rally.live.ring_recording import LiveConfig, RingRecording
+from core.rally.live.robot_step_test import RobotStepTest
 from core.rally.live.stream_watch import StreamWatch
 from core.rally.robot import RobotClient, SourceWithRobot
 
@@ -80,6 +82,10 @@ class LiveRally:
         source.add_listener(self.watch)
         source.add_listener(self.recording)
         self.player = LivePlayer(self._heard)
+        self.step_test = None if robot is None else RobotStepTest(self.player, robot)
+        """Measures how late the robot of the lab's own is."""
+        self.learning = LiveLearning(self.player, robot=self.has_robot, outcomes=source.tells_outcomes)
+        """The policy that learns while it plays."""
         self._heard.add_listener(self)
         self.player.add_step_listener(self._on_step)
 
@@ -115,14 +121,14 @@ class LiveRally:
         return 0.0 if self._recorder is None else time.monotonic() - self._recorded_since_s
 
     def attend(self, watched: bool) -> None:
-        """Whether anybody looks: for nobody the source may rest, unless the rally is being recorded."""
+        """Whether anybody looks: for nobody the source may rest, unless the rally is recorded or learned from."""
         if watched and not self._watched:
             self.watch.wake()
         self._watched = watched
         self._listen()
 
     def _listen(self) -> None:
-        self.source.listen(self._watched or self._recorder is not None)
+        self.source.listen(self._watched or self._recorder is not None or self.learning.on)
 
     def record(self, path: Path) -> None:
         """Write the rally to a file from now on.
@@ -168,9 +174,12 @@ class LiveRally:
         """Leave it; what is being recorded is finished."""
         self.stop_recording()
         self.player.close()
+        self.learning.close()
         if self._umpire is not None:
             self._umpire.close()
         self._heard.close()
+        if self.step_test is not None:
+            self.step_test.close()
         self.recording.close()
         self.stop_simulation()
 

@@ -10,10 +10,13 @@ from app.shared.workspace import Workspace
 from core.errors import CommandError
 from core.rally.control.controller import BuiltInController
 from core.rally.control.policy_controller import load_controller
+from core.rally.online_learning.controller import NAME
+from core.rally.online_learning.start import NOTHING, LearningStart, can_start_from, start_from_nothing, start_from_run
 
 Player = Literal["training ball", "current policy", "best so far"]
 PLAYERS: Final[tuple[Player, ...]] = get_args(Player)
 BUILT_IN: Final = BuiltInController().name
+LEARNS: Final = NAME
 
 
 def run_choices(workspace: Workspace) -> tuple[str, ...]:
@@ -33,7 +36,7 @@ def has_policy(workspace: Workspace, name: str) -> bool:
 
 
 def let_play(live: LiveRally, workspace: Workspace, name: str) -> None:
-    """Let the built-in controller, or the policy of a run, play the live rally from the next block on.
+    """Let the built-in controller, the policy that learns, or that of a run play the live rally from the next block on.
 
     It aims where the one before it aimed. Reads a file: not to be called by the loop.
 
@@ -43,10 +46,34 @@ def let_play(live: LiveRally, workspace: Workspace, name: str) -> None:
     goal = live.player.snapshot.goal_m
     if name == BUILT_IN:
         live.player.use(BuiltInController().aimed_at(goal))
+    elif name == LEARNS:
+        live.learning.begin()
     elif name in run_choices(workspace):  # never a path made from what a browser sent
-        live.player.use(load_controller(workspace.run_path(name), goal_m=goal))
+        controller = load_controller(workspace.run_path(name), goal_m=goal)
+        if controller.needs_spin and not live.player.config.chain.tells_spin:
+            remedy = "follow the ball with the filter, or let a policy play that was trained without --state spin"
+            raise CommandError("this policy needs the ball's spin, and the chain does not tell it", remedy=remedy)
+        live.player.use(controller)
     else:
         raise CommandError("no policy to play with", got=repr(name[:80]), remedy="train one in the mode Train")
+
+
+def start_choices(workspace: Workspace) -> tuple[str, ...]:
+    """What learning in the live rally can start from: nothing, or a run that can go on, the newest first."""
+    return (NOTHING, *(name for name in run_choices(workspace) if can_start_from(workspace.run_path(name))))
+
+
+def learning_start(workspace: Workspace, name: str) -> LearningStart:
+    """One of these. Reads files: not to be called by the loop.
+
+    Raises:
+        RallyscopeError: if there is no such run, or it cannot be gone on with.
+    """
+    if name == NOTHING:
+        return start_from_nothing()
+    if name not in run_choices(workspace):  # never a path made from what a browser sent
+        raise CommandError("no run to start from", got=repr(name[:80]), remedy="train one in the mode Train")
+    return start_from_run(workspace.run_path(name))
 
 
 def _changed_s(path: Path) -> float:

@@ -8,6 +8,7 @@ from typing import Final, Literal, get_args
 
 from app.pictures.event_picture import Rendering
 from app.pictures.palette import PolarityColours
+from app.state.board_guide import BoardGuide
 from app.state.playback import Playhead
 from app.state.swept_cells import SweptCells
 from app.state.table_clicks import TableClicks
@@ -70,6 +71,12 @@ class WatchView:
     """The camera whose picture fills the middle instead of all this; none if empty."""
     table: TableClicks = field(default_factory=TableClicks)
     swept: SweptCells = field(default_factory=SweptCells)
+    board: BoardGuide = field(default_factory=BoardGuide)
+
+    @property
+    def framed(self) -> SweptCells:
+        """What is framed in the flat pictures; one of the two guides at a time is active."""
+        return self.board.cells if self.board.cells.active else self.swept
 
 
 @dataclass(frozen=True, slots=True)

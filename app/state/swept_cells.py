@@ -1,4 +1,4 @@
-"""Which parts of the cameras' pictures the swept ball has been in, as one frozen value."""
+"""Which parts of the cameras' pictures the swept ball, or a board, has been in, as one frozen value."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ ENOUGH: Final = 2
 
 @dataclass(frozen=True, slots=True)
 class SweptCells:
-    """Counts of each camera's cells, up to ENOUGH."""
+    """Counts of each camera's cells, up to `enough`."""
 
     active: bool = False
     """Whether they are counted and shown."""
     counts: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    enough: int = ENOUGH
 
     def with_ball(self, camera: str, cell: int) -> SweptCells:
         """The ball was in this cell of a camera's picture once more."""
         before = self.counts.get(camera, (0,) * CELL_COUNT)
-        if not 0 <= cell < CELL_COUNT or before[cell] >= ENOUGH:
+        if not 0 <= cell < CELL_COUNT or before[cell] >= self.enough:
             return self
         after = (*before[:cell], before[cell] + 1, *before[cell + 1 :])
         return replace(self, counts={**self.counts, camera: after})
@@ -32,4 +33,4 @@ class SweptCells:
     def missing(self, camera: str) -> tuple[int, ...]:
         """Cells of a camera's picture that the ball has not been in."""
         counts = self.counts.get(camera, (0,) * CELL_COUNT)
-        return tuple(cell for cell, count in enumerate(counts) if count < ENOUGH)
+        return tuple(cell for cell, count in enumerate(counts) if count < self.enough)

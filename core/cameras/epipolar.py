@@ -19,6 +19,8 @@ ROUNDS: Final = 12
 HUBER_SIGMAS: Final = 1.5
 """Sightings farther off than that pull no harder (Huber's weights)."""
 LEAST_SIGMA_PX: Final = 0.02
+LIKELY_TURN: Final = 3e-3
+"""Radians that a camera is turned by, when it is: for what is said of places where nothing was seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +34,9 @@ class EpipolarDrift:
     """Robust standard deviation of what it does not explain."""
     sigma_px: float
     """Standard deviation of `drift_px`, if the sightings err independently."""
+    elsewhere_px: float | None = None
+    """Of the same change the root mean square over other places; None if none were asked for."""
+    elsewhere_sigma_px: float = 0.0
 
 
 class EpipolarPair:
@@ -56,8 +61,15 @@ class EpipolarPair:
         """
         return self._residuals_and_slopes(first_px, second_px)[0]
 
-    def fit(self, first_px: ArrayLike, second_px: ArrayLike) -> EpipolarDrift:
+    def slopes_px(self, ps_world_m: ArrayLike) -> Array:
+        """(N, 5) by how much small changes of the relative pose move the pictures of points (N, 3) off their lines."""
+        first_px, second_px = (camera.project(ps_world_m) for camera in (self._first, self._second))
+        return self._residuals_and_slopes(first_px, second_px)[1]
+
+    def fit(self, first_px: ArrayLike, second_px: ArrayLike, elsewhere: Array | None = None) -> EpipolarDrift:
         """The drift that the sightings (N, 2) of both cameras show together; strays are outvoted.
+
+        `elsewhere` are the `slopes_px` of other places, of which it is also said how far they are off.
 
         Raises:
             CalibrationError: with no more sightings than unknowns.
@@ -67,21 +79,18 @@ class EpipolarPair:
         residuals, slopes = residuals[known], slopes[known]
         if len(residuals) <= UNKNOWNS:
             raise CalibrationError("too few sightings", expected=f"more than {UNKNOWNS}", got=len(residuals))
-        left, sigma = residuals, 0.0
-        weights = np.ones(len(residuals))
-        explained = np.zeros(len(residuals))
-        for _ in range(ROUNDS):
-            sigma = max(1.4826 * float(np.median(np.abs(left))), LEAST_SIGMA_PX)
-            weights = 1 / np.maximum(np.abs(left) / (HUBER_SIGMAS * sigma), 1.0)
-            root = np.sqrt(weights)
-            step = np.linalg.lstsq(slopes * root[:, None], residuals * root, rcond=1e-6)[0]
-            explained = slopes @ step
-            left = residuals - explained
+        step, sigma, weights = _explain(residuals, slopes, 0.0)
         noise_of_mean = UNKNOWNS * sigma**2 / float(weights.sum())
-        mean_square = float(np.mean(np.square(explained)))
-        return EpipolarDrift(
-            float(np.sqrt(max(mean_square - noise_of_mean, 0.0))), sigma, float(np.sqrt(noise_of_mean))
-        )
+        mean_square = float(np.mean(np.square(slopes @ step)))
+        drift_px, sigma_px = float(np.sqrt(max(mean_square - noise_of_mean, 0.0))), float(np.sqrt(noise_of_mean))
+        if elsewhere is None:
+            return EpipolarDrift(drift_px, sigma, sigma_px)
+        step, spread, weights = _explain(residuals, slopes, 1 / LIKELY_TURN**2)
+        inverse = np.linalg.inv(_squares(slopes, weights) + spread**2 / LIKELY_TURN**2 * np.eye(UNKNOWNS))
+        noise_there = spread**2 * float(np.mean(np.einsum("ij,jk,ik->i", elsewhere, inverse, elsewhere)))
+        mean_square = float(np.mean(np.square(elsewhere @ step)))
+        there_px = float(np.sqrt(max(mean_square - noise_there, 0.0)))
+        return EpipolarDrift(drift_px, sigma, sigma_px, there_px, float(np.sqrt(noise_there)))
 
     def _residuals_and_slopes(self, first_px: ArrayLike, second_px: ArrayLike) -> tuple[Array, Array]:
         """(N,) residuals, and (N, 5) how a rotation of the second camera and the baseline's direction change them."""
@@ -96,6 +105,30 @@ class EpipolarPair:
         shifted = np.cross(y2, x1) @ self._across.T
         with np.errstate(invalid="ignore", divide="ignore"):
             return values / scale, np.hstack([turned, shifted]) / scale[:, None]
+
+
+def _explain(residuals: Array, slopes: Array, precision: float) -> tuple[Array, float, Array]:
+    """(5,) the change of pose, the robust sigma of what it leaves, and (N,) Huber's weights.
+
+    `precision` is what is known of the change beforehand, one over its variance.
+    """
+    left, step, sigma = residuals, np.zeros(UNKNOWNS), 0.0
+    weights = np.ones(len(residuals))
+    for _ in range(ROUNDS):
+        sigma = max(1.4826 * float(np.median(np.abs(left))), LEAST_SIGMA_PX)
+        weights = 1 / np.maximum(np.abs(left) / (HUBER_SIGMAS * sigma), 1.0)
+        if precision:
+            whole = _squares(slopes, weights) + sigma**2 * precision * np.eye(UNKNOWNS)
+            step = np.linalg.solve(whole, slopes.T @ (weights * residuals))
+        else:
+            root = np.sqrt(weights)
+            step = np.linalg.lstsq(slopes * root[:, None], residuals * root, rcond=1e-6)[0]
+        left = residuals - slopes @ step
+    return np.asarray(step, np.float64), sigma, np.asarray(weights, np.float64)
+
+
+def _squares(slopes: Array, weights: Array) -> Array:
+    return np.asarray(slopes.T @ (slopes * weights[:, None]), np.float64)
 
 
 def _rays(camera: Camera, uvs_px: ArrayLike) -> Array:

@@ -8,12 +8,14 @@ same area. For an ellipse these are its centre and the geometric mean of its hal
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.cameras.camera import Camera
+from core.jit import njit
 from core.table import BALL_RADIUS_M
 
 OUTLINE_POINTS = 32
@@ -54,14 +56,38 @@ def ball_outline(
 def ball_circles(camera: Camera, ps_world: ArrayLike, radius_m: float = BALL_RADIUS_M) -> BallCircles:
     """Centre and radius in the picture of spheres at `ps_world` (N, 3): centroid and equal-area radius."""
     outline = ball_outline(camera, ps_world, radius_m)
-    middle = outline.mean(axis=1, keepdims=True)
-    x, y = np.moveaxis(outline - middle, 2, 0)
-    # Green's theorem with the derivatives along the outline taken in Fourier space.
-    frequency = 2j * np.pi * np.fft.rfftfreq(OUTLINE_POINTS)
-    frequency[-1] = 0.0
-    dx = np.fft.irfft(np.fft.rfft(x) * frequency, OUTLINE_POINTS)
-    dy = np.fft.irfft(np.fft.rfft(y) * frequency, OUTLINE_POINTS)
-    signed_area = 0.5 * (x * dy - y * dx).sum(axis=1)
-    u = middle[:, 0, 0] + 0.5 * (x * x * dy).sum(axis=1) / signed_area
-    v = middle[:, 0, 1] - 0.5 * (y * y * dx).sum(axis=1) / signed_area
-    return BallCircles(u, v, np.sqrt(np.abs(signed_area) / np.pi))
+    circles = np.empty((3, len(outline)))
+    for index, points in enumerate(outline):
+        circles[:, index] = circle_round(points)
+    return BallCircles(*circles)
+
+
+def _slopes() -> NDArray[np.float64]:
+    """What the values of a closed curve's other points say of its slope at one, in Fourier space: by their distance."""
+    k = np.arange(1, OUTLINE_POINTS)
+    slopes = np.pi / OUTLINE_POINTS * (-1.0) ** k / np.tan(np.pi * k / OUTLINE_POINTS)
+    return np.concatenate([[0.0], slopes])
+
+
+SLOPES = _slopes()
+
+
+@njit(error_model="numpy")
+def circle_round(points: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Centroid and equal-area radius of what an outline (OUTLINE_POINTS, 2) encloses, pixels: Green's theorem."""
+    u = v = 0.0
+    for k in range(OUTLINE_POINTS):
+        u += points[k, 0] / OUTLINE_POINTS
+        v += points[k, 1] / OUTLINE_POINTS
+    twice_area = x_moment = y_moment = 0.0
+    for k in range(OUTLINE_POINTS):
+        dx = dy = 0.0
+        for other in range(OUTLINE_POINTS):
+            slope = SLOPES[(k - other) % OUTLINE_POINTS]
+            dx += slope * (points[other, 0] - u)
+            dy += slope * (points[other, 1] - v)
+        x, y = points[k, 0] - u, points[k, 1] - v
+        twice_area += x * dy - y * dx
+        x_moment += x * x * dy
+        y_moment += y * y * dx
+    return u + x_moment / twice_area, v - y_moment / twice_area, math.sqrt(abs(0.5 * twice_area) / math.pi)

@@ -5,8 +5,9 @@ What the paper leaves open is a field here, with our choice as its default; the 
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Final, Literal
 
 from core.config import check_settings, setting
 from core.errors import ConfigError
@@ -16,8 +17,15 @@ from core.table import NET_HEIGHT_M, TABLE_LENGTH_M
 
 AgentName = Literal["ddpg", "landing-model", "ppo", "a2c", "trpo", "td3", "sac"]
 StateSource = Literal["predicted", "truth", "truth+noise", "timed", "events"]
+StateKind = Literal["plain", "spin"]
+RacketSpeedRule = Literal["table", "chosen"]
 OutcomeSource = Literal["told", "events"]
+CHOSEN_MPS: Final = (0.0, 4.5)
+"""Racket speeds along +x from which a policy chooses; the built-in controller's are -2.5 to 4.5."""
+SPINNING_RADPS: Final = 100.0
+"""Largest spin about each axis of serves that are called spinning."""
 ReplayRule = Literal["threshold", "discard", "retain"]
+HeadName = Literal["free", "flight", "impact", "process"]
 RewardKind = Literal["cdta", "case", "simple"]
 
 
@@ -76,6 +84,9 @@ class EnvironmentConfig:
     """How the learner gets p_c and v_c: the paper's five-point prediction, the truth, the truth with noise, points that
     err as those of event cameras until the decision, or the whole chain of event cameras. Except for `truth`, the
     racket goes where the ball is expected and may miss it."""
+    state: StateKind = "plain"
+    """What the learner knows of a ball: p_c and v_c as in the paper, or with them the estimated spin and its standard
+    deviations."""
     outcomes: OutcomeSource = "told"
     """Who says what came of a stroke, and how fast the serve was: the simulation, or with states from `events` the
     cameras themselves."""
@@ -83,8 +94,15 @@ class EnvironmentConfig:
     """Standard deviation per axis of `truth+noise`."""
     velocity_noise: float = setting(0.01, 0.0, 0.2)
     """Standard deviation per axis of `truth+noise`, as a share of the speed."""
+    racket: RacketSpeedRule = "table"
+    """How fast the racket moves towards a ball: by the task's table for the ball's speed, as in the paper's task, or
+    chosen for every ball as a fourth part of the action."""
+    spin_noise_radps: float = setting(10.0, 0.0, 200.0)
+    """Of `truth+noise` with the state `spin`: each ball's standard deviation per axis is drawn up to twice this."""
     timing: TimingConfig = field(default_factory=TimingConfig)
     """Of `timed`."""
+    recorded: str = ""
+    """A file of recorded ball states, or a folder of such files, to take the balls from; empty: serves are drawn."""
     actuator_error_deg: float = setting(0.0, 0.0, 5.0)
     """Standard deviation of each angle that the racket really takes, anew per stroke; the learner does not see it."""
     actuator_bias_deg: float = setting(0.0, -5.0, 5.0)
@@ -103,6 +121,22 @@ class EnvironmentConfig:
                 got=self.state_source,
                 where="outcomes",
                 remedy="train with --state-source events",
+            )
+        if self.state == "spin" and self.state_source == "predicted":
+            raise ConfigError(
+                "the paper's five points tell no spin",
+                expected="another state source with the state spin",
+                where="state",
+                remedy="train with --state-source truth, truth+noise, timed or events",
+            )
+        if self.state == "spin" and self.state_source == "timed" and self.timing.predictor == "paper":
+            raise ConfigError("the paper's five points tell no spin", expected='predictor "filter"', where="timing")
+        if self.recorded and (self.state_source in ("predicted", "timed") or self.outcomes == "events"):
+            raise ConfigError(
+                "recorded balls are not seen so",
+                expected='state_source "truth", "truth+noise" or "events", and outcomes that are told',
+                got=f"{self.state_source}, outcomes {self.outcomes}",
+                where="recorded",
             )
 
 
@@ -159,6 +193,10 @@ class ExplorationConfig:
 
     def __post_init__(self) -> None:
         check_settings(self)
+
+    def noise_at(self, n: int) -> float:
+        """eta."""
+        return max(self.smallest, self.scale * self.decay**n)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -254,9 +292,10 @@ class LandingModelConfig:
     """Metres of landing error that a metre of missing clearance counts for."""
     net_loss: float = setting(0.3, 0.0, 10.0)
     """Weight of the net height in the critic's loss."""
-    head: Literal["free", "flight", "impact"] = "free"
+    head: HeadName = "free"
     """What the model's outputs are: landing and height at the net; the velocity after the stroke, from which gravity
-    alone gives both; or restitution and grip of the rubber, from which the law of reflection gives that velocity."""
+    alone gives both; or restitution and grip of the rubber, from which the law of reflection gives that velocity.
+    `process` has no networks: a Gaussian process learns the velocity after the stroke, and the actor is solved for."""
     privileged: bool = False
     """Learn also from what a simulator alone knows: where a ball would have landed without net and table."""
 
@@ -301,6 +340,19 @@ class RunConfig:
 
     def __post_init__(self) -> None:
         check_settings(self)
+        if self.environment.racket == "chosen" and self.agent != "landing-model":
+            raise ConfigError(
+                "an agent of three angles", expected="landing-model", got=self.agent, where='racket = "chosen"'
+            )
+        plain = self.environment.racket == "table" and self.environment.state == "plain"
+        if self.agent == "landing-model" and self.landing_model.head == "process" and not plain:
+            raise ConfigError(
+                "the head process knows no spin and chooses no racket speed",
+                expected='racket = "table" and state = "plain"',
+                got=f"{self.environment.racket}, {self.environment.state}",
+                where="landing_model.head",
+                remedy="take another head",
+            )
 
     @property
     def episodes(self) -> int:
@@ -316,6 +368,12 @@ def environment_profile(
     if serves == "hard":
         task = TaskConfig(physics=task.physics, serve=hard_serves(), stroke=task.stroke)
     return EnvironmentConfig(task=task, state_source=state_source)
+
+
+def spinning_environment(environment: EnvironmentConfig, most_radps: float = SPINNING_RADPS) -> EnvironmentConfig:
+    """The same with serves that spin: each component uniform up to this."""
+    serve = dataclasses.replace(environment.task.serve, spin_spread_radps=most_radps)
+    return dataclasses.replace(environment, task=dataclasses.replace(environment.task, serve=serve))
 
 
 def default_run(agent: AgentName = "ddpg") -> RunConfig:

@@ -12,7 +12,7 @@ from core.learning.config import EnvironmentConfig, RewardConfig
 from core.learning.evaluation.episode_record import landing_errors_mm
 from core.learning.task.environment import Deliveries, deliver
 from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend
-from core.learning.task.normalise import normal_observations
+from core.learning.task.normalise import STATE_SIZES, normal_observations
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.physics.episode import Case, Outcomes
 
@@ -27,7 +27,7 @@ BATCH = 256
 
 
 class OneStepReturn(gymnasium.Env[Floats, Floats]):
-    """Observation (8,): state and target normalised; action (3,) in [-1, 1]; one step ends the episode."""
+    """Observation (8,), with spin (14,): state and target normalised; action (3,) in [-1, 1]; one step, one episode."""
 
     metadata = {"render_modes": []}  # noqa: RUF012 - Gymnasium's own declaration
 
@@ -46,7 +46,8 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         self.environment = environment if environment is not None else EnvironmentConfig(state_source="truth")
         self.reward = reward if reward is not None else RewardConfig(kind="case")
         self.speed_mps = speed_mps
-        self.observation_space = gymnasium.spaces.Box(-WIDEST, WIDEST, (8,), np.float32)
+        size = STATE_SIZES[self.environment.state] + 2
+        self.observation_space = gymnasium.spaces.Box(-WIDEST, WIDEST, (size,), np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
         self.episodes = 0
         """Begun so far; the time-weighted reward counts them."""

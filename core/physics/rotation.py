@@ -19,17 +19,14 @@ Array = NDArray[np.float64]
 def multiply_quaternions(a: ArrayLike, b: ArrayLike) -> Array:
     """The product a b of quaternions (..., 4) wxyz: first b turns, then a."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    aw, ax, ay, az = np.moveaxis(a, -1, 0)
-    bw, bx, by, bz = np.moveaxis(b, -1, 0)
-    return np.stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        axis=-1,
-    )
+    product = np.empty(np.broadcast(a, b).shape)  # stacking four columns would take longer than computing them
+    aw, ax, ay, az = (a[..., k] for k in range(4))
+    bw, bx, by, bz = (b[..., k] for k in range(4))
+    product[..., 0] = aw * bw - ax * bx - ay * by - az * bz
+    product[..., 1] = aw * bx + ax * bw + ay * bz - az * by
+    product[..., 2] = aw * by - ax * bz + ay * bw + az * bx
+    product[..., 3] = aw * bz + ax * by - ay * bx + az * bw
+    return product
 
 
 def axis_quaternion(axis: int, angle_rad: ArrayLike) -> Array:
@@ -56,5 +53,10 @@ def orientations_from_actions(actions: ArrayLike, stroke: StrokeConfig) -> Array
 
 def normals_from_orientations(qs_wxyz: ArrayLike) -> Array:
     """The faces' outward normals (..., 3): the x axes of the racket frames in the world."""
-    w, x, y, z = np.moveaxis(np.asarray(qs_wxyz, np.float64), -1, 0)
-    return np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=-1)
+    q = np.asarray(qs_wxyz, np.float64)
+    w, x, y, z = (q[..., k] for k in range(4))
+    normals = np.empty((*q.shape[:-1], 3))
+    normals[..., 0] = 1 - 2 * (y * y + z * z)
+    normals[..., 1] = 2 * (x * y + w * z)
+    normals[..., 2] = 2 * (x * z - w * y)
+    return normals

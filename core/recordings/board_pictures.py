@@ -28,6 +28,8 @@ VIDEO_SUFFIXES: Final = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".mjpg", ".m4v
 IMAGE_SUFFIXES: Final = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 BRIGHT_PERCENTILE: Final = 99.0
 """Of the counts above 0: white."""
+BLINK_SHARE: Final = 0.01
+"""Of the pixels; a ball has a tenth of that in 5 ms, a board that is worth finding fills several times as much."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,6 +113,24 @@ def _event_pictures(stream: CameraStream, at_most: int, window_us: int) -> Itera
         start_us = 1000 * (first + int(np.argmax(in_window[first:last])))
         grey = _brightness(stream.slice(start_us, start_us + 1000 * window_ms))
         yield BoardPicture(f"events at {start_us} us", grey, (number + 1) / at_most)
+
+
+def newest_blink(
+    stream: CameraStream, t_us: int, *, over_us: int = 1_000_000, window_us: int = 5000
+) -> NDArray[np.uint8] | None:
+    """The grey picture (height, width) of the window with most events of the last second before `t_us`.
+
+    None if too little of the picture changed together for a board that blinked: a ball, or noise.
+    """
+    window_ms = max(1, window_us // 1000)
+    end_ms = max(t_us, 0) // 1000
+    start_ms = max(0, end_ms - over_us // 1000)
+    counts = stream.counts_per_ms()[start_ms:end_ms]
+    if len(counts) < window_ms:
+        return None
+    first = start_ms + int(np.argmax(np.convolve(counts, np.ones(window_ms, np.int64), "valid")))
+    grey = _brightness(stream.slice(1000 * first, 1000 * (first + window_ms)))
+    return grey if np.count_nonzero(grey) >= BLINK_SHARE * grey.size else None
 
 
 def _brightness(events: Events) -> NDArray[np.uint8]:

@@ -6,7 +6,7 @@ from core.simulation.flights.serve import LaunchConfig
 from core.simulation.recording import SimulatedRecording, ensure_demo, simulate_recording
 from core.simulation.scenes.scene import SceneConfig, scene_named
 from core.simulation.sensor.sensor import SensorConfig
-from core.simulation.truth import ball_truth, pixel_truth, truth_times
+from core.simulation.truth import ball_truth, pixel_truth, pixel_truths, truth_times
 
 __all__ = [
     "Chunk",
@@ -20,6 +20,7 @@ __all__ = [
     "draw_serve_series",
     "ensure_demo",
     "pixel_truth",
+    "pixel_truths",
     "scene_named",
     "simulate_recording",
     "simulate_stereo",

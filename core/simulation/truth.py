@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from core.cameras import Camera, ball_circles
+from core.cameras import Camera
+from core.jit import njit
 from core.recordings import BallTruth, PixelTruth
 from core.simulation.bodies import MovingBodies, hidden_by_bodies
 from core.simulation.flights.ball_path import BallPath
-from core.simulation.scenes.racket_shape import RacketPath, racket_gap, racket_shading_rows
+from core.simulation.scenes.ball_view import ball_circles_at
+from core.simulation.scenes.racket_shape import RacketPath, RacketPoses, racket_gap, racket_shading_rows
 from core.simulation.scenes.scene import NET_TAPE_M
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M, NET_OVERHANG_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
+Array = NDArray[np.float64]
 TRUTH_STEP_US = 500
 """Between samples a ball bends by less than 0.002 px from a straight line at 9 m/s, 1.5 m away."""
 WHOLE = 1.05
@@ -46,40 +51,57 @@ def pixel_truth(
     tape of the net, nor one of the `bodies`, nor the robot's `racket` is in front of the centre. The mesh of the net
     hides nothing.
     """
+    return pixel_truths({"": camera}, path, t_us, bodies, racket)[""]
+
+
+def pixel_truths(
+    cameras: Mapping[str, Camera],
+    path: BallPath,
+    t_us: ArrayLike,
+    bodies: MovingBodies | None = None,
+    racket: RacketPath | None = None,
+) -> dict[str, PixelTruth]:
+    """`pixel_truth` for each of several cameras."""
     t = np.atleast_1d(np.asarray(t_us, np.int64))
-    states = path.at(t * 1e-6)
+    t_s = np.asarray(t * 1e-6, np.float64)
+    states = path.at(t_s)
     if not states.present.any():
         u, v, r = np.full((3, len(t)), np.nan)
-        return PixelTruth(t, u, v, r, np.zeros(len(t), np.bool_))
-    portals = path.portals(t * 1e-6)
-    circles = ball_circles(camera, states.p_world_m)
+        return {name: PixelTruth(t, u, v, r, np.zeros(len(t), np.bool_)) for name in cameras}
+    portals, poses = path.portals(t_s), None if racket is None else racket.at(t_s)
     with np.errstate(invalid="ignore"):
         out = np.einsum("ij,ij->i", portals.normal_world, states.p_world_m) > portals.offset_m + WHOLE * BALL_RADIUS_M
-        on_sensor = (np.abs(circles.u_px - (camera.sensor.width_px - 1) / 2) <= camera.sensor.width_px / 2) & (
-            np.abs(circles.v_px - (camera.sensor.height_px - 1) / 2) <= camera.sensor.height_px / 2
-        )
-        visible = states.present & out & on_sensor & ~_hidden(camera.position_world_m, states.p_world_m)
-    if bodies is not None:
-        visible &= ~hidden_by_bodies(
-            bodies, camera.position_world_m, states.p_world_m, np.asarray(t * 1e-6, np.float64)
-        )
-    if racket is not None:
-        there = np.flatnonzero(visible)
-        visible[there] = ~_behind_racket(camera, racket, states.p_world_m[there], t[there])
-    u, v, r = (np.where(visible, column, np.nan) for column in (circles.u_px, circles.v_px, circles.r_px))
-    return PixelTruth(t, u, v, r, visible)
+    truths = {}
+    for name, camera in cameras.items():
+        circles = ball_circles_at(camera, states.p_world_m)
+        width, height = camera.sensor.width_px, camera.sensor.height_px
+        with np.errstate(invalid="ignore"):
+            on_sensor = (np.abs(circles.u_px - (width - 1) / 2) <= width / 2) & (
+                np.abs(circles.v_px - (height - 1) / 2) <= height / 2
+            )
+            visible = states.present & out & on_sensor & ~_hidden(camera.position_world_m, states.p_world_m)
+        if bodies is not None:
+            visible &= ~hidden_by_bodies(bodies, camera.position_world_m, states.p_world_m, t_s)
+        if racket is not None and poses is not None:
+            visible &= ~_behind_racket(camera, racket, poses, states.p_world_m)
+        u, v, r = (np.where(visible, column, np.nan) for column in (circles.u_px, circles.v_px, circles.r_px))
+        truths[name] = PixelTruth(t, u, v, r, visible)
+    return truths
 
 
-def _behind_racket(
-    camera: Camera, racket: RacketPath, ps: NDArray[np.float64], t_us: NDArray[np.int64]
-) -> NDArray[np.bool_]:
-    """Whether the racket's body lies before points (N, 3) at their times (N,)."""
-    rows = racket_shading_rows(camera, 0.0, 0.0, racket, racket.at(np.asarray(t_us * 1e-6, np.float64)))
-    hidden = np.zeros(len(ps), np.bool_)
-    for number, (row, (x, y, z)) in enumerate(zip(rows, camera.to_camera(ps), strict=True)):
-        gap, at_m = racket_gap(row, x / z, y / z)
-        hidden[number] = gap < 0 and at_m < z
+def _behind_racket(camera: Camera, racket: RacketPath, poses: RacketPoses, ps: Array) -> NDArray[np.bool_]:
+    """Whether the racket's body lies before points (N, 3)."""
+    hidden = np.empty(len(ps), np.bool_)
+    _before_points(racket_shading_rows(camera, 0.0, 0.0, racket, poses), camera.to_camera(ps), hidden)
     return hidden
+
+
+@njit(error_model="numpy")
+def _before_points(rackets, ps, hidden):
+    for index in range(len(ps)):
+        x, y, z = ps[index]
+        gap, at_m = racket_gap(rackets[index], x / z, y / z)
+        hidden[index] = gap < 0 and at_m < z
 
 
 def _hidden(eye: NDArray[np.float64], ps: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -18,3 +18,8 @@ def markdown_table(titles: Sequence[str], rows: Iterable[Sequence[object]], form
         for pairs in (zip(row, asked, strict=True) for row in rows)
     )
     return "".join(f"| {' | '.join(line)} |\n" for line in (titles, marks, *cells))
+
+
+def two_digits(value: object) -> str:
+    """A number to two significant digits, without an exponent where it can do without; "-" for None."""
+    return "-" if value is None else f"{float(f'{float(str(value)):.2g}'):g}"

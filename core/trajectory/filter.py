@@ -53,8 +53,7 @@ class FilterPredictor:
 
     def reset(self) -> None:
         """Forget the flight seen so far; what it said of air and table is kept, where nothing was said of them."""
-        if self.config.perhaps_real:
-            self._learn()
+        self._learn()
         self.latest: Prediction | None = None
         self._filters = ()
         self._said_us = 0
@@ -114,8 +113,7 @@ class FilterPredictor:
                     one.log_odds = odds
             self._filters = self._possible()
         if all(one.strays >= STRAYS for one in self._filters):
-            if self.config.perhaps_real:
-                self._learn()
+            self._learn()
             self._begin(t_us, p, noise)
         due = t_us - self._said_us >= 1e3 * self.config.every_ms
         return self.predict() if due and not any(one.is_asking for one in self._filters) else None
@@ -147,8 +145,9 @@ class FilterPredictor:
         return [(best, weights[best]), *counted]
 
     def _learn(self) -> None:
+        """What the flight said of air and table, where nothing was said of them."""
         best = self.believed
-        if best is None:
+        if best is None or not self.config.perhaps_real:
             return
         weights = self._weights()
         air = sum(weight for one, weight in weights.items() if one.unrest.lift > 0)
@@ -223,6 +222,7 @@ def _describe(found: Array, spread: Array, newest_us: int, stage: Stage, paths: 
             covariance=spread[13:19, 13:19],
             stage=stage,
             spin_radps=found[19:22],
+            spin_sigma_radps=sigmas[19:22],
         )
     bounces = tuple(point for point in points[:2] if point is not None)
     return Prediction(newest_us, stage, bounces, points[2], hit_plane, paths)

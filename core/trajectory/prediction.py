@@ -46,6 +46,8 @@ class HitPlane:
     stage: Stage
     spin_radps: Array | None = None
     """(3,) the ball's spin there, where it is estimated; None where it is not."""
+    spin_sigma_radps: Array | None = None
+    """(3,) its standard deviations; None where it is not."""
 
 
 class Flights(Protocol):

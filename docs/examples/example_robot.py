@@ -38,10 +38,9 @@ def turned(q, goal, share):
 with RobotServer(sys.argv[1] if len(sys.argv) > 1 else "tcp://127.0.0.1:0", LIMITS, name="example") as robot:
     signal.signal(signal.SIGUSR1, lambda *_: robot.stop("the red button was pressed"))
     print(robot.address, flush=True)
-    p, v, q, now_us, hit = HOME, np.zeros(3), UPRIGHT, robot.now_us(), 0
+    p, v, q, now_us, hit, target = HOME, np.zeros(3), UPRIGHT, robot.now_us(), 0, None
     while True:
         time.sleep(0.002)
-        target = robot.turn(p, q, v)
         before_us, now_us = now_us, robot.now_us()
         h, still = (now_us - before_us) * 1e-6, np.zeros(3)
         left_s = 0.0 if target is None else (target.impact_us - before_us) * 1e-6
@@ -58,3 +57,4 @@ with RobotServer(sys.argv[1] if len(sys.argv) > 1 else "tcp://127.0.0.1:0", LIMI
                 hit, v = target.id, np.array(target.v_mps)
                 print(f"impact {hit} at {target.impact_us} us, {np.linalg.norm(v):.2f} m/s", flush=True)
             p = p + v * h
+        target = robot.turn(p, q, v)  # where it is now: what is told late looks like a late robot

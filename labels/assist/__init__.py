@@ -9,6 +9,7 @@ from labels.assist.flight import curve_of_flight, fit_flight
 from labels.assist.propose import Proposals, accept, propose, steady_segment
 from labels.assist.review import review_queue
 from labels.assist.snap import Snap, snap
+from labels.assist.snap_kernel import load_snap
 from labels.assist.stereo import check_stereo, epipolar_curve
 from labels.assist.whole_flight import WholeFlight, whole_flight
 
@@ -27,6 +28,7 @@ __all__ = [
     "label_from_snap",
     "labels_between",
     "labels_from_curve",
+    "load_snap",
     "next_blind",
     "propose",
     "review_queue",

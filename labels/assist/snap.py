@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from core.config import check_settings, setting
 from core.events import Events
+from labels.assist.snap_kernel import UNKNOWNS, Cloud, edge_points, fit_circle
 
 Array = NDArray[np.float64]
 
@@ -97,7 +98,13 @@ def snap(
     x, y = near.x_px.astype(np.float64) - x_px, near.y_px.astype(np.float64) - y_px
     close = np.maximum(np.abs(x), np.abs(y)) < 2 * reach_px
     t_ms = np.asarray((near.t_us[close] - late_us) * 1e-3, np.float64)
-    cloud = _Cloud(t_ms, x[close], y[close], near.on[close])
+    if not len(t_ms):
+        return None
+    column, row = (place[close].astype(np.intp) for place in (near.x_px, near.y_px))
+    column, row = column - column.min(), row - row.min()
+    width = column.max() + 1
+    spaces = (np.empty((row.max() + 1) * width, np.intp) for _ in range(2))
+    cloud = Cloud(t_ms, x[close], y[close], near.on[close], row * width + column, *spaces)
     starts = list(START_HALF_MS)
     if v_px_per_ms is not None:
         moving_ms = config.motion_px / max(float(np.hypot(*v_px_per_ms)), 1e-3)
@@ -121,19 +128,6 @@ FLOOR_PX = 0.02
 EDGE_REACH, EDGE_MS = 2.5, 0.6
 """An edge's events last so many half windows at most, and while it moves for so long."""
 ROUNDS = 5
-ITERATIONS = 8
-SHARPNESS_PX = 0.45
-"""Scale of the Cauchy weight: the spread of good edge points on simulated balls."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Cloud:
-    """Events near the click: milliseconds from the instant, pixels from the click."""
-
-    t_ms: Array
-    x: Array
-    y: Array
-    on: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +150,7 @@ class _Fit:
         return self.balance * float(np.sqrt(self.points)) / (0.2 + self.residual_px)
 
 
-def _fit_from(cloud: _Cloud, half_ms: float, reach_px: float, r_px: float | None, config: SnapConfig) -> _Fit | None:
+def _fit_from(cloud: Cloud, half_ms: float, reach_px: float, r_px: float | None, config: SnapConfig) -> _Fit | None:
     """Alternate between choosing edge points with the circle known so far, and fitting the circle to them."""
     start = _first_guess(cloud, half_ms, reach_px, r_px)
     if start is None:
@@ -166,8 +160,8 @@ def _fit_from(cloud: _Cloud, half_ms: float, reach_px: float, r_px: float | None
     for _ in range(ROUNDS):
         speed = float(np.hypot(values[2], values[3]))
         half_ms = float(np.clip(config.motion_px / max(speed, 1e-3), 0.08, config.reach_us * 1e-3))
-        rows, leading = _edge_points(cloud, values, on_leads, half_ms, band)
-        if leading.sum() < 4 or (~leading).sum() < 4:
+        rows, leading = edge_points(cloud, values, on_leads, half_ms, band)
+        if leading < 4 or len(rows) - leading < 4:
             return None
         fit = _fit_circle(cloud, rows, leading, values, on_leads)
         if fit is None or not _is_sane(fit.values, reach_px):
@@ -176,20 +170,21 @@ def _fit_from(cloud: _Cloud, half_ms: float, reach_px: float, r_px: float | None
     return fit
 
 
-def _first_guess(cloud: _Cloud, half_ms: float, reach_px: float, r_px: float | None) -> tuple[Array, bool] | None:
+def _first_guess(cloud: Cloud, half_ms: float, reach_px: float, r_px: float | None) -> tuple[Array, bool] | None:
     """Circle and velocity from the moments of both polarities: they lie on opposite sides of the ball."""
-    rows = (np.abs(cloud.t_ms) < half_ms) & (np.hypot(cloud.x, cloud.y) < reach_px)
-    on, off = rows & cloud.on, rows & ~cloud.on
+    near = slice(np.searchsorted(cloud.t_ms, -half_ms, "right"), np.searchsorted(cloud.t_ms, half_ms))
+    t_ms, points = cloud.t_ms[near], np.column_stack([cloud.x[near], cloud.y[near]])
+    rows = np.hypot(points[:, 0], points[:, 1]) < reach_px
+    on, off = rows & cloud.on[near], rows & ~cloud.on[near]
     if on.sum() < 5 or off.sum() < 5:
         return None
-    points = np.column_stack([cloud.x, cloud.y])
     on_middle, off_middle = np.median(points[on], axis=0), np.median(points[off], axis=0)
     dipole = on_middle - off_middle
     length = float(np.hypot(*dipole))
     if length < 1.0:
         return None
     along = dipole / length
-    slopes = [_slope(cloud.t_ms[side], points[side] @ along) for side in (on, off)]
+    slopes = [_slope(t_ms[side], points[side] @ along) for side in (on, off)]
     speed = float(np.mean(slopes))
     centre = 0.5 * (on_middle + off_middle)
     radius = r_px or max(2.0, 0.55 * length)  # arcs of half a circle: their medians are about 1.8 r apart
@@ -201,54 +196,12 @@ def _slope(t: Array, s: Array) -> float:
     return float(t @ s / max(float(t @ t), 1e-9))
 
 
-def _edge_points(
-    cloud: _Cloud, values: Array, on_leads: bool, half_ms: float, band_px: float
-) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Rows of the events that mark the edge: per pixel the first leading and the last trailing one, near the circle.
-
-    A pixel's first event must be its first: one that had another shortly before the window is left out; so behind it.
-    """
-    cx, cy, vx, vy, r = values
-    guard_ms = half_ms * 1.5
-    inside = np.abs(cloud.t_ms) < half_ms + guard_ms
-    dx, dy = cloud.x - vx * cloud.t_ms - cx, cloud.y - vy * cloud.t_ms - cy
-    inside &= np.abs(np.hypot(dx, dy) - r) < band_px
-    ahead = dx * vx + dy * vy > 0
-    pixel = (np.round(cloud.y * 8) * 65536 + np.round(cloud.x * 8)).astype(np.int64)
-    leading = np.flatnonzero(inside & (cloud.on == on_leads) & ahead)
-    trailing = np.flatnonzero(inside & (cloud.on != on_leads) & ~ahead)
-    first = leading[np.unique(pixel[leading], return_index=True)[1]]
-    last = trailing[::-1][np.unique(pixel[trailing[::-1]], return_index=True)[1]]
-    rows = np.concatenate([first, last])
-    is_first = np.arange(len(rows)) < len(first)
-    keep = np.abs(cloud.t_ms[rows]) < half_ms
-    return rows[keep], is_first[keep]
-
-
-def _fit_circle(
-    cloud: _Cloud, rows: NDArray[np.intp], leading: NDArray[np.bool_], start: Array, on_leads: bool
-) -> _Fit | None:
-    """Gauss-Newton on the distances from the circle, with Cauchy weights."""
-    t, x, y = cloud.t_ms[rows], cloud.x[rows], cloud.y[rows]
-    values = start.copy()
-    prior = np.diag([1e-4, 1e-4, 1e-4, 1e-4, 1e-4])
-    J = np.empty((len(rows), 5))
-    weight = residual = np.empty(0)
-    normal = prior
-    for iteration in range(ITERATIONS):
-        dx, dy = x - values[2] * t - values[0], y - values[3] * t - values[1]
-        distance = np.maximum(np.hypot(dx, dy), 1e-6)
-        residual = distance - values[4]
-        scale = max(SHARPNESS_PX, 3.0 * 0.5**iteration)
-        weight = 1.0 / (1.0 + (residual / scale) ** 2)
-        J[:, 0], J[:, 1] = -dx / distance, -dy / distance
-        J[:, 2], J[:, 3] = J[:, 0] * t, J[:, 1] * t
-        J[:, 4] = -1.0
-        normal = (J * weight[:, None]).T @ J + prior
-        step = np.linalg.solve(normal, -(J * weight[:, None]).T @ residual)
-        values = values + np.clip(step, -5.0, 5.0)
-    spread = float(np.sqrt((weight * residual**2).sum() / max(weight.sum(), 1e-9)))
-    sides = min(weight[leading].sum(), weight[~leading].sum()) / max(0.5 * weight.sum(), 1e-9)
+def _fit_circle(cloud: Cloud, rows: NDArray[np.intp], leading: int, start: Array, on_leads: bool) -> _Fit | None:
+    values, normal, weight = np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS)), np.empty(len(rows))
+    spread = fit_circle(cloud.t_ms, cloud.x, cloud.y, rows, start, values, normal, weight)
+    if not np.isfinite(spread):
+        return None
+    sides = min(weight[:leading].sum(), weight[leading:].sum()) / max(0.5 * weight.sum(), 1e-9)
     covariance = np.linalg.inv(normal) * max(spread, 0.1) ** 2
     return _Fit(values, covariance, spread, len(rows), float(weight.mean()), float(sides), on_leads)
 
@@ -265,7 +218,7 @@ def _is_ball(fit: _Fit, config: SnapConfig) -> bool:
     return bool(close and size and sharp and full and fit.balance > 0.2)
 
 
-def _edge_width_px(cloud: _Cloud, fit: _Fit, config: SnapConfig) -> float:
+def _edge_width_px(cloud: Cloud, fit: _Fit, config: SnapConfig) -> float:
     """How far an edge moves from a pixel's first event to its last, along the radius: the mean of both edges."""
     cx, cy, vx, vy, r = fit.values
     speed = float(np.hypot(vx, vy))
@@ -274,7 +227,7 @@ def _edge_width_px(cloud: _Cloud, fit: _Fit, config: SnapConfig) -> float:
     off = np.hypot(dx, dy) - r
     near = (np.abs(cloud.t_ms) < EDGE_REACH * half_ms) & (np.abs(off) < max(2.0, 1.0 + EDGE_MS * speed))
     ahead = dx * vx + dy * vy > 0
-    pixel = (np.round(cloud.y * 8) * 65536 + np.round(cloud.x * 8)).astype(np.int64)
+    pixel = cloud.pixel
     widths = []
     for leading in (True, False):
         rows = np.flatnonzero(near & ((cloud.on == fit.on_leads) == leading) & (ahead == leading))

@@ -58,6 +58,8 @@ class EndedTrial:
     """Writes, syncs and renames of Python in the folder."""
     unsynced: tuple[str, ...]
     """Files whose content or name a power cut could still have taken at its end."""
+    worker_killed: bool = False
+    """By the trial; what it worked at may have gone on by itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +132,7 @@ class FaultTrials:
 
     def _judge(self, fault: FaultName, ended: EndedTrial) -> FaultResult:
         out, job = self._out, self._job
-        struck = ended.code != 0 or fault in GOES_ON
+        struck = ended.code != 0 or ended.worker_killed or fault in GOES_ON
         unclear = "" if fault == "killed" else unclear_ending(ended)
         if fault in GOES_ON and ended.code:
             unclear = f"it did not go on: {ended.errors[-300:]}"
@@ -171,11 +173,11 @@ class FaultTrials:
         ]
         for reader in readers:
             reader.start()
-        begun_s = _begun(facts)
+        begun_s, worker_killed = _begun(facts), False
         if at_s is not None and process.pid is not None:
             process.join(at_s)
             if worker:
-                _kill_worker(process)
+                worker_killed = _kill_worker(process)
             elif pause_s is None:
                 process.kill()
             else:
@@ -190,7 +192,9 @@ class FaultTrials:
             reader.join(5)
         told = _told(facts)
         code = process.exitcode if process.exitcode is not None else -1
-        return EndedTrial(code, texts.get("said", ""), texts.get("errors", ""), seconds, told[0], told[1])
+        return EndedTrial(
+            code, texts.get("said", ""), texts.get("errors", ""), seconds, told[0], told[1], worker_killed
+        )
 
 
 def unclear_ending(ended: EndedTrial) -> str:
@@ -259,17 +263,18 @@ def pause(pid: int, seconds: float) -> None:
         os.kill(pid, signal.SIGCONT)
 
 
-def _kill_worker(process: BaseProcess) -> None:
-    """As the kernel does when the memory is full: the largest, as soon as there is one; nothing if it ends before."""
+def _kill_worker(process: BaseProcess) -> bool:
+    """As the kernel does when the memory is full: the largest, as soon as there is one; False if it ends before."""
     while process.is_alive() and process.pid is not None:
         try:
             workers = [pid for pid in children_of(process.pid) if SPAWNED in Path(f"/proc/{pid}/cmdline").read_bytes()]
             if workers:
                 os.kill(max(workers, key=lambda pid: usage_of(pid).resident_mb), signal.SIGKILL)
-                return
+                return True
         except (OSError, CommandError):  # it has just ended
             pass
         time.sleep(0.01)
+    return False
 
 
 def _begun(facts: Connection) -> float:

@@ -160,7 +160,7 @@ class SceneDrawing:
             self._path(np.concatenate([rim, rim[:1]]), face, 2)
 
     def _ring(self, centre: ArrayLike, radius_m: float, colour: Rgb, *, fill: bool = False) -> None:
-        circle = np.column_stack([np.cos(TURN), np.sin(TURN), np.zeros_like(TURN)]) * radius_m + np.asarray(centre)
+        circle = _circle(centre, radius_m)
         if fill:
             self._polygon(circle, colour)
         else:
@@ -176,13 +176,22 @@ class SceneDrawing:
     def _shadow(self, ball: NDArray[np.float64]) -> None:
         """Soft: some discs over each other."""
         shadow = shadow_of(ball, self._radius_m(ball, BALL_RADIUS_M))
-        before = self._image
+        centre, dark = (shadow.x_m, shadow.y_m, shadow.z_m), DARKNESS[shadow.strength] / 3
+        where = self._box(_circle(centre, shadow.radius_m))
+        before = self._image[where].copy()
         for share in (0.9, 0.65, 0.4):
-            self._image = before.copy()
-            self._ring((shadow.x_m, shadow.y_m, shadow.z_m), share * shadow.radius_m, SHADOW_RGB, fill=True)
-            dark = DARKNESS[shadow.strength] / 3
-            before = np.round(before * (1 - dark) + self._image * dark).astype(np.uint8)
-        self._image = before
+            self._image[where] = before
+            self._ring(centre, share * shadow.radius_m, SHADOW_RGB, fill=True)
+            before = np.round(before * (1 - dark) + self._image[where] * dark).astype(np.uint8)
+        self._image[where] = before
+
+    def _box(self, points: NDArray[np.float64]) -> tuple[slice, slice]:
+        """Rows and columns of the picture that hold these points; none if one is behind the camera."""
+        if not (self._camera.to_camera(points)[:, 2] > NEAR_M).all():
+            return slice(0), slice(0)
+        pixels = self._pixels(points) >> BITS
+        (left, top), (right, bottom) = np.maximum(pixels.min(axis=0) - 1, 0), np.maximum(pixels.max(axis=0) + 3, 0)
+        return slice(top, bottom), slice(left, right)
 
     def _radius_m(self, centre: NDArray[np.float64], radius_m: float) -> float:
         """Never less than the share of the picture that the browser draws at least."""
@@ -214,3 +223,8 @@ class SceneDrawing:
 
     def _pixels(self, points: NDArray[np.float64]) -> NDArray[np.int32]:
         return np.round(np.clip(self._camera.project(points), -1e5, 1e5) * 2**BITS).astype(np.int32)
+
+
+def _circle(centre: ArrayLike, radius_m: float) -> NDArray[np.float64]:
+    """(N, 3) points of a level circle."""
+    return np.column_stack([np.cos(TURN), np.sin(TURN), np.zeros_like(TURN)]) * radius_m + np.asarray(centre)

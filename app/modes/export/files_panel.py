@@ -8,13 +8,12 @@ import viser
 
 from app import theme
 from app.export.exporter import ExportedFile, ExportState
+from app.modes.download import STYLE, state_html
 from app.widgets import Listing
 from app.words.file_size import size_text
 from app.words.file_text import html_text
-from app.words.percent import percent
 
 SHOWN: Final = 12
-STYLE: Final = "padding:2px 1em;font-size:13px;line-height:1.5"
 
 
 class ExportFilesPanel:
@@ -52,19 +51,6 @@ class ExportFilesPanel:
                 self._files.show(newest)
         self.download.visible = bool(files)
         self._table.content = files_html(files)
-
-
-def state_html(state: ExportState | None) -> str:
-    """One line about the latest export."""
-    if state is None:
-        return f"<div style='{STYLE}'>Files are made in the folder <b>exports</b> of the workspace.</div>"
-    if state.running:
-        left = "" if state.left_s is None else f", about {max(1, round(state.left_s))} s left"
-        text = f"{html_text(state.name)}: {percent(state.share)}{left}"
-        return f"<div style='{STYLE}'>{text}</div>"
-    colour = theme.BAD if state.failed else theme.MUTED if state.message == "cancelled" else theme.GOOD
-    text = f"{html_text(state.message)} ({state.seconds:.0f} s)"
-    return f"<div style='{STYLE};color:{colour}'>{text}</div>"
 
 
 def files_html(files: tuple[ExportedFile, ...]) -> str:

@@ -52,6 +52,7 @@ from app.views.image_view import DragPhase
 from core.rally.live.ring_recording import RingRecording
 from core.recordings import Recording
 from labels.arrays import STATES, LabelArrays
+from labels.assist import load_snap
 
 IN_BAR_EVERY_S: Final = 0.5
 
@@ -368,6 +369,7 @@ class LabelMode:
         if not self._named:
             self._view = replace(self._view, annotator=last_annotator(host.services.workspace.labels))
         labelling = begin_labelling(self._recording, self._view, step_us, time.monotonic())
+        host.pool.submit(load_snap)
         self._editor = LabelEditor(host.services.label_stores, labelling, callbacks, self._session)
         self._assistant = Assistant(self._editor, host.pool)
         self._comparer = LabelComparer(self._editor, host.services.workspace.labels, self._other_stores, host.pool)

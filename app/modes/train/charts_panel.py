@@ -11,6 +11,7 @@ from viser import uplot
 
 from app import theme
 from app.modes.train.curves import WINDOW
+from app.modes.train.seeds.seed_results import SeedResults, seed_results_html
 from app.modes.train.view import COMPARED, ChartData
 from app.words.file_text import html_text
 
@@ -19,6 +20,9 @@ CHART_HEIGHT_PX: Final = 102
 OURS: Final = "#ff8c28"
 EVALUATED: Final = "#ffffff"
 MEAN: Final = "#ffd0a0"
+SEED: Final = "#a8693a"
+BAND: Final = "rgba(255,208,160,0.22)"
+BAND_EDGE: Final = "rgba(255,208,160,0.35)"
 OTHERS: Final = ("#5aa9ff", "#b98cff", "#4fd1c5")
 NOISE: Final = "#ffd60a"
 W1: Final = "#5aa9ff"
@@ -44,12 +48,30 @@ class ChartsPanel:
         self._gui = gui
         self._legend = gui.add_html("")
         self._place = gui.add_folder(None, visible=False)
+        self._results = gui.add_html("")
+        self._titles: list[viser.GuiHtmlHandle] = []
         self._charts: dict[str, viser.GuiUplotHandle] = {}
+        self._seeds = 0
+        """Lines of single seeds that the charts have."""
 
-    def show(self, run: str, data: ChartData, compared: tuple[str, ...], *, several_seeds: bool) -> None:
-        """Draw these curves in place of the last ones."""
+    def show(
+        self,
+        run: str,
+        data: ChartData,
+        compared: tuple[str, ...],
+        *,
+        several_seeds: bool,
+        results: SeedResults | None = None,
+    ) -> None:
+        """Draw these curves in place of the last ones; `results` of the seeds, where there are several."""
         self._legend.content = curve_legend_html(run, compared, several_seeds=several_seeds)
+        self._results.content = seed_results_html(results)
         columns = chart_columns(data)
+        if len(data.seeds) != self._seeds and self._charts:  # another number of curves: another chart
+            for part in (*self._titles, *self._charts.values()):
+                part.remove()
+            self._titles, self._charts = [], {}
+        self._seeds = len(data.seeds)
         if not self._charts:
             self._add_charts(data, columns)
             return
@@ -63,9 +85,9 @@ class ChartsPanel:
         self._place.visible = True
         with self._place:
             for name, title in TITLES:
-                self._gui.add_html(_title(title))
-                self._charts[name] = _add_chart(self._gui, name, _curve_series(), data, columns[name])
-            self._gui.add_html(_weights_title())
+                self._titles.append(self._gui.add_html(_title(title)))
+                self._charts[name] = _add_chart(self._gui, name, _curve_series(self._seeds), data, columns[name])
+            self._titles.append(self._gui.add_html(_weights_title()))
             self._charts[WEIGHTS] = _add_chart(self._gui, WEIGHTS, _weights_series(), data, columns[WEIGHTS])
 
 
@@ -74,7 +96,10 @@ def chart_columns(data: ChartData) -> dict[str, list[Array]]:
     nothing = np.full(len(data.axis), np.nan)
     columns = {
         name: [
+            data.seeds_high[name],
+            data.seeds_low[name],
             *(other[name] for other in data.compared),
+            *(seed[name] for seed in data.seeds),
             data.seeds_mean[name],
             data.run[name],
             data.evaluated.get(name, nothing),
@@ -88,7 +113,7 @@ def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: boo
     """Which colour is which run."""
     entries = [(OURS, run), (EVALUATED, "fixed balls")]
     if several_seeds:
-        entries.append((MEAN, "mean of its seeds"))
+        entries += [(SEED, "its other seeds"), (MEAN, "mean of its seeds, 95 % interval (t)")]
     entries += list(zip(OTHERS, compared, strict=False))
     shown = " &nbsp; ".join(
         f"<span style='white-space:nowrap'><span style='color:{colour}'>●</span> {html_text(name)}</span>"
@@ -105,7 +130,7 @@ def _range_of(name: str, curves: list[Array]) -> tuple[float, float]:
     if name == "reward":
         return -1.1, 4.1
     highest = 0.0
-    for curve in curves:
+    for curve in curves[2:]:  # the interval of few seeds is wide, and no reason to draw them small
         known = curve[np.isfinite(curve)]
         highest = max(highest, float(known.max()) if len(known) else 0.0)
     return 0.0, next((top for top in ERROR_TOPS_MM if highest <= top), ERROR_TOPS_MM[-1])
@@ -126,6 +151,7 @@ def _add_chart(
         series,
         scales=_scales(data.end, _range_of(name, curves)),
         axes=(_axis(size=22), _axis(size=38)),
+        bands=({"series": (1, 2), "fill": BAND},) if name != WEIGHTS else None,
         legend=uplot.Legend(show=False),
         height=CHART_HEIGHT_PX,
         padding=(6, 14, 0, 2),
@@ -142,14 +168,17 @@ def _axis(size: int) -> uplot.Axis:
     )
 
 
-def _curve_series() -> tuple[uplot.Series, ...]:
+def _curve_series(seeds: int) -> tuple[uplot.Series, ...]:
     others = [
         uplot.Series(label=f"other {k + 1}", stroke=colour, width=1, points={"show": False})
         for k, colour in enumerate(OTHERS[:COMPARED])
     ]
     return (
         uplot.Series(label="ball"),
+        uplot.Series(label="upper end of 95 %", stroke=BAND_EDGE, width=1, points={"show": False}),
+        uplot.Series(label="lower end of 95 %", stroke=BAND_EDGE, width=1, points={"show": False}),
         *others,
+        *(uplot.Series(label=f"seed {k + 1}", stroke=SEED, width=1, points={"show": False}) for k in range(seeds)),
         uplot.Series(label="mean of seeds", stroke=MEAN, width=1, dash=(4, 4), points={"show": False}),
         uplot.Series(label="this run", stroke=OURS, width=2, points={"show": False}),
         uplot.Series(

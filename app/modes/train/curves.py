@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from app.shared.training.metrics import Metrics
 from core.physics.episode import Case
@@ -103,12 +104,31 @@ def mean_curve(curves: list[Array]) -> Array:
     """(N,) mean over seeds, as far as the longest goes."""
     if len(curves) == 1:
         return curves[0]
-    table = np.full((len(curves), max(map(len, curves), default=0)), np.nan)
-    for row, curve in zip(table, curves, strict=True):
-        row[: len(curve)] = curve
+    table = _table(curves)
     known = np.isfinite(table)
     count = known.sum(axis=0)
     return np.where(count > 0, np.where(known, table, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
+
+
+def interval_curves(curves: list[Array]) -> tuple[Array, Array]:
+    """(N,) lower and (N,) upper end of the mean's 95 % interval over seeds, Student's t; NaN for fewer than two."""
+    table = _table(curves)
+    known = np.isfinite(table)
+    count = known.sum(axis=0)
+    mean = np.where(known, table, 0.0).sum(axis=0) / np.maximum(count, 1)
+    squares = np.where(known, table - mean, 0.0) ** 2
+    std = np.sqrt(squares.sum(axis=0) / np.maximum(count - 1, 1))
+    half = stats.t.ppf(0.975, np.maximum(count - 1, 1)) * std / np.sqrt(np.maximum(count, 1))
+    half = np.where(count > 1, half, np.nan)
+    return mean - half, mean + half
+
+
+def _table(curves: list[Array]) -> Array:
+    """(S, N) as long as the longest; NaN beyond the end of a shorter one."""
+    table = np.full((len(curves), max(map(len, curves), default=0)), np.nan)
+    for row, curve in zip(table, curves, strict=True):
+        row[: len(curve)] = curve
+    return table
 
 
 def _number(value: object) -> float:

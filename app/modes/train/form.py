@@ -25,14 +25,17 @@ MAIN: Final[tuple[Path, ...]] = (
     ("first_seed",),
 )
 """What most people change; everything else is folded away."""
+NOT_HERE: Final = (("environment", "task"), ("environment", "recorded"))
 LONGEST_NUMBER: Final = 12
 LARGEST_WHOLE: Final = 2.0**53
 """A browser knows only floats; beyond this they skip whole numbers."""
 
 
 def form_specs() -> tuple[FieldSpec, ...]:
-    """The fields of the form, the main ones first; the physics of the task is the simulation's and no part of it."""
-    specs = {spec.path: spec for spec in field_specs(RunConfig) if spec.path[:2] != ("environment", "task")}
+    """The fields of the form, the main ones first; the physics of the task is the simulation's and no part of it, and
+    files of recorded balls are for the command line.
+    """
+    specs = {spec.path: spec for spec in field_specs(RunConfig) if spec.path[:2] not in NOT_HERE}
     offered = {("agent",): offered_agents(), ("environment", "state_source"): SOURCES}
     for path, choices in offered.items():
         specs[path] = dataclasses.replace(specs[path], choices=choices)

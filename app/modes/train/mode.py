@@ -7,15 +7,17 @@ from typing import Final
 
 from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
+from app.modes.train.film_panel import FilmPanel
 from app.modes.train.form_panel import FormPanel
+from app.modes.train.maps.map_viewer import MapRequest, MapView, MapViewer, map_request
 from app.modes.train.presets import PACES, PRESETS, TRAIN_NOW, Preset, startable_run
-from app.modes.train.replay import Replay
 from app.modes.train.run_panel import LAST_ONES, NEWEST, NOBODY, RunPanel, confirm_stop
 from app.modes.train.side_panel import SidePanel
 from app.modes.train.training_scene import TrainingScene
 from app.modes.train.view import Details, RunsView, RunsViewer, ViewRequest
 from app.shared.live_rally import LIVE
 from app.shared.policies import let_play
+from app.shared.training.replay import Replay
 from app.shared.training.run_state import RunPhase
 from app.shared.work_places import THIS_MACHINE
 from app.state.client_state import ClientState
@@ -40,6 +42,8 @@ class TrainMode:
         self._trainer = host.services.trainer
         viewer = RunsViewer(host.services.workspace, self._trainer, host.services.metrics)
         self._viewer = LatestWins(host.pool, viewer, self._viewed, self._failed)
+        self._maps = LatestWins(host.pool, MapViewer(host.services.workspace), self._mapped, self._failed)
+        self._map_key: object = None
         self._chosen: str | None = None
         self._compared: tuple[str, ...] | None = None
         self._view: RunsView | None = None
@@ -52,6 +56,7 @@ class TrainMode:
         self._folder = gui.add_folder(None, visible=False)
         with self._folder:
             self._run_panel = RunPanel(gui, self)
+            self._film_panel = FilmPanel(host, self._filmed)
             with gui.add_folder("A new training", expand_by_default=False):
                 self._form_panel = FormPanel(
                     gui, self._start, self._choose_preset, host.later, host.services.places.offered
@@ -99,6 +104,7 @@ class TrainMode:
             self._asked_s, self._waiting = wall_s, True
             shown = None if self._view is None or self._details is None else self._view.key
             self._viewer.submit(ViewRequest(self._chosen, self._compared, shown))
+        self._film_panel.tick(wall_s)
         self._side.room.follow(self._host.client.camera.aspect)
         view, details = self._view, self._details
         if view is not None and view.run is not None and details is not None:
@@ -110,6 +116,7 @@ class TrainMode:
     def close(self) -> None:
         """The browser is gone; the training goes on."""
         self._viewer.close()
+        self._maps.close()
         self._scene.close()
 
     # What is shown ------------------------------------------------------------------------------------------------
@@ -131,7 +138,25 @@ class TrainMode:
             live = self._host.services.rallies.live
             self._run_panel.show(view, self._details, has_rally=live is not None and live.has_robot)
             self._side.show(view, self._details)
+        if view.run is not None and self._details is not None:
+            self._maps.submit(map_request(view.run, self._details, self._map_key))
         self._tell_ends(view)
+
+    def _mapped(self, request: MapRequest, view: MapView | None) -> None:
+        if view is not None:
+            self._host.later(lambda: self._show_map(request.run, view))
+
+    def _show_map(self, run: str, view: MapView) -> None:
+        if self._view is not None and self._view.run is not None and self._view.run.name == run:
+            self._map_key = view.key
+            self._side.show_map(view)
+
+    def _filmed(self) -> tuple[str, int] | None:
+        """Run and seed that are shown, once there is a ball to film."""
+        view, details = self._view, self._details
+        if view is None or view.run is None or details is None or not details.episodes_done:
+            return None
+        return view.run.name, details.seed
 
     def _tell_ends(self, view: RunsView) -> None:
         """A note where a training has just ended."""

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from app.background.worker import LatestWins
-from app.modes.train.replay import Replay, ball_of_line, replay_ball
 from app.shared.policies import Player
+from app.shared.training.replay import Replay, ball_of_line, replay_ball
 from core.learning.agents.policy import read_policy
 from core.learning.config import RunConfig
 from core.learning.runs.run_files import seed_files

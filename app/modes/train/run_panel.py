@@ -83,7 +83,7 @@ class RunPanel:
         names = tuple(state.name for state in runs)
         self._runs.offer((NEWEST, *names))
         self._compared.offer((LAST_ONES, NOBODY, *names))
-        self._status.content = status_html(run, details, active)
+        self._status.content = status_html(run, details, active, view.bounds)
         self._now.visible = active is None
         self._pause.visible = active is not None and active.phase == "running"
         self._go_on.visible = active is not None and active.phase == "paused"

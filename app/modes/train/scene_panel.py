@@ -7,10 +7,10 @@ from typing import Final, Protocol
 import viser
 
 from app.modes.train.rally_player import SPEEDS
-from app.modes.train.replay import Replay
 from app.modes.train.status import ball_html
 from app.scene.viewpoints import VIEWPOINTS
 from app.shared.policies import PLAYERS
+from app.shared.training.replay import Replay
 from app.widgets import Choice, when_changed
 
 VIEWS: Final = tuple(VIEWPOINTS)

@@ -7,9 +7,9 @@ from typing import Final
 
 from app import theme
 from app.modes.train.plan_view import NEW_BALLS, NEW_RGB
-from app.modes.train.replay import Replay
 from app.modes.train.view import LISTED, Details
 from app.scene.landing import CASE_NAMES, CASE_RGB
+from app.shared.training.replay import Replay
 from app.shared.training.run_state import RunPhase, RunState
 from app.words.file_text import html_text
 from app.words.percent import percent
@@ -28,8 +28,13 @@ LOG_STYLE: Final = "font-size:11.5px;white-space:pre-wrap;overflow-wrap:anywhere
 CELL: Final = "text-align:right;font-weight:400;padding:0 4px"
 
 
-def status_html(run: RunState | None, details: Details | None, active: RunState | None) -> str:
-    """The chosen run in a few lines, and the one that is being trained if that is another."""
+def status_html(
+    run: RunState | None, details: Details | None, active: RunState | None, bounds: tuple[str, ...] = ()
+) -> str:
+    """The chosen run in a few lines, and the one that is being trained if that is another.
+
+    `bounds`: lines on what the racket's bounds leave a player.
+    """
     if run is None:
         return _box("<b>Nothing trained yet.</b><br>Press <b>Train now</b> and watch a policy learn to place balls.")
     colour = COLOURS.get(run.phase, theme.MUTED)
@@ -46,6 +51,7 @@ def status_html(run: RunState | None, details: Details | None, active: RunState 
             line = details.evaluations[-1]
             result = _result(100 * _number(line.get("returned")), _number(line.get("error_mm")))
             rows.append(f"policy after {line.get('episode')}: {result}")
+    rows += [f"<span style='color:{theme.MUTED}'>{html_text(words)}</span>" for words in bounds]
     return _box("<br>".join(rows))
 
 
@@ -56,6 +62,8 @@ def plan_text(run: RunState) -> str:
     stages = ", ".join(
         f"{count} at {speed:g} m/s" for speed, count in zip(curriculum.speeds_mps, curriculum.episodes, strict=True)
     )
+    if config.environment.recorded:
+        stages = f"{config.episodes} recorded balls"
     seeds = "" if config.seeds == 1 else f", {config.seeds} seeds"
     return f"{config.agent}, {config.reward.kind} reward, {stages}{seeds}"
 
@@ -107,6 +115,11 @@ def case_counts_html(counts: dict[Case, int]) -> str:
 def offsets_title_html() -> str:
     """What the picture below the table is."""
     return _box(f"Seen from their targets; <span style='color:{NEWEST_COLOUR}'>●</span> the last {NEW_BALLS}")
+
+
+def map_html(words: tuple[str, ...]) -> str:
+    """What a policy's map says, a paragraph each."""
+    return _box("<br>".join(html_text(line, LONGEST_LOG_LINE) for line in words))
 
 
 def log_html(log: tuple[str, ...], details: Details | None) -> str:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from app.modes.train.rally_player import SPEEDS, RallyPlayer
-from app.modes.train.replay import Replay
 from app.modes.train.scene_panel import ScenePanel
 from app.modes.train.view import Details
 from app.shared.policies import PLAYERS, Player
+from app.shared.training.replay import Replay
 from core.learning.config import RunConfig
 from core.rally.history.rally_picture import RallyPicture
 

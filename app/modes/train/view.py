@@ -8,8 +8,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.modes.train.curves import CURVES, Curves, curves_of, mean_curve, on_axis, points_on_axis, shared_axis
+from app.modes.train.curves import (
+    CURVES,
+    Curves,
+    curves_of,
+    interval_curves,
+    mean_curve,
+    on_axis,
+    points_on_axis,
+    shared_axis,
+)
 from app.modes.train.plan_view import draw_offsets, draw_plan, encode_plan
+from app.modes.train.seeds.seed_results import SeedResults, seed_results
 from app.scene.landing import REACH_M, SPOTS
 from app.shared.policies import has_policy
 from app.shared.training.metrics import Metrics, MetricsStore, last_line
@@ -17,6 +27,7 @@ from app.shared.training.run_state import RunState, read_log_tail
 from app.shared.training.trainer import Trainer
 from app.shared.workspace import Workspace
 from core.learning.config import RunConfig
+from core.learning.evaluation.reachable import reachable_words
 from core.learning.runs.run_files import seed_files
 from core.physics.episode import Case
 from core.rally.history.rally_picture import LandingSpot
@@ -25,6 +36,8 @@ Array = NDArray[np.float64]
 COMPARED: Final = 3
 """Runs that are drawn beside the chosen one, at most."""
 PLAN_SPOTS: Final = 2000
+SEEDS_DRAWN: Final = 10
+"""Curves of single seeds beside the newest one's, at most: those before it."""
 LISTED: Final = 40
 """Runs in the table, at most."""
 
@@ -54,7 +67,11 @@ class ChartData:
     evaluated: dict[str, Array]
     """`returned` and `error_mm` of the policy on the fixed balls, NaN between."""
     seeds_mean: dict[str, Array]
-    """All NaN for a run with one seed."""
+    """All NaN for a run with one seed, as are both ends of the mean's 95 % interval:"""
+    seeds_low: dict[str, Array]
+    seeds_high: dict[str, Array]
+    seeds: tuple[dict[str, Array], ...]
+    """Of every other seed that was started, at most SEEDS_DRAWN."""
     compared: tuple[dict[str, Array], ...]
     """Exactly COMPARED; unused ones are all NaN."""
 
@@ -75,6 +92,9 @@ class Details:
     error_mm: float
     episodes_done: int
     seed: int
+    stage_starts: tuple[dict[str, object], ...] = ()
+    seed_results: SeedResults | None = None
+    """None for a run with one seed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,6 +112,8 @@ class RunsView:
     """None: as before."""
     playable: bool = False
     """The run is over, and has a policy."""
+    bounds: tuple[str, ...] = ()
+    """Where the racket's bounds are what limits the run, a line each."""
 
 
 class RunsViewer:
@@ -117,13 +139,16 @@ class RunsViewer:
             run.name,
             tuple((seed, len(m), len(m.evaluations)) for seed, m in metrics.items()),
             tuple((name, len(m)) for name, m in others.items()),
+            run.phase == "finished",
         )
         details = None
         if key != request.shown:
-            details = make_details(metrics, list(others.values()), run.config.episodes)
+            finished = run.phase == "finished"
+            details = make_details(metrics, list(others.values()), run.config.episodes, finished=finished)
         log = read_log_tail(self._workspace.run_path(run.name))
         playable = not run.active and has_policy(self._workspace, run.name)
-        return RunsView(runs, self._results(runs), run, tuple(others), log, key, details, playable)
+        bounds = reachable_words(run.config.environment, run.config.curriculum.speeds_mps)
+        return RunsView(runs, self._results(runs), run, tuple(others), log, key, details, playable, bounds)
 
     def _results(self, runs: tuple[RunState, ...]) -> dict[str, dict[str, object]]:
         for run in runs[:LISTED]:
@@ -160,10 +185,13 @@ def started_seeds(run: RunState) -> tuple[int, ...]:
     return tuple(range(config.first_seed, min(last, config.first_seed + config.seeds - 1) + 1))
 
 
-def make_details(metrics: dict[int, Metrics], others: list[Metrics], planned: int) -> Details:
+def make_details(
+    metrics: dict[int, Metrics], others: list[Metrics], planned: int, *, finished: bool = False
+) -> Details:
     """Curves, spots and figures of a run's newest seed, beside the first seeds of other runs.
 
     `planned` is how many episodes the run is to have; what others did after as many is not drawn.
+    `finished`: no seed goes on.
     """
     seed, newest = max(metrics.items())
     recent = newest.recent
@@ -185,6 +213,8 @@ def make_details(metrics: dict[int, Metrics], others: list[Metrics], planned: in
         error_mm=_last(ours.values["error_mm"]),
         episodes_done=len(newest),
         seed=seed,
+        stage_starts=newest.stage_starts,
+        seed_results=seed_results({n: m.evaluations for n, m in metrics.items()}, finished=finished),
     )
 
 
@@ -195,6 +225,7 @@ def _charts(curves: list[Curves], others: list[Curves], planned: int) -> ChartDa
     ours = curves[-1]
     nothing = np.full(len(axis), np.nan)
     several = len(curves) > 1
+    bands = {name: interval_curves([c.values[name] for c in curves]) for name in CURVES} if several else {}
     shown = [{name: on_axis(c.values[name], axis) for name in CURVES} for c in others]
     return ChartData(
         axis,
@@ -202,6 +233,9 @@ def _charts(curves: list[Curves], others: list[Curves], planned: int) -> ChartDa
         {name: on_axis(ours.values[name], axis) for name in CURVES},
         {name: points_on_axis(ours.evaluated_at, values, axis) for name, values in ours.evaluated.items()},
         {name: on_axis(mean_curve([c.values[name] for c in curves]), axis) if several else nothing for name in CURVES},
+        {name: on_axis(bands[name][0], axis) if several else nothing for name in CURVES},
+        {name: on_axis(bands[name][1], axis) if several else nothing for name in CURVES},
+        tuple({name: on_axis(c.values[name], axis) for name in CURVES} for c in curves[:-1][-SEEDS_DRAWN:]),
         (*shown, *[dict.fromkeys(CURVES, nothing)] * (COMPARED - len(shown))),
     )
 

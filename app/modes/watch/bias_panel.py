@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import viser
 
+from app.modes.in_pool import do_in_pool
 from app.modes.mode import ModeHost
 from app.widgets import when_changed, when_clicked
-from core.errors import RallyscopeError
 from core.rally.devices import CameraDevice
 from core.rally.devices.bias_file import write_biases
 
@@ -46,25 +46,14 @@ class BiasPanel:
 
     def _ask(self, name: str, value: object) -> None:
         if isinstance(value, int | float):
-            self._host.pool.submit(self._set, {name: round(value)})
-
-    def _set(self, values: dict[str, int]) -> None:
-        try:
-            self._device.set_biases(values)
-        except RallyscopeError as error:
-            failed = error
-            self._host.later(lambda: self._host.report(failed))
+            wanted = {name: round(value)}
+            do_in_pool(self._host, lambda: self._device.set_biases(wanted))
 
     def _ask_to_save(self) -> None:
-        self._host.pool.submit(self._save)
+        do_in_pool(self._host, self._save)
 
     def _save(self) -> None:
         sets = {f"{one.model.name} {one.serial}": one.bias_values() for one in self._devices.values()}
-        try:
-            path = self._host.services.workspace.biases_path
-            write_biases(path, sets)
-        except RallyscopeError as error:
-            failed = error
-            self._host.later(lambda: self._host.report(failed))
-            return
+        path = self._host.services.workspace.biases_path
+        write_biases(path, sets)
         self._host.later(lambda: self._host.note("Biases saved", f"for --biases {path}", "green"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from app import theme
+from app.modes.watch.figures import coloured
 from app.words.file_text import html_text
 from core.rally.devices.camera_feed import FeedCounts
 from core.rally.live.camera_source import CameraReport
@@ -16,13 +17,13 @@ def device_rows(reports: tuple[CameraReport, ...], *, cable: bool) -> Rows:
     for number, one in enumerate(reports):
         name = html_text(one.name)
         if one.problem:
-            rows.append((name, _coloured(theme.BAD, f"gone. {html_text(one.problem)}")))
+            rows.append((name, coloured(theme.BAD, f"gone. {html_text(one.problem)}")))
             continue
         rows.append((name, f"{html_text(one.model)} {html_text(one.serial)}, {_rate(one.rate_hz)}"))
         rows.append((f"Clock of {name}", _clock(one, html_text(reports[0].name) if number else "", cable=cable)))
         lost = lost_words(one.counts)
         if lost:
-            rows.append((f"Lost of {name}", _coloured(theme.WARN, lost)))
+            rows.append((f"Lost of {name}", coloured(theme.WARN, lost)))
     return rows
 
 
@@ -58,7 +59,3 @@ def _clock(report: CameraReport, first: str, *, cable: bool) -> str:
     if report.clock_restarts:
         said += f"; found anew {report.clock_restarts} times"
     return said
-
-
-def _coloured(colour: str, text: str) -> str:
-    return f"<span style='color:{colour}'>{text}</span>"

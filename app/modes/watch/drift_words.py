@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from app import theme
+from app.modes.watch.figures import coloured, muted
 from app.words.file_text import html_text
 from core.rally.chain.calibration_drift import DriftReport
 
@@ -15,13 +16,13 @@ def drift_row(report: DriftReport) -> tuple[str, str]:
     if drift is None:
         if report.points >= report.needed:
             said = "cannot be judged: the cameras see different things"
-            return "Calibration", _coloured(theme.WARN, f"{said}. {REMEDY}" if report.alarm else said)
+            return "Calibration", coloured(theme.WARN, f"{said}. {REMEDY}" if report.alarm else said)
         said = f"not judged yet, after {report.points} of {report.needed} points of the ball"
-        return "Calibration", _coloured(theme.MUTED, said)
+        return "Calibration", muted(said)
     if report.alarm:
-        return "Calibration", _coloured(theme.BAD, f"{drift_words(report)}. {REMEDY}")
+        return "Calibration", coloured(theme.BAD, f"{drift_words(report)}. {REMEDY}")
     said = f"fits to {drift.drift_px:.1f} px ({report.points} points of the ball)"
-    return "Calibration", _coloured(theme.GOOD, said)
+    return "Calibration", coloured(theme.GOOD, said)
 
 
 def drift_words(report: DriftReport) -> str:
@@ -30,7 +31,3 @@ def drift_words(report: DriftReport) -> str:
     how_far = "" if drift is None else f": {drift.drift_px:.1f} px off"
     names = "" if report.pair is None else f" {html_text(report.pair[0])} and {html_text(report.pair[1])}"
     return f"The cameras{names} no longer fit each other{how_far}"
-
-
-def _coloured(colour: str, text: str) -> str:
-    return f"<span style='color:{colour}'>{text}</span>"

@@ -25,6 +25,16 @@ def usually(step: Percentiles) -> str:
     return f"{_ms(step.p50_ms)} ms, seldom {_ms(step.p99_ms)} ms"
 
 
+def coloured(colour: str, html: str) -> str:
+    """Some HTML in a colour of the theme."""
+    return f"<span style='color:{colour}'>{html}</span>"
+
+
+def muted(html: str) -> str:
+    """What is of less weight."""
+    return coloured(theme.MUTED, html)
+
+
 def _title(name: str) -> str:
     return f" title='{html_text(tooltip(name))}'" if name in GLOSSARY else ""
 

@@ -22,5 +22,9 @@ def learned_words(learned: LearnedConstants) -> str:
         air = f"drag {drag}"
     else:
         air = f"air or none ({learned.air:.0%})"
-    balls = "1 ball" if learned.balls == 1 else f"{learned.balls} balls"
-    return f"{air}, restitution {restitution}, friction {friction} (learned from {balls})"
+    return f"{air}, restitution {restitution}, friction {friction} (learned from {balls_text(learned.balls)})"
+
+
+def balls_text(count: int) -> str:
+    """So many balls, in words."""
+    return "1 ball" if count == 1 else f"{count} balls"

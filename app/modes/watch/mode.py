@@ -10,12 +10,13 @@ from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
 from app.modes.watch.cameras_panel import CamerasPanel
 from app.modes.watch.commands import EnlargeCamera
-from app.modes.watch.missed_ball import MissedBallSearch
+from app.modes.watch.learning import LearningPanel
+from app.modes.watch.missed.missed_ball import MissedBallSearch
 from app.modes.watch.robot import RobotPanel
 from app.modes.watch.simulation_panel import SimulationPanel
 from app.modes.watch.source_panel import SourcePanel
 from app.modes.watch.status import live_html, moment_html
-from app.modes.watch.sweep import SweepPanel
+from app.modes.watch.sweep import BoardPanel, SweepPanel
 from app.modes.watch.table import TablePanel
 from app.modes.watch.view_panel import ViewPanel
 from app.scene.view_render import render_view
@@ -30,7 +31,7 @@ from core.rally.history.lead_time import LeadTimeErrors, LeadTimesRequest, compu
 from core.rally.history.rally_history import RallyMoment
 from core.recordings import Recording
 
-DRAW_EVERY_S = 1 / 70
+DRAW_EVERY_S = 1 / 120
 """Shorter than the loop's turn, so that every turn with news is drawn."""
 PICTURES_EVERY_S = 1 / 15
 STATUS_EVERY_S = 0.15
@@ -60,11 +61,13 @@ class WatchMode:
                 gui, host.send, self._look_from, self._look_again, self._save_picture, host.world.views
             )
             self._table = TablePanel(gui, host)
+            self._board = BoardPanel(gui, host)
             self._sweep = SweepPanel(gui, host)
             self._missed = MissedBallSearch(host)
             self._simulation: SimulationPanel | None = None
             self._source: SourcePanel | None = None
             self._robot: RobotPanel | None = None
+            self._learning: LearningPanel | None = None
         self._cameras = CamerasPanel(gui, lambda camera: host.send(EnlargeCamera(camera)))
         self._pictures = LatestWins(host.pool, host.services.camera_pictures, self._pictures_done, self._failed)
         self._lead_times = LatestWins(host.pool, compute_lead_times, self._show_lead_times, self._failed)
@@ -122,24 +125,10 @@ class WatchMode:
         )
         live = self._live
         self._table.show(state, live, flat=self.middle == "events")
+        self._board.show(state, now_us, wall_s, flat=self.middle == "events")
         self._sweep.show(state, flat=self.middle == "events")
         self._missed.tick(None if self._rally is None else self._rally.history, now_us, wall_s)
-        if self._simulation is not None:
-            self._simulation.set_visible(live is not None)
-            if live is not None and wall_s - self._controllers_s > CONTROLLERS_EVERY_S:
-                self._controllers_s = wall_s
-                self._simulation.show_controllers()
-            if live is not None and live.state is not None and wall_s - self._simulation_s >= STATUS_EVERY_S:
-                self._simulation_s = wall_s
-                self._simulation.show(live.state)
-        if self._source is not None:
-            self._source.set_visible(live is not None)
-            if live is not None:
-                self._source.show(wall_s)
-        if self._robot is not None:
-            self._robot.set_visible(live is not None)
-            if live is not None:
-                self._robot.show(wall_s)
+        self._show_controls(live, wall_s)
         if self._rally is None or not self._has_panel or wall_s - self._drawn_s < DRAW_EVERY_S:
             return
         self._request_lead_times(wall_s)
@@ -162,6 +151,23 @@ class WatchMode:
             self._host.world.draw(self._rally.picture_of(moment))
         self._request_pictures(state, moment, wall_s)
 
+    def _show_controls(self, live: LiveRally | None, wall_s: float) -> None:
+        """Those of a live rally, while one is watched."""
+        for panel in (self._simulation, self._source, self._learning, self._robot):
+            if panel is not None:
+                panel.set_visible(live is not None)
+        if live is None:
+            return
+        if self._simulation is not None and wall_s - self._controllers_s > CONTROLLERS_EVERY_S:
+            self._controllers_s = wall_s
+            self._simulation.show_controllers()
+        if self._simulation is not None and live.state is not None and wall_s - self._simulation_s >= STATUS_EVERY_S:
+            self._simulation_s = wall_s
+            self._simulation.show(live.state)
+        for panel in (self._source, self._learning, self._robot):
+            if panel is not None:
+                panel.show(wall_s)
+
     def clicked(self, x: float, y: float) -> None:
         """Only corners of the table are chosen by clicks."""
         if self.middle == "events":
@@ -171,6 +177,7 @@ class WatchMode:
         """The browser is gone."""
         self._missed.close()
         self._table.close()
+        self._board.close()
         self._pictures.close()
         self._lead_times.close()
 
@@ -194,19 +201,20 @@ class WatchMode:
     def _add_controls(self, live: LiveRally) -> None:
         gui = self._host.client.gui
         with self._folder:
-            if live.robot is not None:
-                self._robot = RobotPanel(gui, live.robot, self._host)
+            if live.robot is not None and live.step_test is not None:
+                self._robot = RobotPanel(gui, live.robot, live.step_test, self._host)
             if live.simulation is not None:
                 self._simulation = SimulationPanel(gui, live, live.simulation, self._host)
             else:
                 self._source = SourcePanel(gui, live, self._host)
+            self._learning = LearningPanel(gui, live, self._host)
 
     def _show_status(self, moment: RallyMoment) -> None:
         figures, live = "", self._live
         if live is not None and live.state is not None and self._simulation is not None:
             cameras = live.watch.health().cameras
             snapshot = live.player.snapshot
-            figures = live_html(snapshot, live.state, live.source.status, cameras, snapshot.learned)
+            figures = live_html(snapshot, live.state, live.source.status, cameras)
         assert self._rally is not None
         robot, outcomes = (True, True) if live is None else (live.has_robot, live.source.tells_outcomes)
         said = moment_html(

@@ -7,10 +7,10 @@ from typing import Final
 
 import viser
 
+from app.modes.in_pool import do_in_pool
 from app.modes.mode import ModeHost
 from app.shared.live_rally import LiveRally
 from app.widgets import when_clicked
-from core.errors import RallyscopeError
 
 RECORD: Final = "Record"
 
@@ -32,19 +32,14 @@ class RecordButton:
             self._button.icon = viser.Icon.PLAYER_RECORD if recorded is None else viser.Icon.PLAYER_STOP
 
     def _ask(self) -> None:
-        self._host.pool.submit(self._toggle)
+        do_in_pool(self._host, self._toggle)
 
     def _toggle(self) -> None:
-        try:
-            path = self._rally.recorded
-            if path is None:
-                self._rally.record(self._host.services.workspace.recording_path(time.strftime("live-%Y%m%d-%H%M%S")))
-                return
-            duration_us = self._rally.stop_recording()
-        except RallyscopeError as error:
-            failed = error
-            self._host.later(lambda: self._host.report(failed))
+        path = self._rally.recorded
+        if path is None:
+            self._rally.record(self._host.services.workspace.recording_path(time.strftime("live-%Y%m%d-%H%M%S")))
             return
+        duration_us = self._rally.stop_recording()
         if duration_us:  # else another browser was quicker
             text = f"{path.stem}: {duration_us / 1e6:.1f} s, now in the list of recordings"
             self._host.later(lambda: self._host.note("Recorded", text, "green"))

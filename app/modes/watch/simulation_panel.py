@@ -7,14 +7,14 @@ from typing import Final
 
 import viser
 
+from app.modes.in_pool import do_in_pool
 from app.modes.mode import ModeHost
 from app.modes.watch.record_button import RecordButton
 from app.modes.watch.returned_table import returned_html
 from app.shared.live_rally import LiveRally
-from app.shared.policies import BUILT_IN, let_play, run_choices
+from app.shared.policies import BUILT_IN, LEARNS, let_play, run_choices
 from app.widgets import Listing, when_changed, when_clicked
 from app.words.glossary import tooltip
-from core.errors import RallyscopeError
 from core.rally.link import messages as m
 from core.rally.link.client import SimulationClient
 from core.simulation.scenes.scene import SCENES
@@ -48,7 +48,7 @@ class SimulationPanel:
             self._scene = gui.add_dropdown(
                 "Scene", tuple(SCENES), hint="What the cameras look at; people take more time"
             )
-            self._controller = Listing(gui, "Controller", self._use, hint="The built-in one, or a trained policy")
+            self._controller = Listing(gui, "Controller", self._use, hint="Built in, learning, or a trained policy")
             with gui.add_folder("Noise and landing target", expand_by_default=False):
                 self._noise = gui.add_slider(
                     "Noise [Hz/px]", *NOISE_HZ, 0.1, 0.1, hint="Background events of each pixel a second"
@@ -97,7 +97,8 @@ class SimulationPanel:
 
     def show_controllers(self) -> None:
         """Offer what can play now: reads the folder of runs."""
-        self._controller.offer((BUILT_IN, *run_choices(self._host.services.workspace)))
+        learns = () if self._rally.learning.reason else (LEARNS,)
+        self._controller.offer((BUILT_IN, *learns, *run_choices(self._host.services.workspace)))
         self._controller.show(self._rally.player.controller.name)
 
     def _use(self, name: str) -> None:
@@ -116,14 +117,7 @@ class SimulationPanel:
         self._ask(lambda: self._rally.player.aim_at(goal))
 
     def _ask(self, act: Callable[[], object]) -> None:
-        def work() -> None:
-            try:
-                act()
-            except RallyscopeError as error:
-                failed = error
-                self._host.later(lambda: self._host.report(failed))
-
-        self._host.pool.submit(work)
+        do_in_pool(self._host, act)
 
 
 def _bounded(value: object, bounds: tuple[float, float]) -> float:

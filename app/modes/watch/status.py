@@ -10,7 +10,7 @@ import numpy as np
 
 from app import theme
 from app.modes.watch.drift_words import drift_row
-from app.modes.watch.figures import figures_html, usually
+from app.modes.watch.figures import coloured, figures_html, muted, usually
 from app.modes.watch.learned_words import learned_words
 from app.modes.watch.stream_status import camera_rows
 from app.scene.landing import CASE_NAMES, CASE_RGB
@@ -24,7 +24,6 @@ from core.rally.link.messages import WorldState
 from core.rally.link.pace import pace_words
 from core.rally.live.live_snapshot import RallySnapshot
 from core.rally.live.stream_watch import CameraHealth
-from core.trajectory.learned_constants import LearnedConstants
 from core.trajectory.prediction import HitPlane
 
 READ_US: Final = 1_000_000
@@ -70,19 +69,11 @@ def moment_html(
     elif moment.outcomes:
         rows += [("Last stroke, as seen", _last(moment.outcomes)), ("Strokes, as seen", _balls(moment.outcomes))]
     if followed < 1:
-        rows.append(
-            ("Followed", f"<span style='color:{theme.MUTED}'>has seen {percent(followed)} of the recording</span>")
-        )
+        rows.append(("Followed", muted(f"has seen {percent(followed)} of the recording")))
     return figures_html(rows)
 
 
-def live_html(
-    snapshot: RallySnapshot,
-    state: WorldState,
-    status: str,
-    cameras: tuple[CameraHealth, ...] = (),
-    learned: LearnedConstants | None = None,
-) -> str:
+def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: tuple[CameraHealth, ...] = ()) -> str:
     """How well the rally of a simulation is followed, and what is wrong with its cameras if anything is."""
     health = snapshot.health
     rows = [
@@ -91,36 +82,34 @@ def live_html(
         ("Seen to racket", usually(health.window_to_sent)),
         ("Controller", html_text(snapshot.controller)),
     ]
-    if learned is not None:
-        rows.append(("Air and table", learned_words(learned)))
+    if snapshot.learned is not None:
+        rows.append(("Air and table", learned_words(snapshot.learned)))
     rows += camera_rows(cameras)
     if state.readout_delayed or state.readout_dropped:
         rows.append(("Sensor readout", _readout(state)))
     if health.blocks_dropped:
         skipped = f"{health.blocks_dropped} since the session began, of 100 a second: this machine was busy"
-        rows.append(
-            ("Skipped blocks", f"<span style='color:{theme.MUTED}'>{skipped}. Many? Choose a slower Pace</span>")
-        )
+        rows.append(("Skipped blocks", muted(f"{skipped}. Many? Choose a slower Pace")))
     if snapshot.problem:
-        rows.append(("Problem", f"<span style='color:{theme.BAD}'>{html_text(snapshot.problem)}</span>"))
+        rows.append(("Problem", coloured(theme.BAD, html_text(snapshot.problem))))
     return figures_html(rows)
 
 
 def _simulation(state: WorldState, status: str) -> str:
     """Whether it is there and keeps pace, and what to do if not."""
     if status != "connected":
-        return f"<span style='color:{theme.BAD}'>{html_text(status)}, nothing is heard: start Rallyscope again</span>"
+        return coloured(theme.BAD, f"{html_text(status)}, nothing is heard: start Rallyscope again")
     if state.paused:
         return f"{html_text(status)}, its clock stands still: press Run"
     speed = state.speed_factor * state.kept_share
     if state.kept_share < 1.0:
         asked = "" if state.speed_factor == 1.0 else f" instead of {pace_words(state.speed_factor)}"
         kept = f"{pace_words(speed)}{asked}: this machine is busy. Nothing is lost"
-        return f"<span style='color:{theme.WARN}'>{html_text(status)}, {kept}</span>"
+        return coloured(theme.WARN, f"{html_text(status)}, {kept}")
     pace = f"{min(state.real_time_factor, speed):.2f} x real time"
     if state.real_time_factor < 0.95 * speed:
-        return f"<span style='color:{theme.BAD}'>{html_text(status)}, only {pace}: choose a slower Pace</span>"
-    return f"<span style='color:{theme.GOOD}'>{html_text(status)}, {pace}</span>"
+        return coloured(theme.BAD, f"{html_text(status)}, only {pace}: choose a slower Pace")
+    return coloured(theme.GOOD, f"{html_text(status)}, {pace}")
 
 
 def _readout(state: WorldState) -> str:
@@ -128,7 +117,7 @@ def _readout(state: WorldState) -> str:
     late = f"{state.readout_delayed:,} late, up to {state.readout_longest_us} us"
     if not state.readout_dropped:
         return late
-    return f"{late}, <span style='color:{theme.BAD}'>{state.readout_dropped:,} events lost: take less Noise</span>"
+    return f"{late}, {coloured(theme.BAD, f'{state.readout_dropped:,} events lost: take less Noise')}"
 
 
 def landing_legend_html() -> str:

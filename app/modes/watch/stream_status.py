@@ -6,7 +6,7 @@ from typing import Final
 
 from app import theme
 from app.modes.watch.device_status import device_rows
-from app.modes.watch.figures import figures_html, usually
+from app.modes.watch.figures import coloured, figures_html, muted, usually
 from app.modes.watch.learned_words import learned_words
 from app.words.file_text import html_text
 from core.rally.link.live_source import LiveSource
@@ -26,16 +26,14 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
     """A source that is no simulation: whether it is there and keeps pace, its cameras, and how it is followed."""
     rows = [("Source", _source(source, health))]
     if source.behind_s > 0:
-        rows.append(
-            ("Behind", _muted(f"{source.behind_s:.1f} s in all: this machine was busy. All events came, later"))
-        )
+        rows.append(("Behind", muted(f"{source.behind_s:.1f} s in all: this machine was busy. All events came, later")))
     if health.blocks_lost:
-        rows.append(("Lost blocks", _coloured(theme.WARN, f"{health.blocks_lost:,} of 10 ms never came")))
+        rows.append(("Lost blocks", coloured(theme.WARN, f"{health.blocks_lost:,} of 10 ms never came")))
     rows += camera_rows(health.cameras)
     if isinstance(source, CameraSource):
         rows += device_rows(source.reports(), cable=source.cable)
     if snapshot.problem:
-        rows.append(("Not in space", _coloured(theme.WARN, html_text(snapshot.problem))))
+        rows.append(("Not in space", coloured(theme.WARN, html_text(snapshot.problem))))
     else:
         followed = snapshot.health
         rows.append(("Followed", f"{followed.state_hz:.0f} times a second, {usually(followed.step)} each"))
@@ -45,7 +43,7 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
             live = isinstance(source, CameraSource)
             remedy = "It is too slow for these cameras" if live else "Ask for a lower speed"
             skipped = f"{followed.blocks_dropped:,} blocks of 10 ms: this machine was busy. Many? {remedy}"
-            rows.append(("Skipped blocks", _muted(skipped)))
+            rows.append(("Skipped blocks", muted(skipped)))
     return figures_html(rows) + ("" if has_robot else ALONE)
 
 
@@ -56,35 +54,27 @@ def camera_rows(cameras: tuple[CameraHealth, ...]) -> list[tuple[str, str]]:
         missing = f"{one.blocks_missing:,} blocks of 10 ms never came"
         if one.lost:
             said = f"lost, nothing of it for {one.absent_us / 1e6:.1f} s; {missing}. The rest goes on"
-            rows.append((html_text(one.name), _coloured(theme.BAD, said)))
+            rows.append((html_text(one.name), coloured(theme.BAD, said)))
         elif one.silent:
             said = (
                 f"not one event for {one.silent_us / 1e6:.1f} s: is it covered, or its file shorter than the other's?"
             )
-            rows.append((html_text(one.name), _coloured(theme.WARN, said)))
+            rows.append((html_text(one.name), coloured(theme.WARN, said)))
         elif one.blocks_missing:
-            rows.append((html_text(one.name), _muted(missing)))
+            rows.append((html_text(one.name), muted(missing)))
     return rows
 
 
 def _source(source: LiveSource, health: StreamHealth) -> str:
     name = html_text(source.description)
     if source.status == "lost":
-        return _coloured(theme.BAD, f"{name}, stopped: nothing more comes. Start Rallyscope again")
+        return coloured(theme.BAD, f"{name}, stopped: nothing more comes. Start Rallyscope again")
     if health.stopped:
-        return _coloured(theme.BAD, f"{name}, nothing has come for {health.quiet_s:.0f} s")
+        return coloured(theme.BAD, f"{name}, nothing has come for {health.quiet_s:.0f} s")
     asked = source.state.speed_factor if source.state is not None else 1.0
     if health.pace is None:
         return name
     if health.pace < KEPT * asked:
         said = f"{name}, only {health.pace:.2f} x real time instead of {asked:g}: this machine is busy"
-        return _coloured(theme.WARN, said)
-    return _coloured(theme.GOOD, f"{name}, {health.pace:.2f} x real time")
-
-
-def _coloured(colour: str, text: str) -> str:
-    return f"<span style='color:{colour}'>{text}</span>"
-
-
-def _muted(text: str) -> str:
-    return _coloured(theme.MUTED, text)
+        return coloured(theme.WARN, said)
+    return coloured(theme.GOOD, f"{name}, {health.pace:.2f} x real time")

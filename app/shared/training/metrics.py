@@ -40,6 +40,8 @@ class Metrics:
     evaluations: tuple[dict[str, object], ...]
     recent: tuple[dict[str, object], ...]
     """The newest lines, oldest first."""
+    stage_starts: tuple[dict[str, object], ...] = ()
+    """The lines that tell what a new stage kept of the replay buffer."""
 
     def __len__(self) -> int:
         return len(self.landings_m)
@@ -74,12 +76,18 @@ class MetricsReader:
         if lines:
             self._append(lines)
             self._recent.extend(lines)
+            self._stage_starts.extend(line for line in lines if "kept" in line)
         more, self._evaluations_at = read_lines(self._files.evaluations, self._evaluations_at)
         self._evaluations.extend(more)
         rows = self._rows[: self._count]
         columns = {name: rows[:, k].copy() for k, name in enumerate(COLUMNS)}
         return Metrics(
-            columns, rows[:, -4:-2].copy(), rows[:, -2:].copy(), tuple(self._evaluations), tuple(self._recent)
+            columns,
+            rows[:, -4:-2].copy(),
+            rows[:, -2:].copy(),
+            tuple(self._evaluations),
+            tuple(self._recent),
+            tuple(self._stage_starts),
         )
 
     def _append(self, lines: list[dict[str, object]]) -> None:
@@ -95,6 +103,7 @@ class MetricsReader:
         self._at = self._evaluations_at = self._count = 0
         self._rows = np.empty((256, WIDTH))
         self._recent: deque[dict[str, object]] = deque(maxlen=RECENT)
+        self._stage_starts: list[dict[str, object]] = []
         self._evaluations: list[dict[str, object]] = []
 
 

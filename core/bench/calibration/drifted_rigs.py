@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from core.bench.calibration.calibration_error import seen_volume
 from core.cameras import Camera
 from core.cameras.epipolar import EpipolarPair
-from core.geometry import make_transform
+from core.geometry import make_transform, random_direction
 from core.rally.chain.calibration_drift import CalibrationDrift
 from core.simulation.flights.flight_series import draw_serve_series
 from core.simulation.flights.serve import LaunchConfig
@@ -52,8 +52,7 @@ def turn_second(cameras: Mapping[str, Camera], drift_px: float, rng: np.random.G
     """
     first, second = cameras
     ps = seen_volume(cameras, VOLUME_POINTS, np.random.default_rng(0))
-    axis = rng.normal(size=3)
-    axis /= np.linalg.norm(axis)
+    axis = random_direction(rng)
 
     def turned(angle_rad: float) -> dict[str, Camera]:
         T = cameras[second].T_world_camera

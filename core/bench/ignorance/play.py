@@ -17,7 +17,7 @@ from core.physics.config import PhysicsConfig
 from core.physics.task import TaskConfig, task_profile
 from core.rally.chain.physics import expected_physics
 from core.rally.control.controller import BuiltInController, ControllerConfig
-from core.rally.control.player import FREEZE_S
+from core.rally.control.player import FREEZE_S, JITTERS
 from core.rally.simulated.closed_loop import ClosedLoop, PlayedBall
 from core.rally.simulated.step_testing import measure_steps
 from core.rally.simulated.world import SimulatedWorld, WorldConfig
@@ -30,9 +30,6 @@ BALLS: Final = 10
 """Of a session."""
 MOST_SIGMAS: Final = 2.0
 """What a constant of a lab is drawn within, where the row does not say."""
-JITTERS: Final = 10.0
-"""So many standard deviations of the jitter longer the last decision stands (choice: at 3 m/s a time that is 5 ms
-another is made up for in 40 ms at 60 m/s^2)."""
 SPEEDS_MPS: Final = (3.0, 9.0)
 CONSTANTS: Final = ("drag", "restitution", "friction")
 

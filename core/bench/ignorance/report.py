@@ -7,7 +7,7 @@ from typing import Final
 
 from core.bench.ignorance.cells import CELLS
 from core.bench.machine import machine_words
-from core.text.markdown_table import markdown_table
+from core.text.markdown_table import markdown_table, two_digits
 
 Row = Mapping[str, object]
 
@@ -73,7 +73,7 @@ def _cells(row: Row) -> list[str]:
     share, low, high = (100 * float(str(row[name])) for name in ("returned", "returned_low", "returned_high"))
     landing = "-"
     if row["landing_mm_median"] is not None:
-        landing = f"{_two_digits(row['landing_mm_median'])} ({_two_digits(row['landing_mm_p95'])})"
+        landing = f"{two_digits(row['landing_mm_median'])} ({two_digits(row['landing_mm_p95'])})"
     return [
         str(row["words"]),
         str(row["told"]) or "-",
@@ -88,15 +88,11 @@ def _filter_cells(row: Row) -> list[str]:
     return [
         str(row["filter"]),
         str(row["ahead_ms"]),
-        _two_digits(row["median_mm"]),
+        two_digits(row["median_mm"]),
         f"{float(str(row['worst_tenth_mm'])):.0f}",
         f"{float(str(row['nees'])):.2f}",
         f"{float(str(row['nees_off_net'])):.2f}",
     ]
-
-
-def _two_digits(value: object) -> str:
-    return f"{float(f'{float(str(value)):.2g}'):g}"
 
 
 def _signed(value: object) -> str:

@@ -9,15 +9,15 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from core.bench.ignorance.cells import Cell
 from core.cameras import Camera
 from core.events import Events
+from core.geometry import random_direction
 from core.physics.rotation import multiply_quaternions
 from core.rally.simulated.world import SimulatedWorld
 from core.simulation.episodes.racket import RacketTarget
-
-Array = NDArray[np.float64]
 
 LAMP_HZ: Final = 100.0
 LAMP_RADIUS_PX: Final = 40
@@ -44,7 +44,7 @@ class WrongWires:
         start_us = served_us + round(1e6 * self._rng.uniform(EARLIEST_S, LATEST_S))
         self._blocked = str(self._rng.choice(self._names))
         self._blocked_us = start_us, start_us + round(1e3 * self._cell.blocked_ms)
-        self._tilt = _turn(random_direction(self._rng), math.radians(self._cell.racket_deg))
+        self._tilt = _turn(self._cell.racket_deg, self._rng).as_quat(scalar_first=True)
 
     def seen(self, events: Mapping[str, Events], start_us: int, end_us: int) -> Mapping[str, Events]:
         """What of a block's events comes through, by camera."""
@@ -103,30 +103,17 @@ def wrong_cameras(cell: Cell, cameras: Mapping[str, Camera], rng: np.random.Gene
     return {name: _wrong(cell, camera, rng) for name, camera in cameras.items()}
 
 
-def random_direction(rng: np.random.Generator) -> Array:
-    """A unit vector (3,)."""
-    v = rng.standard_normal(3)
-    return v / np.linalg.norm(v)
-
-
 def _wrong(cell: Cell, camera: Camera, rng: np.random.Generator) -> Camera:
-    angle, axis = rng.uniform(0, 2 * math.pi), random_direction(rng)
+    angle = rng.uniform(0, 2 * math.pi)
     K, T = camera.K.copy(), camera.T_world_camera.copy()
     K[:2, 2] += cell.pixels * np.array([math.cos(angle), math.sin(angle)])
-    T[:3, :3] = T[:3, :3] @ _rotation(axis, math.radians(cell.degrees))
+    T[:3, :3] = T[:3, :3] @ _turn(cell.degrees, rng).as_matrix()
     return replace(camera, K=K, T_world_camera=T)
 
 
-def _turn(axis: Array, angle: float) -> Array:
-    """(4,) the unit quaternion of a rotation."""
-    return np.concatenate([[math.cos(angle / 2)], math.sin(angle / 2) * axis])
-
-
-def _rotation(axis: Array, angle: float) -> Array:
-    """Rodrigues' formula (3, 3)."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+def _turn(degrees: float, rng: np.random.Generator) -> Rotation:
+    """By an angle about any axis."""
+    return Rotation.from_rotvec(math.radians(degrees) * random_direction(rng))
 
 
 def _later(events: Events, by_us: int) -> Events:
@@ -134,7 +121,8 @@ def _later(events: Events, by_us: int) -> Events:
 
 
 def _joined(one: Events, other: Events) -> Events:
-    t = np.concatenate([one.t_us, other.t_us])
+    t, x, y, on = (
+        np.concatenate([getattr(one, name), getattr(other, name)]) for name in ("t_us", "x_px", "y_px", "on")
+    )
     order = np.argsort(t, kind="stable")
-    x, y, on = (np.concatenate([getattr(one, name), getattr(other, name)])[order] for name in ("x_px", "y_px", "on"))
-    return Events.from_columns(t[order], x, y, on, one.sensor)
+    return Events.from_columns(t[order], x[order], y[order], on[order], one.sensor)

@@ -5,31 +5,39 @@ An interrupted bench goes on where it was; `write_learning_report` can be called
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Final
 
 from core.bench.learning.event_runs import load_event_seeds, play_event_seed
 from core.bench.learning.plan import Counts, Experiment, counts_of, is_minor, plan
-from core.bench.learning.report import write_learning_report
+from core.bench.learning.real_balls import real_balls_section, real_experiments
+from core.bench.learning.report import replace_section, write_learning_report
 from core.bench.learning.runs import (
     Results,
     SeedResult,
-    keep_seed,
     load_results,
     missing_seeds,
-    train_seed,
+    train_missing,
     values_at_end,
 )
+from core.bench.learning.slow_serves import BALLS, slow_serve_rows, slow_serves_section
 from core.bench.machine import describe_machine
+from core.errors import ConfigError
 from core.jobs import ALONE, HERE, Engine, open_jobs
 from core.learning.runs.summary import rounded_number, spread_of
+from core.learning.task.recorded_balls import ball_state_files
 
 Progress = Callable[[float], None]
 
 FOLDER = Path("rallyscope-data/bench-learning")
 REPORT = Path("docs/measured/learning-report.md")
 CLOCK = "processor time of one thread"
+SLOW_SERVES: Final = "slow-serves"
+SECTIONS: Final = ("real-balls", SLOW_SERVES)
+"""Parts of the report that can be made alone."""
 SEEDS_AT_A_TIME = 5
 EVENT_BALL = 200
 """Episodes in closed form that take as long as a ball before event cameras, about."""
@@ -42,22 +50,44 @@ def run(
     report: Path = REPORT,
     count: int | None = None,
     counts: Counts | None = None,
+    only: str | None = None,
+    recorded: str | None = None,
     engine: Engine = HERE,
 ) -> dict[str, object]:
     """A row per training, the report's place, and the machine. Seeds are sent to the engine, evaluations come back.
 
-    `count`: seeds of everything that is compared.
+    `count`: seeds of everything that is compared. `only`: a name of SECTIONS; the rest of the report stays as it is.
+    `recorded`: balls of human play, a file of ball states or a folder of them.
+
+    Raises:
+        ConfigError: if there is no such section, or there are no recorded balls.
     """
     counts = counts or (Counts() if count is None else counts_of(count))
-    experiments = plan(counts)
+    if only is not None and only not in SECTIONS:
+        raise ConfigError("no such part of the report", expected=" or ".join(SECTIONS), got=only, where="only")
+    if recorded is not None:
+        ball_state_files(recorded)
+        recorded = str(Path(recorded).resolve())
     machine = describe_machine("numpy", "torch", "numba", clock=CLOCK)
+    if only == SLOW_SERVES:
+        rows = slow_serve_rows(progress, min(BALLS, counts.balls))
+        replace_section(report, slow_serves_section(rows))
+        return {"rows": rows, "report": str(report), "machine": machine}
+    real = real_experiments(counts, recorded)
+    experiments = real if only else (*plan(counts), *real)
+    counts = dataclasses.replace(counts, event_seeds=0) if only else counts
+    slow_serves = "" if only else slow_serves_section(slow_serve_rows(balls=min(BALLS, counts.balls)))
     event_seed = EVENT_BALL * (counts.event_episodes + counts.event_balls)
     total = sum(experiment.config.episodes * experiment.config.seeds for experiment in experiments)
     total += event_seed * counts.event_seeds
     done = 0
 
     def write(results: Results) -> None:
-        write_learning_report(report, experiments, results, counts, machine, load_event_seeds(counts, folder))
+        if only:
+            replace_section(report, real_balls_section(real, results, folder, recorded))
+            return
+        later = (real_balls_section(real, results, folder, recorded), slow_serves)
+        write_learning_report(report, experiments, results, counts, machine, load_event_seeds(counts, folder), later)
 
     wanted = batches(experiments)
     missing = [missing_seeds(batch, folder) for batch in wanted]
@@ -66,12 +96,11 @@ def run(
         for batch, pieces in zip(wanted, missing, strict=True):
             done += _episodes(batch) - _episodes(pieces)
             base, episodes = done, _episodes(pieces)
-            jobs.run(
-                train_seed,
+            train_missing(
+                jobs,
                 pieces,
-                name=lambda piece: f"{piece[0].name} seed {piece[1]}",
-                done=lambda number, answer, pieces=pieces: keep_seed(pieces[number], answer, folder),
-                progress=lambda share, base=base, episodes=episodes: progress((base + share * episodes) / total),
+                folder,
+                lambda share, base=base, episodes=episodes: progress((base + share * episodes) / total),
             )
             done += episodes
             if pieces:

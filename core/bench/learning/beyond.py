@@ -16,7 +16,8 @@ from core.text.markdown_table import markdown_table
 MODEL_NOTE = """Labels of failed balls that a real robot could not see are masked, except where `privileged` is said.
 `gravity known`: the critic predicts the velocity after the stroke, and the parabola is given. `law of reflection
 known`: it predicts restitution and grip of the rubber and a small push, and reflection and parabola are given; the form
-of physics is told, its numbers are learned.
+of physics is told, its numbers are learned. `Gaussian process`: no network predicts that velocity; the law of
+reflection is learned, the parabola is given.
 """
 CHAIN_NOTE = """Nothing of the truth reaches the player here: a ball is served in the simulated world, two event cameras
 (1280x720) see it, and the chain of detection, stereo and prediction gives the state on which the stroke is decided,
@@ -41,11 +42,14 @@ _MODELS: Final = {
     "5 m/s, gravity known to the model": "model-flight-5",
     "5 m/s, Q critic: 16 updates on batches of 32, 3 relabelled targets, accuracy reward, 30 random": "better-300",
     "5 m/s, law of reflection known to the model": "model-impact-5",
+    "5 m/s, Gaussian process": "model-process-5",
     "9 m/s, hard serves": "model-hard-9",
     "5 m/s, hard serves, noise 5 mm + 1 %": "model-hard-noisy-5",
     "9 m/s, hard serves, noise 5 mm + 1 %": "model-hard-noisy-9",
     "5 m/s, hard and noisy, law of reflection known": "model-impact-hard-noisy-5",
     "9 m/s, hard and noisy, law of reflection known": "model-impact-hard-noisy-9",
+    "5 m/s, hard and noisy, Gaussian process": "model-process-hard-noisy-5",
+    "9 m/s, hard and noisy, Gaussian process": "model-process-hard-noisy-9",
     "5 m/s, 1 degree of random actuator error": "model-shaky",
     "5 m/s, 1 degree of constant actuator bias": "model-biased",
 }

@@ -35,6 +35,7 @@ SLOW = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
 """The paper's pace."""
 IMPACT = LandingModelConfig(head="impact", critic_rate=3e-4, actor_rate=3e-3, final_rate=0.1)
 """What the model is told of physics leaves it little to learn, and noise less to spoil: a slow critic."""
+PROCESS = LandingModelConfig(head="process")
 TRUE_STATE = "the true state"
 """How a policy that learned from noisy states does without noise."""
 
@@ -168,6 +169,10 @@ def _landing_model() -> list[Experiment]:
         model("impact-5", stages((5.0,), (300,)), landing_model=IMPACT),
         model("impact-hard-noisy-5", stages((5.0,), (200,)), noisy_hard, landing_model=IMPACT),
         model("impact-hard-noisy-9", stages((9.0,), (200,)), noisy_hard, landing_model=IMPACT),
+        model("process-5", stages((5.0,), (300,)), landing_model=PROCESS),
+        model("process-40", stages((5.0,), (40,)), landing_model=PROCESS),
+        model("process-hard-noisy-5", stages((5.0,), (200,)), noisy_hard, landing_model=PROCESS),
+        model("process-hard-noisy-9", stages((9.0,), (200,)), noisy_hard, landing_model=PROCESS),
         model("privileged", stages((5.0,), (100,)), landing_model=LandingModelConfig(privileged=True)),
         model("predicted", stages((5.0,), (100,)), dataclasses.replace(truth, state_source="predicted")),
     ]

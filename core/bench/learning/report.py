@@ -20,6 +20,7 @@ from core.learning.runs.summary import baseline_row
 from core.metrics.intervals import binomial_interval
 from core.text.markdown_table import markdown_table
 
+TIME_HEADING = "## Time\n"
 PAPER_RETURNS = {
     ("3", 350): (46, 70, 78),
     ("3", 400): (86, 80, 98),
@@ -59,8 +60,12 @@ def write_learning_report(
     counts: Counts,
     machine: Mapping[str, object],
     played: Sequence[PlayedSeed] = (),
+    sections: Sequence[str] = (),
 ) -> None:
-    """Write the report and its charts with whatever results there are; `played`: seeds before event cameras."""
+    """Write the report and its charts with whatever results there are.
+
+    `played`: seeds before event cameras. `sections`: of the report that can be made alone, each with its heading.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     about = ", ".join(f"{name} {value}" for name, value in machine.items() if name != "load")
     parts = [
@@ -79,12 +84,29 @@ def write_learning_report(
         landing_model(results),
         tried(results),
         event_cameras(played, counts),
+        *sections,
         timings(experiments, results),
         "## Curves\n\nMean over seeds with its 95 % interval.\n",
         *(f"![{name}](images/learning-{name}.svg)\n" for name in CHARTS),
     ]
     path.write_text("\n".join(parts), encoding="utf-8")
     draw_learning_charts(results, path.parent / "images")
+
+
+def replace_section(path: Path, section: str) -> None:
+    """Put a section, which begins with its heading, in the place of the report's own; before the time if there is none.
+
+    The rest of the page stays as it is.
+    """
+    heading = section.partition("\n")[0]
+    text = path.read_text(encoding="utf-8") if path.exists() else "# Learning to return: what was measured\n"
+    found = text.find(f"{heading}\n")
+    start = found if found >= 0 else text.find(TIME_HEADING)
+    start = len(text) if start < 0 else start
+    end = text.find("\n## ", start + 1) + 1 if found >= 0 else start
+    path.parent.mkdir(parents=True, exist_ok=True)
+    before, after = text[:start].rstrip() + "\n\n", "" if end == 0 else text[end:]
+    path.write_text(before + section.rstrip() + "\n" + (after and "\n" + after), encoding="utf-8")
 
 
 def _baselines(counts: Counts) -> str:

@@ -7,21 +7,23 @@ import math
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
 import tomli_w
 
 from core.bench.learning.plan import Experiment
 from core.config import config_to_mapping
 from core.files import read_json, write_json
-from core.jobs import PieceControl, PiecesStoppedError
+from core.jobs import Jobs, PieceControl, PiecesStoppedError
 from core.learning.config import RunConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator, five_best_mm
 from core.learning.runs.run_files import create_run, load_policy, read_lines, seed_files
 from core.learning.runs.running import run_training
+from core.learning.task.recorded_balls import ball_state_files
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +49,8 @@ class SeedResult:
     transfers: dict[str, Evaluation]
     cpu_s: float
     """Processor time of training and its evaluations."""
+    median_mm: float = math.nan
+    """Error of the last policy at the last speed, over all balls."""
 
     def at(self, episode: int) -> Evaluation | None:
         """After exactly so many episodes."""
@@ -63,6 +67,8 @@ class SeedResult:
 
 COUNTED: Final = "missed balls count 2740 mm"
 """Results that were counted otherwise are others."""
+LATER: Final = {"state": "plain", "recorded": "", "spin_noise_radps": 10.0, "racket": "table"}
+"""Settings of the environment that came later: with these values results are, and are called, what they were before."""
 Results = defaultdict[str, list[SeedResult]]
 """The seeds of every training, by its name; none of one that was not trained."""
 
@@ -87,6 +93,19 @@ def keep_seed(wanted: tuple[Experiment, int], answer: dict[str, object], folder:
     """Keep what came of a seed."""
     experiment, seed = wanted
     write_json(_path(experiment, folder, seed), answer)
+
+
+def train_missing(
+    jobs: Jobs, pieces: Sequence[tuple[Experiment, int]], folder: Path, progress: Callable[[float], None]
+) -> None:
+    """Train seeds that are not in the folder, and keep each as soon as it is done."""
+    jobs.run(
+        train_seed,
+        pieces,
+        name=lambda piece: f"{piece[0].name} seed {piece[1]}",
+        done=lambda number, answer: keep_seed(pieces[number], answer, folder),
+        progress=progress,
+    )
 
 
 def load_results(experiments: Sequence[Experiment], folder: Path) -> Results:
@@ -117,7 +136,10 @@ def _train_seed(experiment: Experiment, seed: int, run: Path, control: PieceCont
             config.episodes, speed, score.return_rate, score.error_mm, score.error_returned_mm, score.missed
         )
         transfers[name] = asdict(found)
-    return {"evaluations": lines, "transfers": transfers, "cpu_s": cpu_s}
+    speed = config.curriculum.speeds_mps[-1]
+    last = PolicyEvaluator(config.environment, config.evaluation_balls).score(policy, speed)
+    median_mm = float(np.median(last.counted_mm))
+    return {"evaluations": lines, "transfers": transfers, "cpu_s": cpu_s, "median_mm": median_mm}
 
 
 def _path(experiment: Experiment, folder: Path, seed: int) -> Path:
@@ -126,8 +148,17 @@ def _path(experiment: Experiment, folder: Path, seed: int) -> Path:
 
 
 def fingerprint(config: RunConfig) -> str:
-    """A hash of everything but the seeds, and of how results are counted."""
-    text = COUNTED + tomli_w.dumps(config_to_mapping(replace(config, seeds=1, first_seed=0)))
+    """A hash of everything but the seeds, and of how results are counted; of recorded balls what is in the files."""
+    mapping = config_to_mapping(replace(config, seeds=1, first_seed=0))
+    environment = mapping["environment"]
+    assert isinstance(environment, dict)
+    if config.environment.recorded:
+        data = b"".join(path.read_bytes() for path in ball_state_files(config.environment.recorded))
+        environment["recorded"] = hashlib.sha256(data).hexdigest()
+    for name, default in LATER.items():
+        if environment[name] == default:
+            del environment[name]
+    text = COUNTED + tomli_w.dumps(mapping)
     return hashlib.sha256(text.encode()).hexdigest()[:10]
 
 
@@ -135,7 +166,9 @@ def _result(seed: int, answer: dict[str, object]) -> SeedResult:
     lines, transfers, cpu_s = answer["evaluations"], answer["transfers"], answer["cpu_s"]
     assert isinstance(lines, list) and isinstance(transfers, dict) and isinstance(cpu_s, float)
     named = {name: _evaluation(line) for name, line in transfers.items()}
-    return SeedResult(seed, tuple(_evaluation(line) for line in lines), named, cpu_s)
+    median_mm = answer.get("median_mm", math.nan)
+    assert isinstance(median_mm, float)
+    return SeedResult(seed, tuple(_evaluation(line) for line in lines), named, cpu_s, median_mm)
 
 
 def _evaluation(line: dict[str, float | None]) -> Evaluation:

@@ -145,7 +145,7 @@ def verdicts(results: Results) -> str:
                 cells += ["-", "-"]
             else:
                 seeds = f"{len(one.seeds)} ({seeds_as_text(one.seeds)})"
-                cells += [_shown(one), one.verdict]
+                cells += [finding_as_text(one), one.verdict]
         rows.append([claim.text, seeds, *cells])
     titles = ("the paper's claim", "seeds", "last policy", "verdict", "five best", "verdict")
     families = ", ".join(f"{_size(found[s])} ({s})" for s in STATISTICS)
@@ -189,7 +189,8 @@ def _size(found: Sequence[Finding | ConfigError | None]) -> int:
     return sum(isinstance(one, Finding) and not math.isnan(one.p) for one in found)
 
 
-def _shown(finding: Finding) -> str:
+def finding_as_text(finding: Finding) -> str:
+    """Estimate with its interval, and p."""
     d, r = finding.difference, finding.ratio
     if d.count < 2:
         return f"{d.estimate:+.1f}, no interval of one seed"

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from core.bench.machine import machine_words
-from core.text.markdown_table import markdown_table
+from core.text.markdown_table import markdown_table, two_digits
 
 ABOUT: Final = """What came of a stroke, judged from the chain's points alone (`core.rally.outcomes`), beside what the
 simulation tells. Serves of 3 to 9 m/s, drawn evenly. `cameras`: simulated events of two 1280x720 cameras of the `side`
@@ -46,13 +46,9 @@ def _cells(row: Mapping[str, object]) -> list[str]:
         str(row["balls"]),
         f"{100 * float(str(row['agree'])):.1f} ({low:.1f}-{high:.1f})",
         f"{row['sure']}, {row['sure_and_wrong']}",
-        f"{_number(row['landing_mm_median'])} ({_number(row['landing_mm_p95'])})",
-        _number(row["landing_nees"]),
-        _number(row["net_mm_median"]),
-        _number(row["hit_ms_p95"]),
-        f"{_number(row['serve_mps_median'])} ({_number(row['serve_mps_p95'])})",
+        f"{two_digits(row['landing_mm_median'])} ({two_digits(row['landing_mm_p95'])})",
+        two_digits(row["landing_nees"]),
+        two_digits(row["net_mm_median"]),
+        two_digits(row["hit_ms_p95"]),
+        f"{two_digits(row['serve_mps_median'])} ({two_digits(row['serve_mps_p95'])})",
     ]
-
-
-def _number(value: object) -> str:
-    return "-" if value is None else f"{float(f'{float(str(value)):.2g}'):g}"

@@ -7,7 +7,7 @@ from typing import Final
 
 from core.bench.machine import machine_words
 from core.metrics.intervals import binomial_interval
-from core.text.markdown_table import markdown_table
+from core.text.markdown_table import markdown_table, two_digits
 
 CHAINS: Final = {
     "filter": "the live rally's: detector `refined`, every point counts",
@@ -61,8 +61,4 @@ def _cells(row: Mapping[str, object]) -> list[str]:
 
 def _pair(row: Mapping[str, object], name: str) -> str:
     median, high = row[f"{name}_median"], row[f"{name}_p95"]
-    return "-" if median is None else f"{_two_digits(median)} ({_two_digits(high)})"
-
-
-def _two_digits(value: object) -> str:
-    return f"{float(f'{float(str(value)):.2g}'):g}"
+    return "-" if median is None else f"{two_digits(median)} ({two_digits(high)})"

@@ -52,13 +52,17 @@ class Board:
         return self.spacing_m * np.column_stack([column, row, np.zeros(len(row))])
 
 
-def find_board(picture: Picture, board: Board) -> Array | None:
+def find_board(picture: Picture, board: Board, *, most_blobs: int | None = None) -> Array | None:
     """The pixels (rows * columns, 2) of the board's points in a grey picture, or None if the whole board is not there.
 
-    Black and white are exchanged too: of a blinking board's events either may be the bright one.
+    Black and white are exchanged too: of a blinking board's events either may be the bright one. A picture with more
+    than `most_blobs` spots has no dot board: to look for one among thousands takes a minute.
     """
     for candidate in (picture, np.asarray(255 - picture, np.uint8)):
-        found = _find_corners(candidate, board) if board.kind == "chessboard" else _find_dots(candidate, board)
+        if board.kind == "chessboard":
+            found = _find_corners(candidate, board)
+        else:
+            found = _find_dots(candidate, board, most_blobs)
         if found is not None:
             return found
     return None
@@ -70,12 +74,14 @@ def _find_corners(picture: Picture, board: Board) -> Array | None:
     return np.asarray(corners, np.float64).reshape(-1, 2) if found else None
 
 
-def _find_dots(picture: Picture, board: Board) -> Array | None:
+def _find_dots(picture: Picture, board: Board, most_blobs: int | None) -> Array | None:
     settings = cv2.SimpleBlobDetector.Params()
     settings.minArea = 12.0
     settings.maxArea = picture.size / (2.0 * board.rows * board.columns)
     settings.minDistBetweenBlobs = 3.0
     detector = cv2.SimpleBlobDetector.create(settings)
+    if most_blobs is not None and len(detector.detect(picture)) > most_blobs:
+        return None
     found, centres = cv2.findCirclesGrid(
         picture,
         (board.columns, board.rows),

@@ -39,10 +39,13 @@ class ResidualPanel:
     """(N,) false for those that were left out."""
 
 
-def residual_svg(title: str, panels: Sequence[ResidualPanel]) -> str:
-    """A column per camera: its picture with the residuals as strokes, magnified alike, and their histogram."""
+def residual_svg(title: str, panels: Sequence[ResidualPanel], beside: Sequence[str] = ()) -> str:
+    """A column per camera: its picture with the residuals as strokes, magnified alike, and their histogram.
+
+    `beside`: elements of further columns, each `WIDTH` wide from x = 0 and as high as the others.
+    """
     heights = [WIDTH * panel.sensor.height_px / panel.sensor.width_px for panel in panels]
-    width = LEFT + len(panels) * (WIDTH + GAP)
+    width = LEFT + (len(panels) + len(beside)) * (WIDTH + GAP)
     height = TOP + max(heights, default=0) + BELOW + CHART + BELOW
     sizes = [np.linalg.norm(panel.residuals_px[panel.used], axis=1) for panel in panels]
     every = np.concatenate([*sizes, np.zeros(0)])
@@ -58,6 +61,8 @@ def residual_svg(title: str, panels: Sequence[ResidualPanel]) -> str:
         x0 = LEFT + k * (WIDTH + GAP)
         parts += _strokes(panel, x0, heights[k], ARROW / max(median, 1e-6), size)
         parts += _histogram(size, x0, TOP + max(heights) + BELOW, top)
+    for k, column in enumerate(beside, len(panels)):
+        parts.append(f"<g transform='translate({LEFT + k * (WIDTH + GAP)} 0)'>{column}</g>")
     return "".join([*parts, "</svg>"])
 
 

@@ -40,15 +40,13 @@ from core.learning.agents.policy import Policy
 from core.learning.agents.replay import ReplayBuffer
 from core.learning.config import RunConfig
 from core.learning.task.environment import draw_goals
-from core.learning.task.normalise import normal_observations
+from core.learning.task.normalise import STATE_SIZES, normal_observations
 from core.learning.task.racket_table import racket_table
 from core.learning.task.reward import Weights, rewards_of
 
 Array = NDArray[np.float64]
 
-OBSERVATION_SIZE = 8
-"""State (6) and goal (2), standardised."""
-ACTION_SIZE = 3
+GOAL_SIZE, ACTION_SIZE = 2, 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,13 +54,13 @@ class Batch:
     """Transitions to learn from; observations hold the state and the goal."""
 
     observations: Tensor
-    """(B, 8)."""
+    """(B, 8), of states with spin (B, 14)."""
     actions: Tensor
     """(B, 3)."""
     rewards: Tensor
     """(B, 1)."""
     next_observations: Tensor
-    """(B, 8) the landing state with the same goal."""
+    """The landing state with the same goal."""
 
 
 class DdpgAgent:
@@ -72,8 +70,9 @@ class DdpgAgent:
         self._run = config
         self._config = ddpg = config.ddpg
         critics = 2 if ddpg.twin_critics else 1
-        self.actor = mlp(OBSERVATION_SIZE, ACTION_SIZE, ddpg.hidden, rng).append(nn.Tanh())
-        self.critics = nn.ModuleList(mlp(OBSERVATION_SIZE + ACTION_SIZE, 1, ddpg.hidden, rng) for _ in range(critics))
+        size = STATE_SIZES[config.environment.state] + GOAL_SIZE
+        self.actor = mlp(size, ACTION_SIZE, ddpg.hidden, rng).append(nn.Tanh())
+        self.critics = nn.ModuleList(mlp(size + ACTION_SIZE, 1, ddpg.hidden, rng) for _ in range(critics))
         self.target_actor = copy.deepcopy(self.actor)
         self.target_critics = copy.deepcopy(self.critics)
         self._actor_optimizer = adam(self.actor, ddpg.actor_rate)
@@ -147,7 +146,8 @@ class DdpgAgent:
     def policy(self) -> Policy:
         """The actor by itself."""
         incoming, racket = racket_table(self._run)
-        return Policy(layers_of(self.actor), "relu", "tanh", False, incoming, racket)
+        state = self._run.environment.state
+        return Policy(layers_of(self.actor), "relu", "tanh", False, incoming, racket, state)
 
     def to_arrays(self) -> Arrays:
         """Parameters and moments of every network."""

@@ -28,11 +28,11 @@ class Balls:
     """Balls at the racket, as they are known, and the strokes that meet them."""
 
     states: Tensor
-    """(B, 6) position and velocity."""
+    """(B, 6) position and velocity, or (B, 12) with spin and its uncertainty."""
     racket_mps: Tensor
     """(B, 1) speed of the racket along +x."""
     actions: Tensor
-    """(B, 3)."""
+    """(B, 3), or (B, 4) with the racket's speed."""
 
 
 class Head(Protocol):
@@ -89,13 +89,16 @@ class ImpactHead:
         )
 
     def decode(self, outputs: Tensor, balls: Balls) -> Tensor:
-        normal = normals_of(balls.actions * self._limit) @ self._base.T
+        normal = normals_of(balls.actions[:, :3] * self._limit) @ self._base.T
         racket = torch.nn.functional.pad(balls.racket_mps, (0, 2))
-        arriving = balls.states[:, 3:] - racket
+        arriving = balls.states[:, 3:6] - racket
         towards = (arriving * normal).sum(1, keepdim=True)
         restitution = RESTITUTION[0] + RESTITUTION[1] * outputs[:, :1]
         kept = 1 - GRIP[0] - GRIP[1] * outputs[:, 1:2]
         velocity = racket + kept * arriving - (restitution + kept) * towards * normal + PUSH_MPS * outputs[:, 2:]
+        if balls.states.shape[1] > 6:  # the rubber grips the contact point, which a spin moves too
+            spin_there = torch.linalg.cross(balls.states[:, 6:9], normal)
+            velocity = velocity + (1 - kept) * BALL_RADIUS_M * spin_there
         return fly_to_landing(velocity, balls.states)
 
 

@@ -32,10 +32,11 @@ from core.learning.agents.networks import (
 )
 from core.learning.agents.policy import Policy
 from core.learning.agents.replay import ReplayBuffer
-from core.learning.config import RunConfig
-from core.learning.task.environment import draw_goals
+from core.learning.config import CHOSEN_MPS, RunConfig
+from core.learning.task.environment import action_size, draw_goals
 from core.learning.task.normalise import (
     LANDING_SCALE,
+    STATE_SIZES,
     normal_goals,
     normal_observations,
     normal_racket_speeds,
@@ -47,8 +48,6 @@ from core.table import BALL_RADIUS_M, NET_HEIGHT_M
 
 Array = NDArray[np.float64]
 
-SITUATION_SIZE = 7
-"""State and racket speed."""
 SOFT_M = 0.01
 """Landing errors far below this pull the actor less and less, so that it comes to rest."""
 
@@ -60,8 +59,12 @@ class LandingModelAgent:
         self._run = config
         self._config = ours = config.landing_model
         self._head = make_head(config)
-        self._actor = mlp(SITUATION_SIZE + 2, 3, ours.hidden, rng).append(nn.Tanh())
-        self._model = mlp(SITUATION_SIZE + 3, self._head.outputs, ours.hidden, rng)
+        actions = action_size(config.environment)
+        self._chooses_speed = actions == 4
+        # A situation is the state, and the racket's speed where that is given.
+        situation = STATE_SIZES[config.environment.state] + (0 if self._chooses_speed else 1)
+        self._actor = mlp(situation + 2, actions, ours.hidden, rng).append(nn.Tanh())
+        self._model = mlp(situation + actions, self._head.outputs, ours.hidden, rng)
         self._actor_optimizer = adam(self._actor, ours.actor_rate)
         self._model_optimizer = adam(self._model, ours.critic_rate)
         self._scale = torch.tensor(LANDING_SCALE, dtype=torch.float32)
@@ -69,8 +72,9 @@ class LandingModelAgent:
 
     @torch.inference_mode()
     def act(self, states: Array, racket_speeds_mps: Array, goals_m: Array) -> Array:
-        """mu(s, v_racket, g), (N, 3)."""
-        observations = torch.tensor(normal_observations(states, goals_m, racket_speeds_mps))
+        """mu(s, v_racket, g), (N, 3), or with the racket's speed mu(s, g), (N, 4)."""
+        given = None if self._chooses_speed else racket_speeds_mps
+        observations = torch.tensor(normal_observations(states, goals_m, given))
         return self._actor(observations).numpy().astype(np.float64)
 
     def learn(self, buffer: ReplayBuffer, progress: StageProgress, rng: np.random.Generator) -> Losses:
@@ -84,8 +88,10 @@ class LandingModelAgent:
         for _ in range(self._updates(progress.episode)):
             rows = buffer.sample(self._config.batch, rng)
             states, speeds = buffer.column("state")[rows], buffer.column("racket_speed")[rows]
-            situations = torch.tensor(np.concatenate([normal_states(states), normal_racket_speeds(speeds)], axis=1))
-            played = Balls(torch.tensor(states), torch.tensor(speeds), torch.tensor(buffer.column("action")[rows]))
+            given = [] if self._chooses_speed else [normal_racket_speeds(speeds)]
+            situations = torch.tensor(np.concatenate([normal_states(states), *given], axis=1))
+            balls = Balls(torch.tensor(states), torch.tensor(speeds), torch.empty(0))
+            played = self._strokes(balls, torch.tensor(buffer.column("action")[rows]))
             model_loss = self._update_model(situations, played, *self._labels(buffer, rows))
             goals = draw_goals(len(rows), self._run.environment.goal, rng)
             losses = Losses(model_loss, self._update_actor(situations, played, goals))
@@ -112,10 +118,17 @@ class LandingModelAgent:
         losses = nn.functional.huber_loss(predicted / self._scale, labels / self._scale, reduction="none")
         return descend((losses * weights).sum() / len(labels), self._model_optimizer)
 
+    def _strokes(self, balls: Balls, actions: Tensor) -> Balls:
+        """The balls with other strokes."""
+        if not self._chooses_speed:
+            return dataclasses.replace(balls, actions=actions)
+        low, high = CHOSEN_MPS
+        return dataclasses.replace(balls, actions=actions, racket_mps=low + (high - low) * (actions[:, 3:] + 1) / 2)
+
     def _update_actor(self, situations: Tensor, played: Balls, goals_m: Array) -> float:
         """One step towards strokes whose predicted landing is the target, and which clear the net."""
         actions = self._actor(torch.cat([situations, torch.tensor(normal_goals(goals_m))], 1))
-        strokes = dataclasses.replace(played, actions=actions)
+        strokes = self._strokes(played, actions)
         predicted = self._head.decode(self._model(torch.cat([situations, actions], 1)), strokes)
         off = predicted[:, :2] - torch.tensor(goals_m, dtype=torch.float32)
         distances = (off.square().sum(1) + SOFT_M**2).sqrt()
@@ -125,7 +138,9 @@ class LandingModelAgent:
     def policy(self) -> Policy:
         """The actor by itself."""
         incoming, racket = racket_table(self._run)
-        return Policy(layers_of(self._actor), "relu", "tanh", True, incoming, racket)
+        state = self._run.environment.state
+        sees = not self._chooses_speed
+        return Policy(layers_of(self._actor), "relu", "tanh", sees, incoming, racket, state, self._chooses_speed)
 
     def to_arrays(self) -> Arrays:
         """Parameters and moments of both networks."""

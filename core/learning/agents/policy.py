@@ -17,7 +17,8 @@ from safetensors.numpy import save
 
 from core.errors import ConfigError
 from core.files import replace_file
-from core.learning.task.normalise import normal_observations
+from core.learning.config import StateKind
+from core.learning.task.normalise import STATE_SIZES, normal_observations
 from core.text.json_text import parse_json
 
 Array = NDArray[np.float64]
@@ -50,9 +51,27 @@ class Policy:
     """(K,) ascending mean speeds at which the balls of the stages arrive along x, and"""
     racket_mps: Floats
     """(K,) the racket's speed for each: a ball between two stages is met in between."""
+    state: StateKind = "plain"
+    """What it has to know of a ball."""
+    chooses_speed: bool = False
+    """Its actions have a fourth part: how fast the racket is to be."""
 
     def __call__(self, states: Array, racket_speeds_mps: Array, goals_m: Array) -> Array:
-        """Actions (N, 3) in [-1, 1] for states (N, 6), racket speeds (N,) and targets (N, 2)."""
+        """Actions (N, 3) in [-1, 1] for states (N, 6), with spin (N, 12), racket speeds (N,) and targets (N, 2).
+
+        A policy that chooses the racket's speed gives (N, 4).
+
+        Raises:
+            ConfigError: if the states are not of its kind.
+        """
+        size = STATE_SIZES[self.state]
+        if states.shape[1] != size:
+            raise ConfigError(
+                f"a policy for states of the kind {self.state}",
+                expected=f"{size} numbers a ball",
+                got=states.shape[1],
+                remedy="a policy plays balls that are known as those that it was trained on",
+            )
         x = normal_observations(states, goals_m, racket_speeds_mps if self.sees_racket_speed else None)
         for weight, bias in self.layers[:-1]:
             x = x @ weight + bias
@@ -62,13 +81,16 @@ class Policy:
         return (np.tanh(x) if self.output == "tanh" else np.clip(x, -1, 1)).astype(np.float64)
 
     def act(self, state: ArrayLike, goal_m: ArrayLike) -> Array:
-        """The action (3,) for one perceived ball: state (6,) p_c and v_c, target (2,)."""
-        s = np.asarray(state, np.float64).reshape(1, 6)
+        """The action (3,), or with the racket's speed (4,), for one perceived ball.
+
+        Of its state (6,) p_c and v_c, with spin (12,), and the target (2,).
+        """
+        s = np.asarray(state, np.float64).reshape(1, -1)
         g = np.asarray(goal_m, np.float64).reshape(1, 2)
         return self(s, np.array([self.racket_speed_mps(s[0])]), g)[0]
 
     def racket_speed_mps(self, state: ArrayLike) -> float:
-        """How fast the racket is to move along +x at the impact with a ball of this state (6,)."""
+        """How fast the racket is to move along +x at the impact with a ball of this state."""
         return float(np.interp(-np.asarray(state, np.float64)[3], self.incoming_mps, self.racket_mps))
 
 
@@ -83,6 +105,10 @@ def save_policy(policy: Policy, path: Path) -> None:
         "output": policy.output,
         "sees_racket_speed": policy.sees_racket_speed,
     }
+    if policy.state != "plain":
+        about["state"] = policy.state
+    if policy.chooses_speed:
+        about["chooses_speed"] = True
     # One key: the order of several in the file is left to chance, and equal policies are to be equal files.
     data = save(
         {name: np.ascontiguousarray(t, np.float32) for name, t in tensors.items()}, {"about": json.dumps(about)}
@@ -109,10 +135,11 @@ def read_policy(path: Path) -> Policy:
         count = sum(name.startswith("weight_") for name in tensors)
         layers = tuple((tensors[f"weight_{i}"], tensors[f"bias_{i}"]) for i in range(count))
         hidden, output, sees = about["hidden"], about["output"], about["sees_racket_speed"]
+        state, chooses = about.get("state", "plain"), about.get("chooses_speed", False)
         incoming, racket = tensors["incoming_mps"], tensors["racket_mps"]
     except (AttributeError, KeyError, ValueError, RecursionError) as error:
         raise ConfigError("an incomplete policy", got=str(error), where=path) from error
-    return _checked(layers, hidden, output, sees, incoming, racket, path)
+    return _checked(layers, hidden, output, sees, incoming, racket, state, chooses, path)
 
 
 def _checked(
@@ -122,9 +149,14 @@ def _checked(
     sees: object,
     incoming: Floats,
     racket: Floats,
+    state: object,
+    chooses: object,
     path: Path,
 ) -> Policy:
-    width, largest = (9 if sees is True else 8), LARGEST_INPUT
+    kind: StateKind | None = "plain" if state == "plain" else "spin" if state == "spin" else None
+    if kind is None:
+        raise ConfigError("a policy for states of another kind", expected="plain | spin", got=repr(state), where=path)
+    width, largest = STATE_SIZES[kind] + (3 if sees is True else 2), LARGEST_INPUT
     for weight, bias in layers:
         if weight.ndim != 2 or weight.shape[0] != width or bias.shape != (weight.shape[1],):
             raise ConfigError("layers that do not fit", expected=f"{width} inputs", got=weight.shape, where=path)
@@ -134,8 +166,10 @@ def _checked(
         width = weight.shape[1]
     if largest > OVERFLOW:
         raise ConfigError("a policy with numbers that no training gives", got=f"sums of {largest:.1e}", where=path)
-    if width != 3 or not layers or not isinstance(sees, bool) or len(incoming) != len(racket) or len(incoming) == 0:
-        raise ConfigError("not a policy for three angles", expected=3, got=width, where=path)
+    wanted = 4 if chooses is True else 3
+    fits = width == wanted and len(layers) > 0 and len(incoming) == len(racket) > 0
+    if not fits or not isinstance(sees, bool) or not isinstance(chooses, bool):
+        raise ConfigError("not a policy for three angles", expected=wanted, got=width, where=path)
     if (hidden != "relu" and hidden != "tanh") or (output != "tanh" and output != "clip"):
         raise ConfigError("unknown functions between layers", got=f"{hidden}, {output}", where=path)
-    return Policy(layers, hidden, output, sees, incoming, racket)
+    return Policy(layers, hidden, output, sees, incoming, racket, kind, chooses)

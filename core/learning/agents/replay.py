@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.learning.config import CurriculumConfig
+from core.learning.config import CurriculumConfig, StateKind
+from core.learning.task.normalise import STATE_SIZES
 
 Floats = NDArray[np.float32]
 
@@ -22,8 +23,9 @@ COLUMNS = {
     "net_z": 1,
     "known": 2,
 }
-"""Width of each column: (s, g, a, r, s') as the paper stores them, and what the landing model learns from: `next_state`
-begins with the landing point, `known` tells whether landing and height at the net were really seen."""
+"""Width of each column (of plain states): (s, g, a, r, s') as the paper stores them, and what the landing model learns
+from: `next_state` begins with the landing point, `known` tells whether landing and height at the net were really
+seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,17 +34,27 @@ class ReplayStart:
 
     kept: int
     dropped: int
+    cases: tuple[tuple[int, int, int], ...] = ()
+    """Case of the stroke, how many of it were kept, how many dropped: of the cases that there were, ascending.
+
+    Not known of a checkpoint that an earlier version wrote."""
 
 
 class ReplayBuffer:
     """Transitions of a run in the order of their episodes; sampled uniformly, with replacement."""
 
-    def __init__(self, capacity: int) -> None:
-        self._columns = {name: np.zeros((capacity, width), np.float32) for name, width in COLUMNS.items()}
+    def __init__(self, capacity: int, state: StateKind = "plain", action_size: int = 3) -> None:
+        widths = COLUMNS | dict.fromkeys(("state", "next_state"), STATE_SIZES[state]) | {"action": action_size}
+        self._columns = {name: np.zeros((capacity, width), np.float32) for name, width in widths.items()}
         self._count = 0
 
     def __len__(self) -> int:
         return self._count
+
+    @property
+    def capacity(self) -> int:
+        """How many it can hold."""
+        return len(self._columns["state"])
 
     def add(self, transition: dict[str, NDArray[np.floating]]) -> None:
         """Append one transition: a row of every column."""
@@ -62,10 +74,15 @@ class ReplayBuffer:
         """Drop all other rows."""
         kept = int(mask.sum())
         dropped = self._count - kept
+        cases = self.column("case")[:, 0].astype(int)
+        by_case = tuple(
+            (int(case), int((cases[mask] == case).sum()), int((cases[~mask] == case).sum()))
+            for case in np.unique(cases)
+        )
         for column in self._columns.values():
             column[:kept] = column[: self._count][mask]
         self._count = kept
-        return ReplayStart(kept, dropped)
+        return ReplayStart(kept, dropped, by_case)
 
     def to_arrays(self) -> dict[str, Floats]:
         """Everything, for a checkpoint."""

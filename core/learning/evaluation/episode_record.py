@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from core.learning.agents.agent import Losses
 from core.learning.agents.replay import ReplayStart
-from core.learning.task.environment import Deliveries
+from core.learning.task.environment import Deliveries, racket_speeds_of
 from core.learning.task.reward import Weights
 from core.physics.episode import Case, Outcomes
 
@@ -30,11 +30,17 @@ def transition_of(
         "action": action,
         "reward": np.array([reward]),
         # After a miss there is no landing; nothing learns from it, it only must not be NaN.
-        "next_state": delivery.states[0] if missed else outcome.landing_states[0, :6],
+        "next_state": delivery.states[0] if missed else _known_exactly(outcome.landing_states[0], delivery),
         "case": np.array([float(outcome.case[0])]),
         "net_z": outcome.net_z_m,
         "known": really_seen(outcome)[0].astype(np.float64),
     }
+
+
+def _known_exactly(landing: Array, delivery: Deliveries) -> Array:
+    """The state (9,) of a landing as a state of the kind that the delivery has, without any uncertainty."""
+    size = delivery.states.shape[1]
+    return landing[:6] if size == 6 else np.concatenate([np.nan_to_num(landing), np.zeros(size - len(landing))])
 
 
 def really_seen(outcomes: Outcomes) -> NDArray[np.bool_]:
@@ -87,12 +93,14 @@ def episode_line(
         "serve": _plains(delivery.serves.states()[0]),
         "state": _plains(delivery.states[0]),
         "action": _plains(action),
-        "racket_speed_mps": _plain(delivery.racket_speeds_mps[0]),
+        "racket_speed_mps": _plain(racket_speeds_of(action[None], delivery.racket_speeds_mps)[0]),
     }
     if delivery.aim_ps_m is not None and delivery.aim_t_s is not None:
         line["aim_m"], line["aim_t_s"] = _plains(delivery.aim_ps_m[0]), _plain(delivery.aim_t_s[0])
     if kept is not None:
         line["kept"], line["dropped"] = kept.kept, kept.dropped
+        if kept.cases:
+            line["kept_cases"] = {str(case): [some, others] for case, some, others in kept.cases}
     return line
 
 

@@ -20,6 +20,9 @@ from core.learning.task.environment import Deliveries, play
 Array = NDArray[np.float64]
 
 COARSE, FINE, ROUNDS = 15, 7, 5
+CHOSEN_COARSE, CHOSEN_FINE, CHOSEN_ROUNDS, CHOSEN_ZOOM = (9, 5, 9), 3, 12, 0.6
+"""The same where the racket's speed is searched too: tilts, turns and speeds of the first grid, and of finer ones, each
+so much narrower than the one before."""
 """The oracle's grid over the two angles that matter, and how often it zooms in around the best point."""
 NOT_RETURNED_MM = 1e5
 
@@ -53,8 +56,12 @@ def score_trivial_policies(evaluator: PolicyEvaluator, speed_mps: float, config:
 def oracle_actions(balls: Deliveries, config: EnvironmentConfig) -> Array:
     """The best action (N, 3) per ball: a grid over pitch and yaw, then finer ones around its best point.
 
+    Where the racket's speed is chosen that is searched too, and actions are (N, 4).
+
     The turn of the face about its own normal changes nothing in a rigid impact and stays zero.
     """
+    if config.racket == "chosen":
+        return _best_with_speed(balls, config)
     n = len(balls)
     best = np.zeros((n, 3))
     width = 1.0
@@ -68,10 +75,26 @@ def oracle_actions(balls: Deliveries, config: EnvironmentConfig) -> Array:
     return best
 
 
+def _best_with_speed(balls: Deliveries, config: EnvironmentConfig) -> Array:
+    """(N, 4), as `oracle_actions`."""
+    n = len(balls)
+    best, widths = np.zeros((n, 4)), np.ones(3)
+    for round_ in range(1 + CHOSEN_ROUNDS):
+        counts = CHOSEN_COARSE if round_ == 0 else (CHOSEN_FINE,) * 3
+        sides = [np.linspace(-width, width, count) for width, count in zip(widths, counts, strict=True)]
+        offsets = np.array([(0.0, b, c, v) for b in sides[0] for c in sides[1] for v in sides[2]])
+        tried = np.clip(best[:, None] + offsets, -1, 1)
+        cost = _costs(balls, tried, config)
+        best = tried[np.arange(n), cost.argmin(axis=1)]
+        widths *= 2 / (np.array(counts) - 1) if round_ == 0 else CHOSEN_ZOOM
+    return best
+
+
 def trusting_actions(balls: Deliveries, config: EnvironmentConfig) -> Array:
     """What the oracle would do (N, 3) if it took the perceived state for the true one: what noise alone costs."""
     states = balls.arrivals.states.copy()
-    states[:, :6] = balls.states
+    known = min(balls.states.shape[1], states.shape[1])  # a state with spin has its uncertainty behind that
+    states[:, :known] = balls.states[:, :known]
     believed = dataclasses.replace(
         balls,
         arrivals=dataclasses.replace(balls.arrivals, states=states),
@@ -83,9 +106,9 @@ def trusting_actions(balls: Deliveries, config: EnvironmentConfig) -> Array:
 
 
 def _costs(balls: Deliveries, actions: Array, config: EnvironmentConfig) -> Array:
-    """(N, K) of actions (N, K, 3): the landing error, and much for a ball that does not come back."""
+    """(N, K) of actions (N, K, 3 or 4): the landing error, and much for a ball that does not come back."""
     n, k = actions.shape[:2]
     repeated = balls[np.repeat(np.arange(n), k)]
-    outcomes = play(repeated, actions.reshape(-1, 3), config)
+    outcomes = play(repeated, actions.reshape(n * k, -1), config)
     cost = np.nan_to_num(landing_errors_mm(outcomes, repeated.goals_m), nan=NOT_RETURNED_MM)
     return np.where(outcomes.returned, cost, cost + NOT_RETURNED_MM).reshape(n, k)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +13,36 @@ from safetensors.numpy import save
 
 from core.errors import ConfigError
 from core.files import replace_file
+from core.learning.agents.agent import Agent
+from core.learning.agents.replay import ReplayBuffer
 from core.text.json_text import parse_json
+
+AGENT: Final = "agent."
+BUFFER: Final = "buffer."
+"""What the names of their arrays begin with."""
 
 
 def save_checkpoint(path: Path, arrays: dict[str, NDArray[np.generic]], about: dict[str, object]) -> None:
     """Write arrays and plain values in one step: after a kill there is the old file or the new one."""
     data = save({name: np.ascontiguousarray(a) for name, a in arrays.items()}, {"about": json.dumps(about)})
     replace_file(path, data, durable=True)
+
+
+def pack_arrays(agent: Agent, buffer: ReplayBuffer) -> dict[str, NDArray[np.generic]]:
+    """What an agent knows and the balls that it learns from, as a checkpoint names them."""
+    arrays: dict[str, NDArray[np.generic]] = {f"{AGENT}{name}": array for name, array in agent.to_arrays().items()}
+    return arrays | {f"{BUFFER}{name}": array for name, array in buffer.to_arrays().items()}
+
+
+def restore_arrays(arrays: dict[str, NDArray[np.generic]], agent: Agent, buffer: ReplayBuffer) -> None:
+    """The opposite.
+
+    Raises:
+        KeyError, ValueError, TypeError, RuntimeError: if they are another agent's.
+    """
+    agent.restore({k.removeprefix(AGENT): v for k, v in arrays.items() if k.startswith(AGENT)})
+    balls = {k.removeprefix(BUFFER): v for k, v in arrays.items() if k.startswith(BUFFER)}
+    buffer.restore(balls)  # type: ignore[arg-type]
 
 
 def load_checkpoint(path: Path) -> tuple[dict[str, NDArray[np.generic]], dict[str, object]]:

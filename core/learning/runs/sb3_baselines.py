@@ -183,5 +183,11 @@ def extract_policy(model: Any, config: RunConfig) -> Policy:
     incoming, racket = racket_table(config)
     on_policy = config.agent in ON_POLICY
     return Policy(
-        layers_of(modules), "tanh" if on_policy else "relu", "clip" if on_policy else "tanh", False, incoming, racket
+        layers_of(modules),
+        "tanh" if on_policy else "relu",
+        "clip" if on_policy else "tanh",
+        False,
+        incoming,
+        racket,
+        config.environment.state,
     )

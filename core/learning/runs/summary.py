@@ -94,6 +94,7 @@ def evaluate_run(
             done += 1
         row = summarise_scores(scores)
         row["episodes"] = config.episodes
+        row["recorded"] = bool(environment.recorded)
         if baselines:
             row["baselines"] = baseline_row(evaluator, speed, known)
         rows.append(row)

@@ -13,10 +13,12 @@ from core.learning.agents.agent import Agent, Losses, StageProgress
 from core.learning.agents.ddpg import DdpgAgent
 from core.learning.agents.landing_model import LandingModelAgent
 from core.learning.agents.policy import Policy
+from core.learning.agents.process_agent import ProcessAgent
 from core.learning.agents.replay import ReplayBuffer, ReplayStart, start_stage
 from core.learning.config import RunConfig
 from core.learning.evaluation.episode_record import episode_line, transition_of
-from core.learning.task.environment import Deliveries, deliver
+from core.learning.runs.checkpoints import pack_arrays, restore_arrays
+from core.learning.task.environment import Deliveries, action_size, deliver
 from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.physics.episode import Case
@@ -35,7 +37,8 @@ class Training:
         self._backend.begin(seed)
         self._rng = np.random.default_rng([seed, CHOICES])
         self._agent = make_agent(config, self._rng)
-        self._buffer = ReplayBuffer(config.episodes)
+        self._action_size = action_size(config.environment)
+        self._buffer = ReplayBuffer(config.episodes, config.environment.state, self._action_size)
         self.episode = 0
         """Done in all stages."""
         self._stage = 0
@@ -70,7 +73,7 @@ class Training:
         """One serve, one action, one outcome, and what is learned from it; returns its line for the metrics."""
         n, stage = self._stage_episode, self._stage
         exploration, curriculum = self.config.exploration, self.config.curriculum
-        noise = max(exploration.smallest, exploration.scale * exploration.decay**n)
+        noise = exploration.noise_at(n)
         is_random = self.episode < exploration.random_episodes
         delivery = self._backend.meet(self._deliveries[n : n + 1])
         action = self._exploratory_action(delivery, noise, is_random)
@@ -107,7 +110,8 @@ class Training:
 
     def _exploratory_action(self, delivery: Deliveries, noise: float, is_random: bool) -> NDArray[np.float64]:
         """The policy's action with noise, or a random one; both are always drawn, so that options can be compared."""
-        uniform, normal = self._rng.uniform(-1, 1, (1, 3)), self._rng.standard_normal((1, 3))
+        size = (1, self._action_size)
+        uniform, normal = self._rng.uniform(-1, 1, size), self._rng.standard_normal(size)
         if is_random:
             return uniform
         action = self._agent.act(delivery.states, delivery.racket_speeds_mps, delivery.goals_m)
@@ -138,8 +142,7 @@ class Training:
 
     def to_checkpoint(self) -> tuple[dict[str, NDArray[np.generic]], dict[str, object]]:
         """Arrays and plain values to go on from, bit for bit."""
-        arrays: dict[str, NDArray[np.generic]] = {f"agent.{k}": v for k, v in self._agent.to_arrays().items()}
-        arrays |= {f"buffer.{k}": v for k, v in self._buffer.to_arrays().items()}
+        arrays = pack_arrays(self._agent, self._buffer)
         arrays["recent"] = self._recent.copy()
         about: dict[str, object] = {
             "seed": self.seed,
@@ -149,6 +152,10 @@ class Training:
             "kept": None if self._kept is None else [self._kept.kept, self._kept.dropped],
             "random": self._rng.bit_generator.state,
         }
+        if self._kept is not None and self._kept.cases:
+            about["kept_cases"] = [list(row) for row in self._kept.cases]
+        if self.config.environment.state != "plain":
+            about["state"] = self.config.environment.state
         return arrays, about
 
     @classmethod
@@ -175,15 +182,17 @@ class Training:
     def _restore(self, arrays: dict[str, NDArray[np.generic]], about: dict[str, object]) -> None:
         if about["seed"] != self.seed:
             raise ValueError(f"seed {about['seed']}")
-        self._agent.restore({k.removeprefix("agent."): v for k, v in arrays.items() if k.startswith("agent.")})
-        buffer = {k.removeprefix("buffer."): v for k, v in arrays.items() if k.startswith("buffer.")}
-        self._buffer.restore(buffer)  # type: ignore[arg-type]
+        trained, wanted = about.get("state", "plain"), self.config.environment.state
+        if trained != wanted:
+            raise ValueError(f"it was trained on states of the kind {trained}, the run has {wanted}")
+        restore_arrays(arrays, self._agent, self._buffer)
         self._recent[:] = arrays["recent"]
         self.episode = int(about["episode"])  # type: ignore[call-overload]
         self._stage = int(about["stage"])  # type: ignore[call-overload]
         self._stage_episode = int(about["stage_episode"])  # type: ignore[call-overload]
         kept = about["kept"]
-        self._kept = None if kept is None else ReplayStart(*kept)  # type: ignore[misc]
+        cases = tuple((int(case), int(k), int(d)) for case, k, d in about.get("kept_cases", ()))  # type: ignore[union-attr]
+        self._kept = None if kept is None else ReplayStart(*kept, cases)  # type: ignore[misc]
         self._rng.bit_generator.state = about["random"]  # type: ignore[assignment]
         if not self.finished and self._stage > 0:
             self._deliveries = self._deal()
@@ -197,6 +206,8 @@ def make_agent(config: RunConfig, rng: np.random.Generator) -> Agent:
     """
     if config.agent == "ddpg":
         return DdpgAgent(config, rng)
+    if config.agent == "landing-model" and config.landing_model.head == "process":
+        return ProcessAgent(config, rng)
     if config.agent == "landing-model":
         return LandingModelAgent(config, rng)
     raise ConfigError("an agent that trains itself", expected="ddpg or landing-model", got=config.agent)

@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.learning.config import EnvironmentConfig, GoalConfig
+from core.learning.config import CHOSEN_MPS, EnvironmentConfig, GoalConfig
 from core.learning.task.perception import perceive
+from core.learning.task.racket_table import racket_speeds
+from core.learning.task.recorded_balls import BallPart, recorded_balls, select_arrivals
 from core.learning.task.timed_points import turned_share
 from core.physics.episode import Arrivals, Outcomes, Serves, Strokes, strokes_from_actions
 from core.simulation.episodes.closed_form import fly_serves, return_balls
@@ -36,7 +38,7 @@ class Deliveries:
     seen: NDArray[np.bool_]
     """(N,) False: nothing was perceived, and the ball is missed whatever the action."""
     states: Array
-    """(N, 6) p_c and v_c as perceived."""
+    """(N, 6) p_c and v_c as perceived, with spin (N, 12)."""
     aim_ps_m: Array | None
     aim_t_s: Array | None
     racket_speeds_mps: Array
@@ -52,11 +54,10 @@ class Deliveries:
         return len(self.states)
 
     def __getitem__(self, which: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Deliveries:
-        a = self.arrivals
         return Deliveries(
             self.speed_mps,
             self.serves[which],
-            Arrivals(a.legal[which], a.bounce_t_s[which], a.bounce_states[which], a.t_s[which], a.states[which]),
+            select_arrivals(self.arrivals, which),
             self.seen[which],
             self.states[which],
             None if self.aim_ps_m is None else self.aim_ps_m[which],
@@ -68,16 +69,29 @@ class Deliveries:
         )
 
 
-def deliver(speed_mps: float, count: int, config: EnvironmentConfig, rng: np.random.Generator) -> Deliveries:
+def deliver(
+    speed_mps: float, count: int, config: EnvironmentConfig, rng: np.random.Generator, part: BallPart = "training"
+) -> Deliveries:
     """`count` balls of one serve speed, perceived through the configured source.
 
+    Recorded balls have speeds of their own: of them `count` of the `part`, for training as often as it takes, for
+    validation and test each once, so perhaps fewer.
+
     Raises:
-        ConfigError: if there are no serves of this speed.
+        ConfigError: if there are no serves of this speed, or no recorded balls.
+        RecordingError: if recorded balls cannot be read.
     """
-    serves = draw_serves(speed_mps, count, config.task, rng)
-    arrivals = fly_serves(serves, config.task)
-    racket_speed_mps = config.task.stroke.racket_speed.at(speed_mps)
-    perceived = perceive(serves, arrivals, config, rng, racket_speed_mps=racket_speed_mps)
+    if config.recorded:
+        found = recorded_balls(config.recorded, part, config.task)
+        known = len(found.serves)
+        which = rng.integers(0, known, count) if part == "training" else rng.permutation(known)[:count]
+        serves, arrivals, count = found.serves[which], select_arrivals(found.arrivals, which), len(which)
+        rackets_mps = racket_speeds(arrivals, config.task)
+    else:
+        serves = draw_serves(speed_mps, count, config.task, rng)
+        arrivals = fly_serves(serves, config.task)
+        rackets_mps = np.full(count, config.task.stroke.racket_speed.at(speed_mps))
+    perceived = perceive(serves, arrivals, config, rng, racket_speeds_mps=rackets_mps)
     limit_deg = config.task.stroke.action_limit_deg
     errors_deg = config.actuator_bias_deg + config.actuator_error_deg * rng.standard_normal((count, 3))
     return Deliveries(
@@ -88,7 +102,7 @@ def deliver(speed_mps: float, count: int, config: EnvironmentConfig, rng: np.ran
         perceived.states,
         perceived.aim_ps_m,
         perceived.aim_t_s,
-        np.full(count, racket_speed_mps),
+        rackets_mps,
         draw_goals(count, config.goal, rng),
         errors_deg / limit_deg,
         perceived.turn_s,
@@ -113,15 +127,31 @@ def play(deliveries: Deliveries, actions: Array, config: EnvironmentConfig) -> O
     return return_balls(deliveries.arrivals, strokes, config.task)
 
 
+def action_size(config: EnvironmentConfig) -> int:
+    """Parts of an action: three angles, and the racket's speed where that is chosen."""
+    return 4 if config.racket == "chosen" else 3
+
+
+def racket_speeds_of(actions: Array, racket_speeds_mps: Array) -> Array:
+    """(N,) how fast the racket moves: as the fourth part of actions (N, 4) says, else as the table does (N,)."""
+    if actions.shape[1] == 3:
+        return racket_speeds_mps
+    low, high = CHOSEN_MPS
+    return low + (high - low) * (np.clip(actions[:, 3], -1, 1) + 1) / 2
+
+
 def strokes_of(deliveries: Deliveries, actions: Array, config: EnvironmentConfig) -> Strokes:
-    """The strokes that actions (N, 3) become: clipped, with the actuator's error, as far as there is time to turn."""
-    real = np.clip(actions, -1, 1) + deliveries.action_errors
+    """The strokes that actions (N, 3), or (N, 4) with the racket's speed, become.
+
+    Clipped, with the actuator's error, as far as there is time to turn.
+    """
+    real = np.clip(actions[:, :3], -1, 1) + deliveries.action_errors
     if deliveries.turn_s is not None:
         angles_rad = np.radians(config.task.stroke.action_limit_deg) * real
         real = real * turned_share(angles_rad, np.nan_to_num(deliveries.turn_s))[:, None]
     return strokes_from_actions(
         real,
-        deliveries.racket_speeds_mps,
+        racket_speeds_of(actions, deliveries.racket_speeds_mps),
         config.task.stroke,
         aim_ps_m=deliveries.aim_ps_m,
         aim_t_s=deliveries.aim_t_s,
@@ -131,10 +161,10 @@ def strokes_of(deliveries: Deliveries, actions: Array, config: EnvironmentConfig
 def evaluation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> Deliveries:
     """The fixed balls of a speed that policies are compared on."""
     rng = np.random.default_rng([EVALUATION_SEED, round(1000 * speed_mps)])
-    return deliver(speed_mps, count, config, rng)
+    return deliver(speed_mps, count, config, rng, "test")
 
 
 def validation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> Deliveries:
     """The fixed balls of a speed by which one of a run's policies is chosen."""
     rng = np.random.default_rng([VALIDATION_SEED, round(1000 * speed_mps)])
-    return deliver(speed_mps, count, config, rng)
+    return deliver(speed_mps, count, config, rng, "validation")

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from core.learning.config import EnvironmentConfig
+from core.errors import ConfigError
+from core.learning.config import EnvironmentConfig, StateKind
 from core.learning.task.five_points import predict_serves
+from core.learning.task.normalise import STATE_SIZES
 from core.learning.task.timed_points import observe_in_time
 from core.physics.episode import Arrivals, Serves
+from core.trajectory import HitPlane
 
 Array = NDArray[np.float64]
 
@@ -22,7 +25,7 @@ class PerceivedArrivals:
     seen: NDArray[np.bool_]
     """(N,) whether there is anything to decide on; a ball that was not seen is missed."""
     states: Array
-    """(N, 6) p_c and v_c at the hitting plane; zeros where not seen."""
+    """(N, 6) p_c and v_c at the hitting plane, with spin (N, 12); zeros where not seen."""
     aim_ps_m: Array | None
     """(N, 3) where the racket goes; None: it meets every ball in the middle."""
     aim_t_s: Array | None
@@ -37,13 +40,14 @@ def perceive(
     config: EnvironmentConfig,
     rng: np.random.Generator,
     *,
-    racket_speed_mps: float,
+    racket_speeds_mps: Array,
 ) -> PerceivedArrivals:
     """The arriving balls through the configured source; of `events` nothing is known before cameras have seen them."""
-    truth = arrivals.observations
-    n = len(truth)
+    truth, spins = arrivals.observations, arrivals.states[:, 6:]
+    n, has_spin = len(truth), config.state == "spin"
     if config.state_source == "truth":
-        return PerceivedArrivals(np.ones(n, np.bool_), truth, None, None)
+        states = with_spin(truth, spins, np.zeros((n, 3))) if has_spin else truth
+        return PerceivedArrivals(np.ones(n, np.bool_), states, None, None)
     if config.state_source == "truth+noise":
         speed = np.linalg.norm(truth[:, 3:], axis=1, keepdims=True)
         noise = rng.standard_normal((n, 6))
@@ -52,13 +56,39 @@ def perceive(
         # p_c lies in the hitting plane by definition: an error along x is one of the time at which the ball gets there.
         late_s = (states[:, 0] - truth[:, 0]) / np.abs(truth[:, 3])
         states[:, 0] = truth[:, 0]
-        return PerceivedArrivals(np.ones(n, np.bool_), states, states[:, :3].copy(), arrivals.t_s + late_s)
+        aims_m = states[:, :3].copy()
+        if has_spin:
+            sigmas = rng.uniform(0, 2 * config.spin_noise_radps, (n, 3))
+            states = with_spin(states, spins + sigmas * rng.standard_normal((n, 3)), sigmas)
+        return PerceivedArrivals(np.ones(n, np.bool_), states, aims_m, arrivals.t_s + late_s)
     if config.state_source == "timed":
-        found = observe_in_time(serves, arrivals, config, racket_speed_mps, rng)
+        found = observe_in_time(serves, arrivals, config, racket_speeds_mps, rng)
         left_s = found.aim_t_s - found.decided_t_s
-        return PerceivedArrivals(found.seen, found.states, found.aim_ps_m, found.aim_t_s, left_s)
+        states = with_spin(found.states, found.spins_radps, found.spin_sigmas_radps) if has_spin else found.states
+        return PerceivedArrivals(found.seen, states, found.aim_ps_m, found.aim_t_s, left_s)
     if config.state_source == "predicted":
         states, t_s = predict_serves(serves, arrivals, config.step_s, config.task)
         seen = np.isfinite(t_s)
         return PerceivedArrivals(seen, np.nan_to_num(states), states[:, :3].copy(), t_s)
-    return PerceivedArrivals(np.zeros(n, np.bool_), np.zeros((n, 6)), np.full((n, 3), np.nan), np.full(n, np.nan))
+    nothing = np.zeros((n, STATE_SIZES[config.state]))
+    return PerceivedArrivals(np.zeros(n, np.bool_), nothing, np.full((n, 3), np.nan), np.full(n, np.nan))
+
+
+def state_of(hit: HitPlane, kind: StateKind) -> Array:
+    """The state (6,), or with spin (12,), of a ball that is predicted at the hitting plane.
+
+    Raises:
+        ConfigError: if it is to have spin, and the predictor tells none.
+    """
+    plain = np.concatenate([hit.p_world_m, hit.v_world_mps])
+    if kind == "plain":
+        return plain
+    if hit.spin_radps is None or hit.spin_sigma_radps is None:
+        remedy = "follow the ball with the chain's filter"
+        raise ConfigError("this predictor tells no spin", expected="the state spin", where="state", remedy=remedy)
+    return np.concatenate([plain, hit.spin_radps, hit.spin_sigma_radps])
+
+
+def with_spin(states: Array, spins_radps: Array, sigmas_radps: Array) -> Array:
+    """States (N, 12) with spin of states (N, 6): p_c, v_c, the spin there (N, 3) and its standard deviations (N, 3)."""
+    return np.concatenate([states, spins_radps, sigmas_radps], axis=1)

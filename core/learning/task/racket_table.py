@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.learning.config import RunConfig
-from core.physics.task import TaskConfig
+from core.physics.episode import Arrivals
+from core.physics.task import STAGE_SPEEDS_MPS, ServeConfig, TaskConfig
 from core.simulation.episodes.closed_form import fly_serves
 from core.simulation.episodes.serve import draw_serves
 
@@ -18,8 +20,23 @@ SAMPLE = 64
 
 
 def racket_table(config: RunConfig) -> tuple[Floats, Floats]:
-    """Mean speed of arrival along x, ascending, and the racket's speed, both (K,), of the run's stages."""
-    return _table(config.environment.task, tuple(sorted(set(config.curriculum.speeds_mps))))
+    """Mean speed of arrival along x, ascending, and the racket's speed, both (K,), of the run's stages.
+
+    Recorded balls have all speeds, and so the whole table.
+    """
+    task = config.environment.task
+    if config.environment.recorded:
+        return _whole_table(task)
+    return _table(task, tuple(sorted(set(config.curriculum.speeds_mps))))
+
+
+def racket_speeds(arrivals: Arrivals, task: TaskConfig) -> NDArray[np.float64]:
+    """(N,) how fast the racket meets balls that arrive in any way."""
+    return np.interp(-arrivals.states[:, 3], *_whole_table(task))
+
+
+def _whole_table(task: TaskConfig) -> tuple[Floats, Floats]:
+    return _table(dataclasses.replace(task, serve=ServeConfig()), STAGE_SPEEDS_MPS)
 
 
 @functools.lru_cache(maxsize=16)

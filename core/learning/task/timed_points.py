@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig, TimingConfig
@@ -48,13 +48,21 @@ class StatesInTime:
     aim_t_s: Array
     decided_t_s: Array
     """(N,) when, after the launch."""
+    spins_radps: Array
+    """(N, 3) as the predictor estimates them; zeros with the paper's, which does not."""
+    spin_sigmas_radps: Array
 
 
 def observe_in_time(
-    serves: Serves, arrivals: Arrivals, config: EnvironmentConfig, racket_speed_mps: float, rng: np.random.Generator
+    serves: Serves,
+    arrivals: Arrivals,
+    config: EnvironmentConfig,
+    racket_speeds_mps: ArrayLike,
+    rng: np.random.Generator,
 ) -> StatesInTime:
-    """Every ball up to its decision."""
+    """Every ball up to its decision; the racket meets each at a speed of its own (N,), or all at one."""
     n = len(arrivals.t_s)
+    rackets_mps = np.broadcast_to(np.asarray(racket_speeds_mps, np.float64), n)
     timing = config.timing
     latest_s = float(np.nanmax(arrivals.t_s, initial=0.0))
     first_s, window_s = 1e-3 * timing.first_seen_ms, 1e-3 * timing.window_ms
@@ -65,12 +73,18 @@ def observe_in_time(
     # What the cameras do not see yet is no point.
     points_m = np.where(truth_m[..., :1] < timing.seen_from_x_m, truth_m + errors_m, np.nan)
     found = StatesInTime(
-        np.zeros(n, np.bool_), np.zeros((n, 6)), np.full((n, 3), np.nan), np.full(n, np.nan), np.full(n, np.nan)
+        np.zeros(n, np.bool_),
+        np.zeros((n, 6)),
+        np.full((n, 3), np.nan),
+        np.full(n, np.nan),
+        np.full(n, np.nan),
+        np.zeros((n, 3)),
+        np.zeros((n, 3)),
     )
     predictor = make_predictor(config)
     q_wxyz = orientations_from_actions(np.zeros((1, 3)), config.task.stroke)[0]
     for i in range(n):
-        _watch(found, i, t_s, points_m[i], float(arrivals.t_s[i]), predictor, timing, q_wxyz, racket_speed_mps)
+        _watch(found, i, t_s, points_m[i], float(arrivals.t_s[i]), predictor, timing, q_wxyz, float(rackets_mps[i]))
     return found
 
 
@@ -128,6 +142,8 @@ def _watch(
             found.states[i] = np.concatenate([seen.p_world_m, seen.v_world_mps])
             found.aim_ps_m[i], found.aim_t_s[i] = seen.p_world_m + racket.short_of_m(), seen.t_s
             found.decided_t_s[i] = end_s
+            if seen.spin_radps is not None and seen.spin_sigma_radps is not None:
+                found.spins_radps[i], found.spin_sigmas_radps[i] = seen.spin_radps, seen.spin_sigma_radps
             return
 
 

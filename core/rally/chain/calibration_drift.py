@@ -15,8 +15,12 @@ from core.cameras import Camera
 from core.cameras.epipolar import EpipolarDrift, EpipolarPair
 from core.config import check_settings, setting
 from core.rally.chain.chain import ChainState
+from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
 Array = NDArray[np.float64]
+HIGHEST_M: Final = 0.5
+"""Of the volume above the table: as high as most balls fly."""
+FEWEST_PLACES: Final = 20
 MOST_CAMERAS: Final = 4
 """Pairs among the first so many are looked at: six pairs."""
 
@@ -25,10 +29,15 @@ MOST_CAMERAS: Final = 4
 class CalibrationDriftConfig:
     """When the calibration is no longer believed. Tuned on seeds of `rallyscope bench drift` that it does not score."""
 
-    alarm_px: float = setting(0.6, 0.05, 20.0)
-    """A greater drift raises the alarm: one of 1 px has to, one of .3 px must not."""
+    alarm_px: float = setting(0.42, 0.05, 20.0)
+    """A drift that is surely greater raises the alarm: one of 1 px has to, one of .3 px must not."""
+    sure_sigmas: float = setting(2.0, 0.0, 10.0)
+    """Surely: by so many of its standard deviations. Early readings, of few points, are the ones that err far."""
+    volume_share: float = setting(0.3, 0.0, 1.0)
+    """The drift over the volume above the table counts so much, and the rest what is seen where the balls fly: the
+    first is less well known, the second may be small where a great one is elsewhere."""
     over_px: float = setting(0.4, 0.05, 20.0)
-    """Below it the alarm is over."""
+    """Below it, sure or not, the alarm is over."""
     every_ms: float = setting(10.0, 0.1, 1000.0)
     """Points closer together than that err alike, and are not counted."""
     points_at_least: int = setting(200, 10, 10_000)
@@ -68,7 +77,7 @@ class CalibrationDrift:
         self.config = config or CalibrationDriftConfig()
         self._names = tuple(cameras)
         self._pairs = {
-            (a, b): _PairPoints(EpipolarPair(cameras[a], cameras[b]), self.config)
+            (a, b): _PairPoints(cameras[a], cameras[b], self.config)
             for a, b in combinations(self._names[:MOST_CAMERAS], 2)
         }
         self.report = DriftReport(needed=self.config.points_at_least)
@@ -97,17 +106,42 @@ class CalibrationDrift:
         found = {pair: points.drift for pair, points in self._pairs.items() if points.drift is not None}
         if not found:
             return DriftReport(most, self.config.points_at_least, alarm=self.report.alarm)
-        pair, worst = max(found.items(), key=lambda item: item[1].drift_px)
-        limit_px = self.config.over_px if self.report.alarm else self.config.alarm_px
-        alarm = worst.drift_px > limit_px
+        pair, worst = max(found.items(), key=lambda item: self._surely_px(item[1]))
+        goes_on = self.report.alarm and self._drift_px(worst, 0.0) > self.config.over_px
+        alarm = goes_on or self._surely_px(worst) > self.config.alarm_px
         return DriftReport(len(self._pairs[pair].rows), self.config.points_at_least, pair, worst, alarm)
+
+    def _surely_px(self, drift: EpipolarDrift) -> float:
+        return self._drift_px(drift, self.config.sure_sigmas)
+
+    def _drift_px(self, drift: EpipolarDrift, less_sigmas: float) -> float:
+        here_px = drift.drift_px - less_sigmas * drift.sigma_px
+        if drift.elsewhere_px is None:
+            return here_px
+        there_px = drift.elsewhere_px - less_sigmas * drift.elsewhere_sigma_px
+        return here_px + self.config.volume_share * (there_px - here_px)
+
+
+def _volume(first: Camera, second: Camera) -> Array | None:
+    """(N, 3) places above the table that both see; None if those are few: they look elsewhere, or know no table."""
+    axes = (np.linspace(-x, x, n) for x, n in ((TABLE_LENGTH_M / 2, 11), (TABLE_WIDTH_M / 2, 7)))
+    ps = np.stack(np.meshgrid(*axes, np.linspace(0.02, HIGHEST_M, 5)), axis=-1).reshape(-1, 3)
+    seen = np.ones(len(ps), np.bool_)
+    for camera in (first, second):
+        size = np.array([camera.sensor.width_px, camera.sensor.height_px])
+        uvs = camera.project(ps)
+        with np.errstate(invalid="ignore"):
+            seen &= ((uvs > -0.5) & (uvs < size - 0.5)).all(axis=1)
+    return ps[seen] if seen.sum() >= FEWEST_PLACES else None
 
 
 class _PairPoints:
     """The newest sightings of two cameras."""
 
-    def __init__(self, pair: EpipolarPair, config: CalibrationDriftConfig) -> None:
-        self._pair, self._config = pair, config
+    def __init__(self, first: Camera, second: Camera, config: CalibrationDriftConfig) -> None:
+        self._pair, self._config = EpipolarPair(first, second), config
+        volume = _volume(first, second)
+        self._elsewhere = None if volume is None else self._pair.slopes_px(volume)
         self.rows: deque[Array] = deque(maxlen=config.points)
         """(4,) each: u, v of the first and of the second."""
         self.drift: EpipolarDrift | None = None
@@ -126,6 +160,6 @@ class _PairPoints:
             return False
         self._new = 0
         rows = np.array(self.rows)
-        found = self._pair.fit(rows[:, :2], rows[:, 2:])
+        found = self._pair.fit(rows[:, :2], rows[:, 2:], self._elsewhere)
         self.drift = found if found.sigma_px <= config.largest_sigma_px else None
         return True

@@ -97,6 +97,11 @@ class ChainConfig:
         chosen = method_config(method, detector)
         return cls(method=method, detector=chosen, filter=refined_filter() if method == "refined" else chain_filter())
 
+    @property
+    def tells_spin(self) -> bool:
+        """Whether its predictions hold the ball's spin."""
+        return self.prediction == "filter"
+
     def make_predictor(self) -> Predictor:
         """A predictor as these settings say."""
         if self.prediction == "filter":

@@ -75,10 +75,11 @@ class Controller(Protocol):
         *,
         stage: Stage,
         spin_radps: ArrayLike | None = None,
+        spin_sigma_radps: ArrayLike | None = None,
     ) -> RacketDecision | None:
         """Where the racket goes for a ball that comes to the hitting plane at p_c with v_c at t_c; None: nowhere.
 
-        With the ball's spin there, if it is known.
+        With the ball's spin there, if it is known, and the standard deviations of that.
         """
         ...
 
@@ -151,11 +152,12 @@ class BuiltInController:
         stage: Stage,
         target_m: ArrayLike | None = None,
         spin_radps: ArrayLike | None = None,
+        spin_sigma_radps: ArrayLike | None = None,
     ) -> RacketDecision | None:
         """The decision for a ball at the hitting plane, or None for one that no stroke can answer.
 
-        Without a spin the ball is taken to carry what the table gives a spinless serve. `target_m` (2,) replaces the
-        configured landing point.
+        Without a spin the ball is taken to carry what the table gives a spinless serve; how sure it is makes no
+        difference. `target_m` (2,) replaces the configured landing point.
         """
         p, v = np.asarray(p_c_m, np.float64), np.asarray(v_c_mps, np.float64)
         if not (math.isfinite(t_c_s) and np.isfinite(p).all() and np.isfinite(v).all() and v[0] < 0):

@@ -12,6 +12,7 @@ from core.rally.chain.chain import ChainState, RallyChain
 from core.rally.chain.physics import learned_physics
 from core.rally.control.controller import BuiltInController, Controller
 from core.rally.control.decision import RacketDecision
+from core.rally.control.step_test import CommandLatency
 from core.trajectory.learned_constants import LearnedConstants
 
 
@@ -28,6 +29,9 @@ class PlayerState:
     """Wall time of deciding; the chain's stages tell their own."""
 
 
+JITTERS: Final = 10.0
+"""So many standard deviations of the jitter longer the last decision stands (choice: at 3 m/s a time that is 5 ms
+another is made up for in 40 ms at 60 m/s^2)."""
 FREEZE_S: Final = 0.012
 """So short before the impact nothing is decided any more: the ball is in front of the racket and their events mix, and
 what is seen after the impact still looks like the old flight for some windows (our measurement: predictions of the time
@@ -43,8 +47,16 @@ class Player:
         self.freeze_s = FREEZE_S
         """So short before the racket is to be there nothing is decided any more. Commands that take now longer, now
         shorter need more: a racket that is told another time just before it is due would have to jump."""
+        self.lead_s = 0.0
+        """The racket is told to be there so much before the ball: what its commands take to become motion. Whoever
+        decides; a controller's own lead adds to it."""
         self._decision: RacketDecision | None = None
         self._informed: tuple[Controller, LearnedConstants, Controller] | None = None
+
+    def lead_by(self, latency: CommandLatency) -> None:
+        """Decide for a racket that is so late, by a step test."""
+        self.lead_s = max(0.0, latency.mean_s)
+        self.freeze_s = FREEZE_S + JITTERS * latency.jitter_s
 
     def reset(self) -> None:
         """Forget everything."""
@@ -74,12 +86,18 @@ class Player:
         if not state.is_new or state.prediction is None or state.prediction.hit_plane is None:
             return None
         hit = state.prediction.hit_plane
-        impact_s = hit.t_s if self._decision is None else min(hit.t_s, self._decision.target.t_s)
-        if impact_s - state.t_us * 1e-6 < self.freeze_s:
+        due_s = hit.t_s - self.lead_s
+        due_s = due_s if self._decision is None else min(due_s, self._decision.target.t_s)
+        if due_s - state.t_us * 1e-6 < self.freeze_s:
             return None
         p, v = hit.p_world_m, hit.v_world_mps
-        found = self._informed_controller().decide(hit.t_s, p, v, stage=hit.stage, spin_radps=hit.spin_radps)
-        return None if found is None else replace(found, t_us=state.t_us)
+        spin, sigma = hit.spin_radps, hit.spin_sigma_radps
+        controller = self._informed_controller()
+        found = controller.decide(hit.t_s, p, v, stage=hit.stage, spin_radps=spin, spin_sigma_radps=sigma)
+        if found is None:
+            return None
+        target = replace(found.target, t_s=found.target.t_s - self.lead_s) if self.lead_s else found.target
+        return replace(found, t_us=state.t_us, target=target)
 
     def _informed_controller(self) -> Controller:
         """The controller with what the chain has learnt of the air, if it computes flights and nobody told them."""

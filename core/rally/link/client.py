@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import logging
 import socket
@@ -18,6 +19,7 @@ from core.rally.link import messages as m
 from core.rally.link.address import split_address
 from core.rally.link.guard import HandshakeWatch, check_reach, secure
 from core.rally.link.keys import ClientKeys
+from core.rally.link.listeners import LinkListeners
 from core.rally.link.live_source import LinkListener, SourceStatus
 
 logger = logging.getLogger(__name__)
@@ -69,7 +71,7 @@ class SimulationClient:
         self._asking, self._lock = threading.Lock(), threading.Lock()
         self._socket: zmq.Socket | None = None
         self._watch: HandshakeWatch | None = None
-        self._listeners: list[LinkListener] = []
+        self._listeners = LinkListeners()
         self._stop = threading.Event()
         self._heard_s = 0.0
         self._last_seq = 0
@@ -105,14 +107,12 @@ class SimulationClient:
     def add_listener(self, listener: LinkListener) -> None:
         """From now on; it hears of the present session at once."""
         with self._lock:
-            listener.on_session(self.welcome)
-            self._listeners.append(listener)
+            self._listeners.add(listener, self.welcome)
 
     def remove_listener(self, listener: LinkListener) -> None:
         """It hears nothing after this."""
         with self._lock:
-            if listener in self._listeners:
-                self._listeners.remove(listener)
+            self._listeners.remove(listener)
 
     def listen(self, listening: bool) -> None:
         """Hear everything, or, where nobody needs it, only that the server lives: it rests if nobody else listens.
@@ -188,9 +188,11 @@ class SimulationClient:
                 secure(self._socket, self._keys)
                 self._watch = HandshakeWatch(self._socket, self._keys)
                 self._socket.connect(self._commands_address)
-            self._socket.send(m.encode(command(number)))
             until_s = time.monotonic() + (timeout_s or self._timeout_s)
-            while self._socket.poll(max(0, round((until_s - time.monotonic()) * 1e3))):
+            self._socket.setsockopt(zmq.SNDTIMEO, _ms_until(until_s))
+            with contextlib.suppress(zmq.Again):  # whom the server has refused already can send nothing, ever
+                self._socket.send(m.encode(command(number)))
+            while self._socket.poll(_ms_until(until_s)):
                 reply = m.decode(self._socket.recv(), {"reply": m.Reply})
                 if reply.id not in (0, number):
                     continue
@@ -286,17 +288,18 @@ class SimulationClient:
         with self._lock:
             if fresh:
                 self.welcome, self._last_seq = welcome, 0
-                for listener in self._listeners:
-                    listener.on_session(welcome)
+                self._listeners.on_session(welcome)
             if self._last_seq:
                 self.lost_messages += max(0, message.seq - self._last_seq - 1)
             self._last_seq = message.seq
-            for listener in self._listeners:
-                if isinstance(message, m.EventBatch):
-                    listener.on_events(message)
-                elif isinstance(message, m.WorldState):
-                    listener.on_state(message)
-                else:
-                    listener.on_notice(message)
-            if isinstance(message, m.WorldState):
+            if isinstance(message, m.EventBatch):
+                self._listeners.on_events(message)
+            elif isinstance(message, m.WorldState):
+                self._listeners.on_state(message)
                 self.state = message
+            else:
+                self._listeners.on_notice(message)
+
+
+def _ms_until(until_s: float) -> int:
+    return max(0, round((until_s - time.monotonic()) * 1e3))

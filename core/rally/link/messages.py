@@ -8,6 +8,7 @@ session; a new session starts at 0. What the server publishes carries a `seq` th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -309,9 +310,9 @@ COMMANDS: Final[dict[str, type]] = {
 _NAMES: Final = {kind: name for name, kind in (KINDS | COMMANDS).items()}
 
 
-def encode(message: object) -> bytes:
-    """The bytes of any message above."""
-    fields = {"v": VERSION, "kind": _NAMES[type(message)], **write_fields(message)}
+def encode(message: object, names: Mapping[type, str] = _NAMES) -> bytes:
+    """The bytes of any message above, or of another whose kinds have `names`."""
+    fields = {"v": VERSION, "kind": names[type(message)], **write_fields(message)}
     return bytes(msgpack.packb(fields, use_bin_type=True) or b"")
 
 

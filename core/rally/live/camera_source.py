@@ -24,6 +24,7 @@ from core.rally.devices import CameraDevice, ClockEstimate
 from core.rally.devices.camera_feed import CameraFeed, FeedCounts
 from core.rally.devices.clock_shift import ClockShift
 from core.rally.link import messages as m
+from core.rally.link.listeners import LinkListeners
 from core.rally.link.live_source import LinkListener, SourceStatus
 from core.rally.link.published import camera_batch
 from core.rally.live.session_blocks import state_of_block, welcome_to
@@ -105,7 +106,7 @@ class CameraSource:
         """For each camera, since it last was past the end of a block."""
         self._zero_us: int | None = None
         """What the first camera's clock showed at the session's 0."""
-        self._listeners: list[LinkListener] = []
+        self._listeners = LinkListeners()
         self._listening, self._stop, self._recalibrated = True, False, False
         self._seq = self._block = 0
         self.welcome = self._new_session()
@@ -142,14 +143,12 @@ class CameraSource:
     def add_listener(self, listener: LinkListener) -> None:
         """From now on; it hears of the present session at once."""
         with self._telling:
-            listener.on_session(self.welcome)
-            self._listeners.append(listener)
+            self._listeners.add(listener, self.welcome)
 
     def remove_listener(self, listener: LinkListener) -> None:
         """It hears nothing after this."""
         with self._telling:
-            if listener in self._listeners:
-                self._listeners.remove(listener)
+            self._listeners.remove(listener)
 
     def listen(self, listening: bool) -> None:
         """Tell what the cameras see, or forget it."""
@@ -282,10 +281,9 @@ class CameraSource:
                 batches.append(camera_batch(feed.name, seen, span_us, session, self._next()))
         state = state_of_block(session, self._next(), span_us, 1.0)
         with self._telling:
-            for listener in self._listeners:
-                for batch in batches:
-                    listener.on_events(batch)
-                listener.on_state(state)
+            for batch in batches:
+                self._listeners.on_events(batch)
+            self._listeners.on_state(state)
             self.state = state
         self._block += 1
 
@@ -309,8 +307,7 @@ class CameraSource:
         with self._telling:
             self._recalibrated = False
             self.welcome = self._new_session()
-            for listener in self._listeners:
-                listener.on_session(self.welcome)
+            self._listeners.on_session(self.welcome)
 
     def _next(self) -> int:
         self._seq += 1

@@ -104,25 +104,24 @@ class LiveFlight:
             self._last_decision = decision
         return decision
 
-    def finish(self, outcome: m.OutcomeNotice, goal_m: Array) -> None:
+    def finish(self, outcome: m.OutcomeNotice, goal_m: Array) -> FinishedBall:
         """What came of a ball."""
         last = self._last_decision
         decided = last if last is not None and outcome.serve_us <= last.t_us <= outcome.t_us else None
-        landing = np.array(outcome.landing_m[:2])
         self._played += 1
         self._returned += outcome.case == Case.RETURNED
-        self._finished.append(
-            FinishedBall(
-                t_us=outcome.t_us,
-                serve_us=outcome.serve_us,
-                speed_mps=outcome.speed_mps,
-                case=outcome.case,
-                landing_m=landing,
-                goal_m=goal_m if decided is None else decided.goal_m,
-                net_z_m=outcome.net_z_m if math.isfinite(outcome.net_z_m) else float("nan"),
-                decision=decided,
-            )
+        ball = FinishedBall(
+            t_us=outcome.t_us,
+            serve_us=outcome.serve_us,
+            speed_mps=outcome.speed_mps,
+            case=outcome.case,
+            landing_m=np.array(outcome.landing_m[:2]),
+            goal_m=goal_m if decided is None else decided.goal_m,
+            net_z_m=outcome.net_z_m if math.isfinite(outcome.net_z_m) else float("nan"),
+            decision=decided,
         )
+        self._finished.append(ball)
+        return ball
 
     def snapshot(
         self,

@@ -11,7 +11,7 @@ import numpy as np
 from core.rally.live.live_snapshot import Percentiles, PlayerHealth
 
 SPAN_S: Final = 2.0
-EVERY_S: Final = 0.1
+EVERY_S: Final = 0.25
 """Percentiles are computed so often."""
 SAMPLES: Final = 500
 NOTHING: Final = Percentiles(float("nan"), float("nan"))

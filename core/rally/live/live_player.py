@@ -24,12 +24,13 @@ from core.rally.chain.physics import chain_for_physics, expected_physics
 from core.rally.control.controller import BuiltInController, LiveController
 from core.rally.control.decision import RacketDecision
 from core.rally.control.player import Player, PlayerState
+from core.rally.control.step_test import CommandLatency
 from core.rally.link import messages as m
 from core.rally.link.live_source import LiveSource
 from core.rally.live.command_sender import CommandSender, QueuedCommand
 from core.rally.live.live_flight import LiveFlight
 from core.rally.live.live_meter import LiveMeter
-from core.rally.live.live_snapshot import RallySnapshot
+from core.rally.live.live_snapshot import FinishedBall, RallySnapshot
 from core.rally.live.warm_up import warm_up
 from core.simulation.event_cameras.event_camera import BLOCK_US
 
@@ -69,6 +70,7 @@ class _ReceivedBlock:
 
 _Item = m.Reply | _ReceivedBlock | m.Notice
 StateListener = Callable[[str, PlayerState, RacketDecision | None], None]
+BallListener = Callable[[FinishedBall], None]
 
 
 class LivePlayer:
@@ -88,6 +90,7 @@ class LivePlayer:
         self._config = config or LivePlayerConfig()
         self._controller = self._told(controller or BuiltInController())
         self._new_config = False
+        self._latency: CommandLatency | None = None
         self._playing = playing and source.robot is not None
         self._changed = threading.Condition()
         self._waiting: deque[_Item] = deque()
@@ -102,6 +105,7 @@ class LivePlayer:
         self._flight = LiveFlight()
         self._listeners: tuple[StateListener, ...] = ()
         self._step_listeners: tuple[StateListener, ...] = ()
+        self._ball_listeners: tuple[BallListener, ...] = ()
         self._sender = None if source.robot is None else CommandSender(source, source.robot)
         self._number = itertools.count(1)
         self._snapshot = self._flight.snapshot(0, "", self._controller, self._playing, self._meter, NOBODY)
@@ -140,6 +144,15 @@ class LivePlayer:
         """
         self._controller = self._controller.aimed_at(goal_m)
 
+    @property
+    def latency(self) -> CommandLatency | None:
+        """Of the robot's commands, which is led by; None: it was never measured."""
+        return self._latency
+
+    def lead_by(self, latency: CommandLatency) -> None:
+        """The racket is so late: tell it so much earlier when to be there, from the next block on."""
+        self._latency = latency
+
     def configure(self, config: LivePlayerConfig) -> None:
         """Follow the ball with other settings, from the next block on."""
         with self._changed:
@@ -156,6 +169,10 @@ class LivePlayer:
     def add_step_listener(self, listener: StateListener) -> None:
         """Hear of every step, also of one without a new prediction."""
         self._step_listeners = (*self._step_listeners, listener)
+
+    def add_ball_listener(self, listener: BallListener) -> None:
+        """Hear in the player's thread what came of each ball, where the source tells it."""
+        self._ball_listeners = (*self._ball_listeners, listener)
 
     def remove_listener(self, listener: StateListener) -> None:
         """Hear no more."""
@@ -238,7 +255,9 @@ class LivePlayer:
             if isinstance(item, _ReceivedBlock):
                 self._play(item, counted)
             elif isinstance(item, m.OutcomeNotice):
-                self._flight.finish(item, self._controller.goal_m)
+                ball = self._flight.finish(item, self._controller.goal_m)
+                for listener in self._ball_listeners:
+                    listener(ball)
             self._publish()
 
     def _warm_up(self) -> None:
@@ -291,6 +310,8 @@ class LivePlayer:
         if player is None:
             return
         player.controller = self._controller
+        if self._latency is not None:
+            player.lead_by(self._latency)
         try:
             events = {batch.camera: batch.events() for batch in heard.batches if batch.camera in self._cameras}
         except LinkError as error:

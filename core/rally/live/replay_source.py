@@ -16,6 +16,7 @@ from core.cameras import Camera
 from core.errors import ConfigError, RallyscopeError, RecordingError
 from core.events import Events
 from core.rally.link import messages as m
+from core.rally.link.listeners import LinkListeners
 from core.rally.link.live_source import LinkListener, SourceStatus
 from core.rally.link.published import camera_batch
 from core.rally.live.session_blocks import state_of_block, welcome_to
@@ -63,7 +64,7 @@ class ReplaySource:
         self._blocks_per_loop = -(-recording.duration_us // BLOCK_US)
         self._longest_us, self._clock = longest_us, clock
         self._changed = threading.Condition()
-        self._listeners: list[LinkListener] = []
+        self._listeners = LinkListeners()
         self._listening, self._stop, self._recalibrated = True, False, False
         self._calibration = {name: stream.calibration for name, stream in self._cameras.items()}
         self._numbers = 0
@@ -85,15 +86,13 @@ class ReplaySource:
     def add_listener(self, listener: LinkListener) -> None:
         """From now on; it hears of the present session at once."""
         with self._changed:
-            listener.on_session(self.welcome)
-            self._listeners.append(listener)
+            self._listeners.add(listener, self.welcome)
             self._changed.notify_all()
 
     def remove_listener(self, listener: LinkListener) -> None:
         """It hears nothing after this."""
         with self._changed:
-            if listener in self._listeners:
-                self._listeners.remove(listener)
+            self._listeners.remove(listener)
 
     def listen(self, listening: bool) -> None:
         """Play, or stand still."""
@@ -153,8 +152,7 @@ class ReplaySource:
             self._recalibrated = False
             welcome = self._new_session()
             self.welcome, self._numbers = welcome, 0
-            for listener in self._listeners:
-                listener.on_session(welcome)
+            self._listeners.on_session(welcome)
 
     def _publish(self, number: int) -> None:
         """One block of all cameras that can be read, and the state that ends it."""
@@ -168,10 +166,9 @@ class ReplaySource:
                 batches.append(camera_batch(name, events, span_us, session, self._next()))
         state = state_of_block(session, self._next(), (start_us, start_us + BLOCK_US), self._speed)
         with self._changed:
-            for listener in self._listeners:
-                for batch in batches:
-                    listener.on_events(batch)
-                listener.on_state(state)
+            for batch in batches:
+                self._listeners.on_events(batch)
+            self._listeners.on_state(state)
             self.state = state
 
     def _next(self) -> int:

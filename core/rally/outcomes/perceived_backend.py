@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import Deliveries, strokes_of
+from core.learning.task.normalise import STATE_SIZES
+from core.learning.task.perception import state_of
 from core.physics.episode import Case, Outcomes
 from core.rally.chain.block_windows import block_windows
 from core.rally.chain.chain import RallyChain
@@ -100,7 +102,7 @@ class PerceivedBackend:
         return dataclasses.replace(
             delivery,
             seen=np.array([False]),
-            states=np.zeros((1, 6)),
+            states=np.zeros((1, STATE_SIZES[self._environment.state])),
             aim_ps_m=np.full((1, 3), np.nan),
             aim_t_s=np.full(1, np.nan),
         )
@@ -146,7 +148,7 @@ class PerceivedBackend:
         return dataclasses.replace(
             delivery,
             seen=np.array([True]),
-            states=np.concatenate([seen.p_world_m, seen.v_world_mps])[None],
+            states=state_of(seen, self._environment.state)[None],
             aim_ps_m=seen.p_world_m[None].copy(),
             aim_t_s=np.array([seen.t_s - serve.t_us * 1e-6]),
             racket_speeds_mps=np.array([racket_mps]),

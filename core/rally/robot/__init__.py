@@ -1,5 +1,6 @@
 """A robot of one's own on the documented link: targets within limits, its acknowledged state, stops."""
 
+from core.rally.robot.latency_test import measure_robot
 from core.rally.robot.robot_client import RobotClient
 from core.rally.robot.robot_messages import RobotLimits, RobotState, RobotTarget
 from core.rally.robot.robot_server import RobotServer
@@ -15,4 +16,5 @@ __all__ = [
     "RobotTarget",
     "RobotWatchConfig",
     "SourceWithRobot",
+    "measure_robot",
 ]

@@ -13,13 +13,12 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final
 
-import msgpack
 import numpy as np
 
 from core.errors import LinkError
 from core.rally.link.bounds import WALL_NS
-from core.rally.link.fields import bounded_number, choice, flag, optional, part, text, vector, whole, write_fields
-from core.rally.link.messages import VERSION, decode
+from core.rally.link.fields import bounded_number, choice, flag, optional, part, text, vector, whole
+from core.rally.link.messages import decode, encode
 
 ROBOT_MESSAGE_BYTES: Final = 4096
 """Of any message; the longest that we send has some 400."""
@@ -178,8 +177,7 @@ _NAMES: Final = {kind: name for name, kind in (TO_ROBOT | FROM_ROBOT).items()}
 
 def encode_robot(message: object) -> bytes:
     """The bytes of any message above."""
-    fields = {"v": VERSION, "kind": _NAMES[type(message)], **write_fields(message)}
-    return bytes(msgpack.packb(fields, use_bin_type=True) or b"")
+    return encode(message, _NAMES)
 
 
 def decode_robot(data: bytes, kinds: dict[str, type]) -> Any:

@@ -14,6 +14,7 @@ import numpy as np
 from core.errors import LinkError
 from core.physics.config import PhysicsConfig
 from core.rally.link import messages as m
+from core.rally.link.listeners import LinkListeners
 from core.rally.link.live_source import LinkListener, LiveSource, SourceStatus
 from core.rally.robot.robot_client import RobotClient, host_us
 from core.rally.robot.session_clock import SessionClock
@@ -35,7 +36,7 @@ class SourceWithRobot:
             raise LinkError("the source has a robot of its own", got=source.description, remedy="leave out --robot")
         self._source, self._client = source, robot
         self._lock = threading.Lock()
-        self._listeners: list[LinkListener] = []
+        self._listeners = LinkListeners()
         self._clock, self._told_us = SessionClock(), 0
         self._welcome, self._state = source.welcome, source.state
         source.add_listener(self)
@@ -83,14 +84,12 @@ class SourceWithRobot:
     def add_listener(self, listener: LinkListener) -> None:
         """From now on; it hears of the present session at once."""
         with self._lock:
-            listener.on_session(self._welcome)
-            self._listeners.append(listener)
+            self._listeners.add(listener, self._welcome)
 
     def remove_listener(self, listener: LinkListener) -> None:
         """It hears nothing after this."""
         with self._lock:
-            if listener in self._listeners:
-                self._listeners.remove(listener)
+            self._listeners.remove(listener)
 
     def listen(self, listening: bool) -> None:
         """To the source; the robot is always heard."""
@@ -124,14 +123,12 @@ class SourceWithRobot:
         """Its times begin anew."""
         with self._lock:
             self._welcome, self._clock = welcome, SessionClock()
-            for listener in self._listeners:
-                listener.on_session(welcome)
+            self._listeners.on_session(welcome)
 
     def on_events(self, batch: m.EventBatch) -> None:
         """Hand it on."""
         with self._lock:
-            for listener in self._listeners:
-                listener.on_events(batch)
+            self._listeners.on_events(batch)
 
     def on_state(self, state: m.WorldState) -> None:
         """Hand it on with what the robot told meanwhile."""
@@ -139,15 +136,13 @@ class SourceWithRobot:
             self._clock.add(state.t_us, host_us())
             state = self._with_racket(state)
         with self._lock:
-            for listener in self._listeners:
-                listener.on_state(state)
+            self._listeners.on_state(state)
             self._state = state
 
     def on_notice(self, notice: m.Notice) -> None:
         """Hand it on."""
         with self._lock:
-            for listener in self._listeners:
-                listener.on_notice(notice)
+            self._listeners.on_notice(notice)
 
     def _with_racket(self, state: m.WorldState) -> m.WorldState:
         """The state with rows of what has been heard of the racket since the last block, at times within this one."""

@@ -22,6 +22,8 @@ from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig, RewardConfig
 from core.learning.gym_environment import OneStepReturn
 from core.learning.task.environment import Deliveries, strokes_of
+from core.learning.task.normalise import STATE_SIZES
+from core.learning.task.perception import state_of
 from core.physics.episode import Outcomes
 from core.rally.chain.block_windows import block_windows
 from core.rally.chain.chain import ChainState, RallyChain
@@ -114,8 +116,9 @@ class EventCameraBackend:
                 return self._as_delivered(delivery, seen)
         # Never seen, or never predicted to come: an outcome is all there is.
         nothing = np.full((1, 3), np.nan), np.full(1, np.nan)
+        states = np.zeros((1, STATE_SIZES[self._environment.state]))
         return dataclasses.replace(
-            delivery, seen=np.array([False]), states=np.zeros((1, 6)), aim_ps_m=nothing[0], aim_t_s=nothing[1]
+            delivery, seen=np.array([False]), states=states, aim_ps_m=nothing[0], aim_t_s=nothing[1]
         )
 
     def play(self, delivery: Deliveries, action: Array) -> Outcomes:
@@ -152,11 +155,11 @@ class EventCameraBackend:
         return found
 
     def _as_delivered(self, delivery: Deliveries, seen: HitPlane) -> Deliveries:
-        p, v = seen.p_world_m, seen.v_world_mps
+        p = seen.p_world_m
         return dataclasses.replace(
             delivery,
             seen=np.array([True]),
-            states=np.concatenate([p, v])[None],
+            states=state_of(seen, self._environment.state)[None],
             aim_ps_m=p[None].copy(),
             aim_t_s=np.array([seen.t_s - self._served_s]),
         )

@@ -18,7 +18,7 @@ from core.physics import TaskConfig
 from core.physics.rotation import normals_from_orientations
 from core.rally.simulated.block_paths import SINK_S, SampledPath, SampledRacket
 from core.recordings import BallTruth, PixelTruth
-from core.simulation import StereoConfig, ball_truth, pixel_truth, truth_times
+from core.simulation import StereoConfig, ball_truth, pixel_truths, truth_times
 from core.simulation.bodies import MovingBodies, make_actors
 from core.simulation.episodes import draw_serves
 from core.simulation.episodes.judge import BallOutcome, RallyJudge
@@ -214,9 +214,8 @@ class SimulatedWorld:
         racket = SampledRacket(rows[:, 0], rows[:, 1:4], rows[:, 8:11], normals, radius_m, thickness_m)
         running = {name: self._pool.submit(eye.advance, path, end_us, racket) for name, eye in self._eyes.items()}
         times_us = truth_times(path, start_us, end_us)
-        circles = {
-            name: pixel_truth(eye.camera, path, times_us, self._bodies, racket) for name, eye in self._eyes.items()
-        }
+        cameras = {name: eye.camera for name, eye in self._eyes.items()}
+        circles = pixel_truths(cameras, path, times_us, self._bodies, racket)
         ball = ball_truth(path, times_us)
         events = {name: future.result() for name, future in running.items()}
         self.now_us = end_us

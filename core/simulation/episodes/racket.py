@@ -117,16 +117,21 @@ def _push(
     a = 6 * (goal - p) / left**2 - (4 * v + 2 * v_goal) / left
     jerk = (-12 * (goal - p) / left + 6 * (v + v_goal)) / left**2
     v_end = v + a * h + jerk * h * h / 2
-    hardest = max(float(np.linalg.norm(a)), float(np.linalg.norm(a + jerk * h)))
-    if hardest <= config.max_acceleration_mps2 and float(np.linalg.norm(v_end)) <= config.max_speed_mps:
+    hardest = max(_length(a), _length(a + jerk * h))
+    if hardest <= config.max_acceleration_mps2 and _length(v_end) <= config.max_speed_mps:
         return p + v * h + a * h * h / 2 + jerk * h**3 / 6, v_end
     a = _limited(a + jerk * h / 2, config.max_acceleration_mps2)
-    v_end = _limited(v + a * h, max(config.max_speed_mps, float(np.linalg.norm(v)) - config.max_acceleration_mps2 * h))
+    v_end = _limited(v + a * h, max(config.max_speed_mps, _length(v) - config.max_acceleration_mps2 * h))
     return p + (v + v_end) * h / 2, v_end
 
 
+def _length(vector: Array) -> float:
+    """What numpy's norm says, in a fifth of its time."""
+    return math.sqrt(vector @ vector)
+
+
 def _limited(vector: Array, length: float) -> Array:
-    norm = float(np.linalg.norm(vector))
+    norm = _length(vector)
     return vector if norm <= length else vector * (length / norm)
 
 
@@ -136,7 +141,7 @@ def _turn(q: Array, goal: Array, h: float, max_rate: float) -> tuple[Array, Arra
     rest = multiply_quaternions(goal, conjugate)
     if rest[0] < 0:
         rest = -rest
-    sine = float(np.linalg.norm(rest[1:]))
+    sine = _length(rest[1:])
     if sine < 1e-12 or h <= 0:
         return q, np.zeros(3)
     angle = 2 * math.atan2(sine, float(rest[0]))
@@ -145,7 +150,7 @@ def _turn(q: Array, goal: Array, h: float, max_rate: float) -> tuple[Array, Arra
     if step == angle:
         return goal, axis * (step / h)
     turned = multiply_quaternions(np.concatenate([[math.cos(step / 2)], axis * math.sin(step / 2)]), q)
-    return turned / np.linalg.norm(turned), axis * (step / h)
+    return turned / _length(turned), axis * (step / h)
 
 
 def upright_racket(config: RacketConfig) -> RacketState:

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from core.cameras import Camera
+from core.cameras import BallCircles, Camera
+from core.cameras.outline import OUTLINE_POINTS, circle_round
 from core.jit import njit
 from core.simulation.flights.ball_path import BallStates, VisibleRange
 from core.simulation.scenes.lens import box_round, lens_of, project_from_camera, to_camera
@@ -20,7 +21,7 @@ Array = NDArray[np.float64]
 STEP_PX = 0.35
 """Most motion in the picture per substep: a fifth of an edge."""
 LONGEST_SHADOW_STRIDE = 8
-OUTLINE_POINTS = 8
+BOX_POINTS = 8
 TO_LIGHT_X, TO_LIGHT_Y, TO_LIGHT_Z = TO_LIGHT_WORLD.tolist()
 HALF_LENGTH_M, HALF_WIDTH_M = TABLE_LENGTH_M / 2, TABLE_WIDTH_M / 2
 
@@ -37,6 +38,13 @@ def ball_shading_rows(camera: Camera, scene: SceneConfig, states: BallStates, po
 def ball_and_shadow_boxes(camera: Camera, scene: SceneConfig, states: BallStates, boxes: NDArray[np.int64]) -> None:
     """Write where ball and shadow can be: `boxes` (N, 2 or more, 4), see `core.simulation.scenes.steps`."""
     _boxes(lens_of(camera), 0.5 * scene.edge_px, states.p_world_m, boxes)
+
+
+def ball_circles_at(camera: Camera, ps_world: Array) -> BallCircles:
+    """What `core.cameras.ball_circles` says, for many balls at once."""
+    circles = np.empty((3, len(ps_world)))
+    _circles(lens_of(camera), ps_world, circles)
+    return BallCircles(*circles)
 
 
 def shadow_stride(states: BallStates, rows: Array) -> int:
@@ -81,13 +89,21 @@ def _shading_rows(lens, look, ps, present, normals, offsets, rows):
 
 @njit(error_model="numpy")
 def _boxes(lens, margin_px, ps, boxes):
-    points = np.empty((OUTLINE_POINTS, 2))
+    points = np.empty((BOX_POINTS, 2))
     for index in range(len(ps)):
         x, y, z = ps[index]
         ball_rim(lens, x, y, z, points)
         box_round(points, margin_px, lens.size_px, boxes[index, 0])
         _shadow_rim(lens, x, y, z, points)
         box_round(points, margin_px, lens.size_px, boxes[index, 1])
+
+
+@njit(error_model="numpy")
+def _circles(lens, ps, circles):
+    points = np.empty((OUTLINE_POINTS, 2))
+    for index in range(len(ps)):
+        ball_rim(lens, ps[index, 0], ps[index, 1], ps[index, 2], points)
+        circles[0, index], circles[1, index], circles[2, index] = circle_round(points)
 
 
 @njit(error_model="numpy")

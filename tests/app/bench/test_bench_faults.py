@@ -35,6 +35,7 @@ def test_nothing_acknowledged_is_lost_and_every_ending_is_clear(name: str, tmp_p
     for number, fault in enumerate(PROBED[name]):
         result = trials.try_fault(fault, np.random.default_rng((3, number)), pause_s=0.3)
         assert (result.lost, result.unclear) == (0, ""), f"{fault}: {result}"
+        assert result.struck or fault != "worker killed", "this seed's moment is early enough"
 
 
 def test_a_process_that_has_ended_is_not_paused_and_one_that_runs_goes_on() -> None:

@@ -163,6 +163,14 @@ class Window:
         told = "t => +document.getElementById('rallyscope-line').getAttribute('aria-valuenow') === t"
         self.page.wait_for_function(told, arg=t_us)
 
+    def stands_in_label(self) -> bool:
+        """Whether Label shows the picture of a cursor that stands; the picture may be later than the cursor."""
+        head, editor = self.state.playhead, self.session._modes["Label"]._editor
+        if head.playing or editor is None:
+            return False
+        now = editor.labelling
+        return now.on_screen and abs(now.t_us - head.anchor_us) <= now.step_us
+
     def screenshot(self, name: str) -> np.ndarray:
         """(720, 1280, 3) RGB of the window, also kept as a file to look at."""
         hide = "document.querySelectorAll('.mantine-Notification-root').forEach(note => note.style.display = 'none')"

@@ -11,6 +11,7 @@ pytestmark = pytest.mark.browser
 COUNT = 14
 
 
+@pytest.mark.timeout(1800)  # two cold servers and a simulation, on a machine that other tests use as well
 def test_what_the_screen_calls_saved_survives_a_kill_and_comes_back_from_every_format(
     tmp_path: Path, chromium: Browser
 ) -> None:

@@ -102,7 +102,7 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
         wait_for(lambda: mode._editor is not None and mode._pictures.shown is not None, "Label of the replay")
         session.later(lambda: mode._use_name("lena"))
         window.press("Pause")
-        wait_for(lambda: not window.state.playhead.playing and mode._editor.labelling.on_screen, "the cursor to stand")
+        wait_for(window.stands_in_label, "the cursor to stand")
         shown = mode._pictures.shown.plan.main
         page.keyboard.press("x")
         wait_for(lambda: window.state.recording.startswith("live-"), "the frozen recording to open")

@@ -14,16 +14,9 @@ from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
 from core.rally.live.replay_source import ReplaySource
-from core.rally.robot import RobotClient, RobotLimits, RobotServer, RobotWatchConfig
+from core.rally.robot import RobotClient, RobotServer, RobotWatchConfig
 from core.recordings import open_recording
-
-LIMITS = RobotLimits(
-    low_m=(-2.2, -1.0, 0.02),
-    high_m=(-1.0, 1.0, 0.9),
-    max_speed_mps=5.0,
-    max_acceleration_mps2=80.0,
-    max_turn_rate_radps=20.0,
-)
+from tests.core.rally.robot.limits import LIMITS
 
 
 class JumpingArm:
@@ -82,6 +75,11 @@ def test_a_robot_is_started_stopped_lost_and_back(chromium, robot_lab, arm, open
         moment = rally.history.at(rally.history.followed_us, {})
         assert moment.picture.racket is not None, "its racket stands in the scene"
         page.get_by_text("Racket turned by").first.wait_for()
+        sent = robot.status.counts.sent
+        window.press("Step test")
+        page.get_by_text("The last test was broken off: a ball flies").wait_for()
+        assert rally.player.latency is None
+        wait_for(lambda: robot.status.counts.sent > sent, "it to go on playing")
         window.screenshot("robot-plays")
 
         window.press("Stop the robot")

@@ -91,6 +91,29 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
     window.page.get_by_role("tab", name="Landings").click()
     window.page.get_by_text("own half").first.wait_for()
     window.screenshot("train-landings")
+    window.page.get_by_role("tab", name="Map").click()
+    window.page.get_by_text("Inside of the box").first.wait_for()
+    window.screenshot("train-map")
+
+
+def test_one_button_makes_a_film_of_the_training(window, lab, workspace, trainer: Trainer, wait_for, tmp_path) -> None:
+    enter(window)
+    start(window, wait_for, "filmed", 30)
+    wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
+    window.press("Film of this training")
+    window.page.get_by_role("button", name="Cancel the film").wait_for()
+    window.press("Cancel the film")
+    window.page.get_by_text("cancelled").first.wait_for()
+    assert not (workspace.exports / "filmed-film-1.mp4").exists()
+    wait_for(lambda: not lab.services.exporter._job.running, "the cancelled film to be gone")
+    window.press("Film of this training")
+    window.page.get_by_role("button", name="Download the film").wait_for(timeout=1e3 * PATIENT_S)
+    window.screenshot("train-film")
+    with window.page.expect_download(timeout=1e3 * PATIENT_S) as waiting:
+        window.press("Download the film")
+    waiting.value.save_as(tmp_path / "film.mp4")
+    (made,) = lab.services.exporter.files()
+    assert (tmp_path / "film.mp4").read_bytes() == (workspace.exports / made.name).read_bytes()
 
 
 def test_a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer, wait_for) -> None:

@@ -56,10 +56,16 @@ def test_a_folder_of_pictures_gives_the_lens_and_a_report(folder: Path, capsys) 
     found = load_calibration(out)["camera"]
     assert abs(figures["parameters"]["fx"]["value"] - 350.0) < 1.0 and found.sensor == CAMERA.sensor
     np.testing.assert_allclose(found.K, CAMERA.K, atol=1.0)
-    assert report.read_text().startswith("<svg")
+    assert report.read_text().startswith("<svg") and "pictures with the board in each part" in report.read_text()
+    cells = np.array(figures["cover"]["cells"])
+    assert cells.shape == (6, 8) and np.count_nonzero(cells) == round(48 * figures["coverage"]) and cells.max() <= 14
+    assert len(figures["cover"]["tilts_deg"]) == len(figures["cover"]["distances_m"]) == 14
+    assert figures["cover"]["missing"][-1] == "more pictures: 15 or more, here are 14"
+    assert 0.4 < min(figures["cover"]["distances_m"]) < max(figures["cover"]["distances_m"]) < 0.62
     assert main(arguments) == 0
     text = capsys.readouterr().out
     assert "14 pictures, rms" in text and "no whole board in 1 pictures: 99.png" in text and "fx 3" in text
+    assert "the board was in " in text and "\nmissing: " in text
 
 
 def test_a_blinking_board_before_an_event_camera_gives_the_lens(pictures, tmp_path: Path, capsys) -> None:

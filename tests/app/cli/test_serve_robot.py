@@ -15,16 +15,10 @@ import pytest
 
 from app.shared.live_rally import LiveRally
 from core.rally.live.replay_source import ReplaySource
-from core.rally.robot import RobotClient, RobotLimits, RobotServer, RobotWatchConfig
+from core.rally.robot import RobotClient, RobotServer, RobotWatchConfig
 from core.recordings import open_recording
+from tests.core.rally.robot.limits import LIMITS
 
-LIMITS = RobotLimits(
-    low_m=(-2.2, -1.0, 0.02),
-    high_m=(-1.0, 1.0, 0.9),
-    max_speed_mps=5.0,
-    max_acceleration_mps2=80.0,
-    max_turn_rate_radps=20.0,
-)
 PLACE = (-1.5, 0.125, 0.25)
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import queue
+import shutil
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,11 +17,12 @@ from core.cameras import Camera, stereo_preset
 from core.config import save_config
 from core.events import SensorSize
 from core.learning.config import EnvironmentConfig, default_run
-from core.learning.runs.run_files import read_lines, read_run, seed_files
+from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
 from core.learning.runs.training import BALLS
 from core.learning.task.environment import deliver
 from core.rally.link.keys import ServerKeys, make_keys, read_server_keys
 from core.rally.link.server import ServerConfig, SimulationServer
+from tests.core.learning.task.test_recorded_balls import write_states
 
 SHORT = ["--agent", "landing-model", "--state-source", "truth"]
 
@@ -66,6 +68,9 @@ def test_a_run_is_trained_refused_twice_and_evaluated(tmp_path: Path, capsys: py
         (["--resume", "--seeds", "3"], "keeps its settings"),
         (["--resume"], "not a training run"),
         (["--config", "nowhere.toml"], "cannot read the config"),
+        (["--state", "spin", "--state-source", "predicted"], "tell no spin"),
+        (["--balls", "nowhere.json"], "no recorded balls"),
+        (["--racket", "chosen"], "an agent of three angles"),
     ],
 )
 def test_a_bad_argument_gets_one_clear_line(
@@ -149,3 +154,64 @@ def test_a_server_is_trained_on_by_what_its_cameras_see(tmp_path: Path) -> None:
     (line,) = lines
     assert line["state"] == pytest.approx(truth.tolist(), abs=0.3) and line["state"] != truth.tolist()
     assert line["landing_m"] != [None, None]
+
+
+def test_spinning_serves_are_learned_with_the_spin_in_the_state_and_the_speed_chosen(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--agent", "landing-model", "--balls", "spinning", "--state", "spin", "--racket", "chosen"]
+    run = tmp_path / "run"
+    assert main(["train", *options, "--episodes", "6", "--out", str(run)]) == 0
+    environment = read_run(run).environment
+    assert (environment.state, environment.racket, environment.state_source) == ("spin", "chosen", "truth")
+    assert environment.task.serve.spin_spread_radps == 100 and environment.task.physics.has_air
+    (line, *_), _ = read_lines(seed_files(run, 0).metrics)
+    assert len(line["state"]) == 12 and len(line["action"]) == 4  # type: ignore[arg-type]
+    policy = load_policy(run)
+    assert (policy.state, policy.chooses_speed) == ("spin", True)
+    capsys.readouterr()
+    assert main(["evaluate", str(run), "--balls", "5", "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row["recorded"] is False and row["balls"] == 5
+
+
+def test_a_checkpoint_that_does_not_fit_the_run_is_refused_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, state in (("plain", "plain"), ("spin", "spin")):
+        options = ["--agent", "landing-model", "--balls", "spinning", "--state", state, "--episodes", "4"]
+        assert main(["train", *options, "--out", str(tmp_path / name)]) == 0
+    for file in ("policy.safetensors", "checkpoint.safetensors"):
+        shutil.copy(tmp_path / "spin" / "seed-0" / file, tmp_path / "plain" / "seed-0" / file)
+    capsys.readouterr()
+    assert main(["evaluate", str(tmp_path / "plain"), "--balls", "5"]) == 2
+    told = capsys.readouterr().err.strip()
+    assert "a policy for states of the kind spin" in told and len(told.splitlines()) == 1
+    assert main(["train", "--resume", "--out", str(tmp_path / "plain")]) == 2
+    told = capsys.readouterr().err.strip()
+    assert "states of the kind spin, the run has plain" in told and len(told.splitlines()) == 1
+
+
+def test_recorded_balls_are_trained_on_and_others_kept_for_the_evaluation(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    balls = write_states(tmp_path / "people.json", 600)
+    run = tmp_path / "run"
+    options = ["--agent", "landing-model", "--balls", str(balls), "--state", "spin", "--episodes", "4"]
+    assert main(["train", *options, "--out", str(run)]) == 0
+    assert "returned of the recorded balls" in capsys.readouterr().out
+    assert read_run(run).environment.recorded == str(balls)
+    assert main(["evaluate", str(run), "--balls", "3"]) == 0
+    assert "recorded" in capsys.readouterr().out
+    balls.unlink()
+    assert main(["evaluate", str(run), "--balls", "3"]) == 2
+    told = capsys.readouterr().err.strip()
+    assert "no recorded balls" in told and len(told.splitlines()) == 1
+
+
+def test_slow_serves_of_real_physics_are_said_to_be_out_of_reach(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--agent", "landing-model", "--physics", "real", "--speeds", "3", "--episodes", "2"]
+    assert main(["train", *options, "--out", str(tmp_path / "run")]) == 0
+    assert "% of these serves at 3 m/s to be returned" in capsys.readouterr().out

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from core.cameras import Camera, stereo_preset
-from core.cameras.epipolar import EpipolarPair
+from core.cameras.epipolar import EpipolarDrift, EpipolarPair
 from core.errors import CalibrationError
 from core.geometry import make_transform
 
@@ -63,3 +63,20 @@ def test_it_refuses_too_few_sightings_and_cameras_in_one_place() -> None:
         EpipolarPair(left, right).fit(left.project(points(5)), right.project(points(5)))
     with pytest.raises(CalibrationError, match="in one place"):
         EpipolarPair(left, left)
+
+
+def test_the_same_change_is_told_of_places_where_nothing_was_seen() -> None:
+    left, right = stereo_preset("side").values()
+    moved = EpipolarPair(left, turned(right, (1e-3, 0.0, 4e-4)))
+    seen = points()[points()[:, 0] < -0.6]  # the robot's end of the table
+    everywhere = np.random.default_rng(5).uniform((-1.3, -0.7, 0.02), (1.3, 0.7, 0.5), (400, 3))
+    off_px = moved.residuals_px(left.project(everywhere), right.project(everywhere))
+    truth_px = float(np.sqrt(np.mean(np.square(off_px))))
+    rng = np.random.default_rng(1)
+    first, second = (one.project(seen) + rng.normal(0, 0.4, (len(seen), 2)) for one in (left, right))
+    found = moved.fit(first, second, moved.slopes_px(everywhere))
+    assert found.elsewhere_px is not None and found.elsewhere_sigma_px > found.sigma_px
+    assert abs(found.elsewhere_px - truth_px) < 3 * found.elsewhere_sigma_px < 0.9
+    assert moved.fit(first, second) == EpipolarDrift(found.drift_px, found.noise_px, found.sigma_px)
+    fits = EpipolarPair(left, right).fit(first, second, moved.slopes_px(everywhere))
+    assert fits.elsewhere_px is not None and fits.elsewhere_px < 0.4

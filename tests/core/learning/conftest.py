@@ -9,5 +9,7 @@ from core.jobs.threads import one_torch_thread
 
 @pytest.fixture(autouse=True, scope="session")
 def _one_thread() -> Iterator[None]:
+    import torch  # noqa: F401  # also where the one file that is run does not
+
     with one_torch_thread():
         yield

@@ -6,8 +6,8 @@ import pytest
 
 from core.errors import RecordingError
 from core.events import Events, SensorSize
-from core.recordings import RecordingWriter
-from core.recordings.board_pictures import read_board_pictures, spread_evenly
+from core.recordings import RecordingWriter, open_recording
+from core.recordings.board_pictures import newest_blink, read_board_pictures, spread_evenly
 
 SENSOR = SensorSize(64, 48)
 
@@ -45,6 +45,16 @@ def test_events_of_a_blinking_board_become_pictures_of_its_bright_parts(tmp_path
     assert len(pictures) == 2
     for picture in pictures:
         assert picture.grey[:, :30].mean() > 200 and picture.grey[:, 34:].mean() < 20
+
+
+def test_the_newest_blink_is_that_of_the_last_second_and_noise_is_none(tmp_path: Path) -> None:
+    with open_recording(blinking(tmp_path / "blink.h5")) as recording:
+        stream = recording.cameras["left"]
+        for t_us, over_us in ((200_000, 1_000_000), (400_000, 200_000)):
+            grey = newest_blink(stream, t_us, over_us=over_us)
+            assert grey is not None and grey[:, :30].mean() > 200 and grey[:, 34:].mean() < 20
+        assert newest_blink(stream, 90_000) is None and newest_blink(stream, 290_000, over_us=150_000) is None
+        assert newest_blink(stream, 0) is None and newest_blink(stream, 3_000) is None
 
 
 def test_frames_go_before_events_and_a_camera_can_be_chosen(tmp_path: Path) -> None:

@@ -8,20 +8,22 @@ from typing import Final
 import numpy as np
 
 from app import theme
-from app.modes.watch.figures import figures_html
+from app.modes.watch.figures import coloured, figures_html, muted
 from app.words.file_text import html_text
+from core.rally.live.robot_step_test import StepTestReport
 from core.rally.robot import RobotLimits, RobotStatus
 
 PARTIES: Final = {"robot": "the robot itself", "rallyscope": "Rallyscope"}
 
 
-def robot_html(status: RobotStatus) -> str:
-    """Whether it is there and may be sent to, where it is, what it may do, and what was refused."""
+def robot_html(status: RobotStatus, test: StepTestReport) -> str:
+    """Whether it is there and may be sent to, where it is, what it may do, how late it is, and what was refused."""
     rows = [("Robot", _connection(status)), ("Plays", _plays(status))]
     if status.state is not None and status.connection != "lost":
         rows.append(("Racket", _pose(status)))
     if status.limits is not None:
         rows.append(("Limits", limits_words(status.limits)))
+    rows.append(("Late by", _late(test)))
     counts = status.counts
     if counts.sent or counts.kept_back:
         said = f"{counts.taken:,} taken"
@@ -30,14 +32,14 @@ def robot_html(status: RobotStatus) -> str:
         said += f", {counts.kept_back:,} kept back: too late, or outside of its limits" if counts.kept_back else ""
         rows.append(("Targets", said))
     if status.last_refusal:
-        rows.append(("Last refusal", _coloured(theme.MUTED, html_text(status.last_refusal))))
+        rows.append(("Last refusal", muted(html_text(status.last_refusal))))
     troubles = [
         f"{count:,} x {name}"
         for name, count in (("lost", counts.lost), ("slow", counts.slow), ("clock jumped", counts.clock_jumps))
         if count
     ]
     if troubles:
-        rows.append(("Until now", _coloured(theme.MUTED, ", ".join(troubles))))
+        rows.append(("Until now", muted(", ".join(troubles))))
     return figures_html(rows)
 
 
@@ -56,22 +58,38 @@ def _connection(status: RobotStatus) -> str:
     where = html_text(status.name or status.address)
     if status.connection != "ready":
         colour = theme.WARN if status.connection in ("awaited", "clock") and not status.counts.lost else theme.BAD
-        return _coloured(colour, f"{where}: {html_text(status.problem)}. Nothing is sent to it")
+        return coloured(colour, f"{where}: {html_text(status.problem)}. Nothing is sent to it")
     known = "" if status.clock is None else f", its clock known to {status.clock.within_us / 1e3:.1f} ms"
     trip = "" if status.round_trip_ms is None else f", answers in {status.round_trip_ms:.1f} ms"
-    return _coloured(theme.GOOD, f"{where}, connected{trip}{known}")
+    return coloured(theme.GOOD, f"{where}, connected{trip}{known}")
 
 
 def _plays(status: RobotStatus) -> str:
     if status.stop is None and status.connection != "ready":
-        return _coloured(theme.MUTED, "not now; by itself when it is back")
+        return muted("not now; by itself when it is back")
     if status.stop is None:
-        return _coloured(theme.GOOD, "yes: it is sent to the balls")
+        return coloured(theme.GOOD, "yes: it is sent to the balls")
     said = f"no, stopped by {PARTIES[status.stop.by]}: {html_text(status.stop.reason)}"
     state = status.state
     if state is not None and state.stopped == "robot" and state.reason != status.stop.reason:
         said += f". The robot itself: {html_text(state.reason)}"
-    return _coloured(theme.WARN, said)
+    return coloured(theme.WARN, said)
+
+
+def _late(test: StepTestReport) -> str:
+    found = test.found
+    if test.running:
+        return coloured(theme.WARN, f"being measured, {100 * test.done:.0f} %: it moves to the side and back")
+    if found is None:
+        said = "not known: Step test measures it, while no ball flies"
+    else:
+        mean_ms = round(1e3 * found.mean_s, 1) + 0.0
+        said = f"{mean_ms:.1f} &plusmn; {1e3 * found.sigma_s:.1f} ms, {1e3 * found.jitter_s:.1f} ms from one "
+        said += f"of {found.steps} steps to another" + (": sent so much earlier" if mean_ms > 0 else "")
+    said = coloured(theme.MUTED if found is None else theme.GOOD, said)
+    if test.problem:
+        said += f"<br>{coloured(theme.WARN, f'The last test was broken off: {html_text(test.problem)}')}"
+    return said
 
 
 def _pose(status: RobotStatus) -> str:
@@ -79,7 +97,3 @@ def _pose(status: RobotStatus) -> str:
     x, y, z = status.state.p_m
     speed = float(np.linalg.norm(status.state.v_mps))
     return f"x {x:+.3f}, y {y:+.3f}, z {z:+.3f} m, {speed:.2f} m/s"
-
-
-def _coloured(colour: str, text: str) -> str:
-    return f"<span style='color:{colour}'>{text}</span>"

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from app import theme
-from app.modes.watch.figures import figures_html
+from app.modes.watch.figures import figures_html, muted
 from app.state.table_clicks import CORNER_NAMES, TableClicks
 from app.words.file_text import html_text
 from core.cameras import Camera
@@ -56,7 +55,7 @@ def corner_option(corner: str) -> str:
 
 def _pose(pose: TablePose | str) -> str:
     if isinstance(pose, str):
-        return f"<span style='color:{theme.MUTED}'>{html_text(pose)}</span>"
+        return muted(html_text(pose))
     worst = max(range(len(pose.names)), key=lambda row: pose.errors_px[row])
     where = ", ".join(f"{value:+.2f}" for value in pose.camera.position_world_m)
     said = f"{pose.rms_px:.1f} px off, most {pose.names[worst]} ({pose.errors_px[worst]:.1f} px)"

@@ -7,6 +7,7 @@ from app.modes.train.curves import (
     FEWEST,
     MOST_POINTS,
     curves_of,
+    interval_curves,
     mean_curve,
     on_axis,
     points_on_axis,
@@ -14,8 +15,22 @@ from app.modes.train.curves import (
     shared_axis,
 )
 from app.shared.training.metrics import COLUMNS, Metrics
+from core.learning.runs.summary import spread_of
 
 NAN = float("nan")
+
+
+def test_the_band_is_students_t_over_the_seeds_that_have_come_so_far() -> None:
+    rng = np.random.default_rng(1)
+    curves = [rng.normal(size=length) for length in (30, 20, 30, 10)]
+    curves[2][5] = NAN
+    low, high = interval_curves(curves)
+    for k in (0, 5, 9, 10, 19, 20, 29):
+        values = [float(curve[k]) for curve in curves if k < len(curve)]
+        spread = spread_of(values)
+        assert (low[k], high[k]) == pytest.approx((spread.low, spread.high))
+    alone = interval_curves([curves[0], curves[3]])
+    assert np.isfinite(alone[0][:10]).all() and np.isnan(alone[0][10:]).all() and np.isnan(alone[1][10:]).all()
 
 
 def test_a_rolling_mean_is_the_mean_of_the_last_ones_that_are_known() -> None:

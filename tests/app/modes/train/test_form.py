@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from app.modes.train.form import MAIN, agent_defaults, form_specs, run_of_form, value_shown
+from app.modes.train.form import MAIN, NOT_HERE, agent_defaults, form_specs, run_of_form, value_shown
 from app.modes.train.presets import PRESETS, Preset, startable_run
 from core.config import field_specs, get_setting
 from core.errors import ConfigError
@@ -37,10 +37,10 @@ def test_a_form_is_a_run() -> None:
     )
 
 
-def test_every_field_of_a_run_but_the_task_is_in_the_form_once() -> None:
+def test_every_field_of_a_run_but_the_task_and_files_is_in_the_form_once() -> None:
     paths = [spec.path for spec in form_specs()]
     assert len(paths) == len(set(paths)) and tuple(paths[: len(MAIN)]) == MAIN
-    assert set(paths) == {s.path for s in field_specs(RunConfig) if s.path[:2] != ("environment", "task")}
+    assert set(paths) == {s.path for s in field_specs(RunConfig) if s.path[:2] not in NOT_HERE}
 
 
 @pytest.mark.parametrize("preset", PRESETS.values(), ids=lambda preset: preset.slug)

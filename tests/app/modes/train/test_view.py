@@ -1,9 +1,12 @@
 """What a browser is shown of the runs."""
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
 
+from app.modes.train.charts_panel import _curve_series, chart_columns
 from app.modes.train.curves import CURVES
 from app.modes.train.plan_view import (
     FLOOR_RGB,
@@ -60,6 +63,14 @@ def test_charts_are_aligned_and_hold_the_mean_of_the_seeds(viewer: RunsViewer) -
         assert set(curves) == set(CURVES) and all(len(curve) == 40 for curve in curves.values())
     assert len(charts.compared) == COMPARED
     assert np.isfinite(charts.seeds_mean["reward"][10:]).all()
+    for name in ("returned", "error_mm", "reward"):
+        mean = charts.seeds_mean[name][10:]
+        assert (charts.seeds_low[name][10:] <= mean).all() and (mean <= charts.seeds_high[name][10:]).all()
+    (other,) = charts.seeds  # thin, beside the newest seed's
+    assert other["reward"] == pytest.approx(2 * charts.seeds_mean["reward"] - charts.run["reward"], nan_ok=True)
+    for seeds in (0, 1, 7):  # as many lines as there are curves
+        shown = dataclasses.replace(charts, seeds=charts.seeds * seeds)
+        assert len(_curve_series(seeds)) == 1 + len(chart_columns(shown)["error_mm"])
     assert np.isnan(charts.compared[0]["reward"]).all()
     assert np.count_nonzero(np.isfinite(charts.evaluated["returned"])) == 10
 

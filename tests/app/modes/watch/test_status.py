@@ -8,7 +8,7 @@ import pytest
 
 from app import theme
 from app.modes.watch.learned_words import learned_words
-from app.modes.watch.missed_panel import missed_html
+from app.modes.watch.missed.missed_panel import missed_html
 from app.modes.watch.status import live_html, moment_html
 from core.rally.history.missed_balls import MissedBall
 from core.rally.history.rally_history import RallyHistory, RallyMoment, RallyStep, ShownPrediction
@@ -30,13 +30,14 @@ def state(**more) -> WorldState:
 def snapshot() -> SimpleNamespace:
     span = SimpleNamespace(p50_ms=0.2, p99_ms=1.0)
     health = SimpleNamespace(state_hz=400.0, step=span, window_to_sent=span, blocks_dropped=0)
-    return SimpleNamespace(health=health, controller="built-in", problem="")
+    return SimpleNamespace(health=health, controller="built-in", problem="", learned=None)
 
 
 def test_what_was_learned_of_air_and_table_is_said_once_there_was_a_ball(snapshot) -> None:
     assert "Air and table" not in live_html(snapshot, state(), "connected")
     nothing = nothing_learned(FilterConfig(perhaps_real=True))
-    said = live_html(snapshot, state(), "connected", learned=nothing)
+    snapshot.learned = nothing
+    said = live_html(snapshot, state(), "connected")
     assert "Air and table" in said and "nothing is told" in said
     means, sigmas = np.array([0.451, 0.912, 0.233]), np.array([0.04, 0.01, 0.03])
     one = replace(nothing, means=means, variances=sigmas**2, air=0.98, balls=1)

@@ -11,6 +11,7 @@ from core.bench.learning import runs as learning_runs
 from core.bench.learning.beyond import event_cameras
 from core.bench.learning.event_runs import PlayedSeed, load_event_seeds, play_event_seed
 from core.bench.learning.plan import EXPLORATIONS, RIVALS, Counts, counts_of, plan, rival_training
+from core.bench.learning.real_balls import real_experiments
 from core.bench.learning.targets import TARGETS
 from core.bench.learning.verdicts import CLAIMS
 from core.jobs import ALONE
@@ -27,7 +28,8 @@ def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monke
     first = bench_learning.run(shares.append, **where)  # type: ignore[arg-type]
     assert shares == sorted(shares) and shares[-1] == pytest.approx(1)
     rows = first["rows"]
-    assert isinstance(rows, list) and [row["training"] for row in rows] == [e.name for e in wanted]
+    every = (*wanted, *real_experiments(TINY, None))
+    assert isinstance(rows, list) and [row["training"] for row in rows] == [e.name for e in every]
     text = (tmp_path / "docs" / "report.md").read_text()
     for heading in (
         "three rewards",
@@ -36,6 +38,8 @@ def test_the_bench_makes_a_report_and_does_not_train_twice(tmp_path: Path, monke
         "Beyond",
         "Without learning",
         "figure that is missed",
+        "Real balls",
+        "What limits slow serves",
     ):
         assert heading in text
     for chart in sorted((tmp_path / "docs" / "images").glob("learning-*.svg")):

@@ -1,6 +1,7 @@
 """Both agents learn, repeat, and go on from a checkpoint as if nothing had happened."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -126,6 +127,23 @@ def test_the_line_where_a_stage_starts_tells_what_became_of_the_buffer() -> None
     returned = sum(line["case"] == 4 for line in lines[:45])
     assert lines[45]["kept"] == returned and lines[45]["dropped"] == 45 - returned
     assert lines[45]["buffer"] == returned + 1
+    counts = {
+        str(case): sum(line["case"] == case for line in lines[:45]) for case in {line["case"] for line in lines[:45]}
+    }
+    assert lines[45]["kept_cases"] == {case: [n, 0] if case == "4" else [0, n] for case, n in counts.items()}
+
+
+def test_what_a_stage_kept_is_not_forgotten_by_a_checkpoint() -> None:
+    training = Training(short_run("ddpg"), 0)
+    for _ in range(45):
+        training.play_episode()
+    arrays, about = training.to_checkpoint()
+    again = Training.from_checkpoint(short_run("ddpg"), 0, arrays, json.loads(json.dumps(about)))
+    line = training.play_episode()
+    assert "kept_cases" in line and again.play_episode() == line
+    del about["kept_cases"]  # as an earlier version wrote it
+    before = Training.from_checkpoint(short_run("ddpg"), 0, arrays, json.loads(json.dumps(about))).play_episode()
+    assert "kept_cases" not in before and before["kept"] == line["kept"]
 
 
 @pytest.mark.parametrize("agent", ["ddpg", "landing-model"])

@@ -65,3 +65,25 @@ def test_a_ball_that_flies_backwards_gives_finite_numbers() -> None:
     decoded = FlightHead().decode(outputs, balls_at(np.array([[-1.42, 0.0, -0.5]])))
     assert decoded.isfinite().all()
     assert torch.autograd.grad(decoded.sum(), outputs)[0].isfinite().all()
+
+
+def test_what_is_told_of_a_spinning_ball_is_the_simulator_s_law() -> None:
+    """With its true restitution and grip the head reflects a ball of any spin as the simulator does."""
+    rng = np.random.default_rng(0)
+    count, task = 40, TaskConfig()
+    p, v = np.tile([-1.42, 0.1, 0.3], (count, 1)), rng.normal((-4, 0, -0.5), 0.3, (count, 3))
+    spin, actions = rng.uniform(-150, 150, (count, 3)), rng.uniform(-1, 1, (count, 3))
+    states = np.concatenate([p, v, spin], axis=1)
+    legal, t_s = np.ones(count, np.bool_), np.ones(count)
+    arrivals = Arrivals(legal, t_s, states, t_s, states)
+    outcomes = return_balls(arrivals, strokes_from_actions(actions, 1.0, task.stroke), task)
+    rubber = task.physics.rubber
+    outputs = np.zeros((count, 5))
+    outputs[:, 0] = (rubber.restitution - RESTITUTION[0]) / RESTITUTION[1]
+    outputs[:, 1] = (0.4 - GRIP[0]) / GRIP[1]  # a shell whose contact point sticks
+    known = np.concatenate([states, np.zeros((count, 3))], axis=1)
+    balls = Balls(*(torch.tensor(a, dtype=torch.float64) for a in (known, np.ones((count, 1)), actions)))
+    head = ImpactHead(task.stroke)
+    head._base = head._base.double()
+    found = head.decode(torch.tensor(outputs), balls).numpy()
+    np.testing.assert_allclose(found[:, :2], outcomes.landings_m, atol=1e-6)

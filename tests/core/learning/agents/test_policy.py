@@ -75,3 +75,37 @@ def test_no_file_and_no_safetensors_are_told(tmp_path: Path) -> None:
     for name in ("junk", "absent"):
         with pytest.raises(ConfigError, match="cannot read the policy"):
             read_policy(tmp_path / name)
+
+
+def with_spin() -> Policy:
+    rng = np.random.default_rng(0)
+    layer = rng.normal(size=(14, 3)).astype(np.float32), np.zeros(3, np.float32)
+    table = np.array([1.9, 4.1], np.float32), np.array([3.0, 1.0], np.float32)
+    return Policy((layer,), "relu", "tanh", False, *table, "spin")
+
+
+def test_a_policy_says_which_states_it_needs_and_plays_no_others(tmp_path: Path) -> None:
+    save_policy(with_spin(), tmp_path / "spin")
+    save_policy(a_policy(), tmp_path / "plain")
+    assert (read_policy(tmp_path / "spin").state, read_policy(tmp_path / "plain").state) == ("spin", "plain")
+    state, goal = np.array([-1.42, 0.1, 0.3, -4.0, 0.0, 1.0]), [0.7, 0.2]
+    known = np.concatenate([state, [10.0, -150.0, 5.0, 1.0, 1.0, 1.0]])
+    assert np.abs(with_spin().act(known, goal)).max() <= 1
+    for policy, wrong in ((with_spin(), state), (a_policy(), known)):
+        with pytest.raises(ConfigError, match=f"states of the kind {policy.state}"):
+            policy.act(wrong, goal)
+
+
+def test_the_spin_and_its_uncertainty_turn_the_racket() -> None:
+    base = np.array([-1.42, 0.1, 0.3, -4.0, 0.0, 1.0, 0.0, -120.0, 0.0, 0.0, 0.0, 0.0])
+    actions = [with_spin().act(base + 5 * np.eye(12)[k], [0.7, 0.2]) for k in range(6, 12)]
+    assert all(np.abs(action - with_spin().act(base, [0.7, 0.2])).max() > 1e-4 for action in actions)
+
+
+def test_a_file_for_states_of_an_unknown_kind_is_refused(tmp_path: Path) -> None:
+    about = {"format": FORMAT, "hidden": "relu", "output": "tanh", "sees_racket_speed": False, "state": "touch"}
+    layer: dict[str, np.ndarray] = {"weight_0": np.zeros((8, 3), np.float32), "bias_0": np.zeros(3, np.float32)}
+    table = {"incoming_mps": np.ones(1, np.float32), "racket_mps": np.ones(1, np.float32)}
+    save_file({**layer, **table}, tmp_path / "odd", {"about": json.dumps(about)})
+    with pytest.raises(ConfigError, match="states of another kind"):
+        read_policy(tmp_path / "odd")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.learning.agents.replay import COLUMNS, ReplayBuffer, ReplayStart, start_stage
+from core.learning.agents.replay import COLUMNS, ReplayBuffer, start_stage
 from core.learning.config import CurriculumConfig, ReplayRule
 
 REWARDS = [-1.0, 0.0, 1.0, 0.9, 3.5, -0.2]
@@ -21,7 +21,8 @@ def filled() -> ReplayBuffer:
 def test_a_stage_starts_with_what_its_rule_keeps(rule: ReplayRule, rows: list[int]) -> None:
     buffer = filled()
     kept = start_stage(buffer, CurriculumConfig(replay=rule))
-    assert kept == ReplayStart(len(rows), len(REWARDS) - len(rows))
+    assert (kept.kept, kept.dropped) == (len(rows), len(REWARDS) - len(rows))
+    assert kept.cases == tuple((i, int(i in rows), int(i not in rows)) for i in range(len(REWARDS)))  # a case each
     np.testing.assert_array_equal(buffer.column("state")[:, 3], rows)
     np.testing.assert_array_equal(buffer.column("reward")[:, 0], np.float32([REWARDS[i] for i in rows]))
 

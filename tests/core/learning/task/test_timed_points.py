@@ -57,6 +57,21 @@ def test_nothing_that_happens_after_the_decision_changes_what_is_known() -> None
     assert (again.decided_t_s < balls.arrivals.t_s - 0.035).all()
 
 
+def test_every_ball_has_a_racket_speed_of_its_own() -> None:
+    """Recorded balls arrive at all speeds: each is watched with its own racket, not with that of the first."""
+    config = timed(lead_ms=10.0)  # so late that the racket cannot make up for what is new
+    balls = dealt(config)
+
+    def aims(speeds_mps: object) -> np.ndarray:
+        rng = np.random.default_rng(8)
+        return observe_in_time(balls.serves, balls.arrivals, config, speeds_mps, rng).aim_ps_m  # type: ignore[arg-type]
+
+    slow, fast, each = aims(0.5), aims(4.5), aims(np.where(np.arange(12) % 2, 4.5, 0.5))
+    assert not np.array_equal(slow[1::2], fast[1::2])
+    np.testing.assert_array_equal(each[::2], slow[::2])
+    np.testing.assert_array_equal(each[1::2], fast[1::2])
+
+
 def test_a_decision_before_the_bounce_is_predicted_through_it() -> None:
     early = dealt(timed(lead_ms=200.0), count=30)
     assert early.turn_s is not None and early.aim_t_s is not None

@@ -103,3 +103,22 @@ def test_the_real_chain_with_a_wrong_calibration_rings_and_with_the_right_one_do
     assert wrong.report.alarm and not right.report.alarm
     assert wrong.report.drift is not None and right.report.drift is not None
     assert wrong.report.drift.drift_px > 0.9 and right.report.drift.drift_px < 0.2
+
+
+def test_a_reading_that_is_not_sure_rings_no_alarm_and_cameras_without_a_table_are_watched_too() -> None:
+    unsure = CalibrationDriftConfig(sure_sigmas=10.0)
+    rng = np.random.default_rng(1)
+    monitor = CalibrationDrift(turn_second(PAIR, 0.7, rng), unsure)
+    feed_serves(monitor, PAIR, 6, rng)
+    assert monitor.report.drift is not None and monitor.report.drift.drift_px > unsure.alarm_px
+    assert not monitor.report.alarm
+
+    def elsewhere(camera: Camera) -> Camera:
+        """In a frame whose table is not where the balls are."""
+        return replace(camera, T_world_camera=make_transform(np.eye(3), (50.0, 0, 0)) @ camera.T_world_camera)
+
+    rng = np.random.default_rng(2)
+    moved = {name: elsewhere(one) for name, one in turn_second(PAIR, 1.0, rng).items()}
+    monitor = CalibrationDrift(moved)
+    feed_serves(monitor, PAIR, 6, rng)
+    assert monitor.report.alarm and monitor.report.drift is not None and monitor.report.drift.elsewhere_px is None

@@ -95,3 +95,30 @@ def test_a_run_folder_plays_balls_through_perception(tmp_path: Path) -> None:
         loop.close()
     assert all(ball.returned for ball in balls)
     assert all(ball.decisions[-1].action[1] == pytest.approx(FACE_UP_DEG / 15) for ball in balls)
+
+
+def spin_policy() -> Policy:
+    rng = np.random.default_rng(2)
+    layer = rng.normal(size=(14, 3)).astype(np.float32), rng.normal(size=3).astype(np.float32)
+    table = np.array([2.0, 4.1], np.float32), np.array([3.0, 1.0], np.float32)
+    return Policy((layer,), "relu", "tanh", False, *table, "spin")
+
+
+def test_a_policy_that_was_trained_with_spin_uses_it_and_answers_no_ball_without() -> None:
+    controller = PolicyController(spin_policy(), TaskConfig(), (0.7, 0.2))
+    assert controller.needs_spin and not PolicyController(random_policy(), TaskConfig(), (0.7, 0.2)).needs_spin
+    spin, sigma = np.array([10.0, -140.0, 20.0]), np.array([4.0, 5.0, 6.0])
+    told = {"stage": "post", "spin_radps": spin, "spin_sigma_radps": sigma}
+    command = controller.decide(0.6, STATE[:3], STATE[3:], **told)  # type: ignore[arg-type]
+    assert command is not None
+    expected = spin_policy().act(np.concatenate([STATE, spin, sigma]), (0.7, 0.2))
+    np.testing.assert_array_equal(command.action, expected)
+    np.testing.assert_array_equal(command.state, STATE)
+    assert controller.decide(0.6, STATE[:3], STATE[3:], stage="post") is None
+
+
+def test_a_policy_of_another_kind_than_its_run_is_refused(tmp_path: Path) -> None:
+    create_run(tmp_path / "run", RunConfig())
+    save_policy(spin_policy(), seed_files(tmp_path / "run", 0).policy)
+    with pytest.raises(ConfigError, match="other states than its run has"):
+        load_controller(tmp_path / "run")

@@ -71,6 +71,26 @@ def test_an_unknown_key_is_told_that_it_does_not_fit(guarded: Guarded, tmp_path:
         SimulationClient(guarded.address, keys=stranger, timeout_s=2.0)
 
 
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("with_key", [True, False])
+def test_who_is_refused_before_he_has_asked_does_not_wait_for_ever(
+    with_key: bool, guarded: Guarded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connect = zmq.Socket.connect
+
+    def connect_slowly(socket: zmq.Socket, address: str) -> None:
+        connect(socket, address)
+        until = time.monotonic() + 20.0
+        while address.startswith("tcp") and socket.poll(0, zmq.POLLOUT) and time.monotonic() < until:
+            time.sleep(0.02)
+
+    _, elsewhere = make_keys(tmp_path)
+    stranger = ClientKeys(read_client_keys(elsewhere).own, guarded.ours.server)
+    monkeypatch.setattr(zmq.Socket, "connect", connect_slowly)
+    with pytest.raises(RefusedError, match="its keys and ours do not fit"):
+        SimulationClient(guarded.address, keys=stranger if with_key else None, timeout_s=2.0)
+
+
 def test_a_server_with_another_key_than_the_known_one_is_not_talked_to(guarded: Guarded, tmp_path: Path) -> None:
     _, elsewhere = make_keys(tmp_path)
     mistaken = ClientKeys(guarded.ours.own, read_client_keys(elsewhere).server)

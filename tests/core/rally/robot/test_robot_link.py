@@ -17,19 +17,13 @@ from hypothesis import strategies as st
 
 from core.errors import LinkError, NoAnswerError, TargetRefusedError
 from core.rally.link.keys import make_keys, read_client_keys, read_server_keys
-from core.rally.robot import RobotClient, RobotLimits, RobotServer, RobotTarget, RobotWatchConfig
+from core.rally.robot import RobotClient, RobotServer, RobotTarget, RobotWatchConfig
 from core.rally.robot.motion_check import FaceMotion, find_fault
 from core.rally.robot.robot_client import host_us
 from core.rally.robot.robot_messages import TO_ROBOT, HelloRobot, PingRobot, StartRobot, decode_robot, encode_robot
+from tests.core.rally.robot.limits import LIMITS
 
 PATIENCE_S = 60.0
-LIMITS = RobotLimits(
-    low_m=(-2.2, -1.0, 0.02),
-    high_m=(-1.0, 1.0, 0.9),
-    max_speed_mps=5.0,
-    max_acceleration_mps2=80.0,
-    max_turn_rate_radps=20.0,
-)
 HOME, UPRIGHT, STILL = (-1.6, 0.0, 0.25), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 STROKE = (-1.42, 0.1, 0.3), UPRIGHT, (2.0, 0.0, 0.0)
 PATIENT = RobotWatchConfig(lost_ms=2000.0, slow_ms=1000.0)

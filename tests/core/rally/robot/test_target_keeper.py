@@ -6,16 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.rally.robot.motion_check import FaceMotion
-from core.rally.robot.robot_messages import RobotLimits, RobotTarget
+from core.rally.robot.robot_messages import RobotTarget
 from core.rally.robot.target_keeper import AHEAD_US, FOLLOW_US, OLDEST_US, SILENT_US, TargetKeeper
+from tests.core.rally.robot.limits import LIMITS
 
-LIMITS = RobotLimits(
-    low_m=(-2.2, -1.0, 0.02),
-    high_m=(-1.0, 1.0, 0.9),
-    max_speed_mps=5.0,
-    max_acceleration_mps2=80.0,
-    max_turn_rate_radps=20.0,
-)
 REST = FaceMotion.of((-1.6, 0.0, 0.25), (1, 0, 0, 0), (0, 0, 0))
 
 

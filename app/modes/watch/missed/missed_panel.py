@@ -7,7 +7,7 @@ from typing import Final
 
 import viser
 
-from app import theme
+from app.modes.watch.figures import muted
 from app.state.client_state import ModeName
 from app.widgets import when_clicked
 from app.words.file_text import html_text
@@ -48,5 +48,5 @@ def missed_html(missed: MissedBall, *, copies: bool) -> str:
         text = "the ball did not come back; the cameras saw it up to the racket"
     text = f"<b>{missed.t_us / 1e6:.3f} s</b>: {text}."
     if copies:
-        text += f"<br><span style='color:{theme.MUTED}'>What is remembered since becomes a recording.</span>"
+        text += "<br>" + muted("What is remembered since becomes a recording.")
     return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{text}</div>"

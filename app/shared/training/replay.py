@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from core.errors import ConfigError
 from core.learning.agents.policy import Policy
 from core.learning.config import EnvironmentConfig
+from core.learning.task.environment import racket_speeds_of
+from core.learning.task.normalise import STATE_SIZES
 from core.physics.episode import Case, Outcomes, Serves, Strokes, strokes_from_actions
 from core.physics.rotation import base_orientation
 from core.rally.history.rally_picture import LandingSpot, Pose, RallyPicture
@@ -29,6 +31,7 @@ TRAIL_POINTS: Final = 48
 AFTER_LANDING_S: Final = 0.45
 """How long a ball is still shown after it came down."""
 LONGEST_S: Final = 3.0
+STATE_SHAPES: Final = tuple((size,) for size in STATE_SIZES.values())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,9 +43,9 @@ class Ball:
     goal_m: Array
     """(2,)."""
     state: Array | None
-    """(6,) as perceived; None if nothing was."""
+    """(6,) as perceived, with spin (12,); None if nothing was."""
     action: Array
-    """(3,) with the noise of the exploration."""
+    """(3,), or with the racket's speed (4,), with the noise of the exploration."""
     racket_speed_mps: float
     aim_m: Array | None
     aim_t_s: float | None
@@ -90,12 +93,12 @@ def ball_of_line(line: dict[str, object]) -> Ball | None:
         aim = None if line.get("aim_m") is None else _vector(line["aim_m"], 3)
         aim_t = line.get("aim_t_s")
         state = np.array([math.nan if v is None else v for v in line["state"]], np.float64)  # type: ignore[union-attr]
-        known = state.shape == (6,) and bool(np.isfinite(state).all())
+        known = state.shape in STATE_SHAPES and bool(np.isfinite(state).all())
         return Ball(
             serve=_vector(line["serve"], 9),
             goal_m=_vector(line["goal_m"], 2),
             state=state if known else None,
-            action=_vector(line["action"], 3),
+            action=_vector(line["action"], 3, 4),
             racket_speed_mps=float(line["racket_speed_mps"]),  # type: ignore[arg-type]
             aim_m=aim,
             aim_t_s=float(aim_t) if isinstance(aim_t, (int, float)) else None,
@@ -134,8 +137,8 @@ def replay_ball(ball: Ball, environment: EnvironmentConfig, policy: Policy | Non
 def _strokes(ball: Ball, action: Array, environment: EnvironmentConfig) -> Strokes:
     aimed = ball.aim_m is not None and ball.aim_t_s is not None
     return strokes_from_actions(
-        action[None],
-        np.array([ball.racket_speed_mps]),
+        action[None, :3],
+        racket_speeds_of(action[None], np.array([ball.racket_speed_mps])),
         environment.task.stroke,
         aim_ps_m=ball.aim_m[None] if aimed and ball.aim_m is not None else None,
         aim_t_s=np.array([ball.aim_t_s]) if aimed else None,
@@ -165,8 +168,8 @@ def _rackets(
     return tuple(poses), None if target is None else Pose(target.p_m, target.q_wxyz)
 
 
-def _vector(values: object, length: int) -> Array:
+def _vector(values: object, *lengths: int) -> Array:
     vector = np.array(values, np.float64)
-    if vector.shape != (length,) or not np.isfinite(vector).all():
-        raise ValueError(f"not {length} numbers")
+    if vector.ndim != 1 or len(vector) not in lengths or not np.isfinite(vector).all():
+        raise ValueError(f"not {lengths[0]} numbers")
     return vector

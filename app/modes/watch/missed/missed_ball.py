@@ -7,7 +7,7 @@ from typing import Final
 from app.background.worker import LatestWins
 from app.modes.live_copy import LiveCopy
 from app.modes.mode import ModeHost
-from app.modes.watch.missed_panel import MissedPanel
+from app.modes.watch.missed.missed_panel import MissedPanel
 from app.state.client_state import ModeName
 from app.state.commands import LookInto
 from core.rally.history.missed_balls import MissedBall, MissedBallRequest

@@ -1,0 +1,223 @@
+"""A film of a whole training: every tenth ball in order, from the first misses to the last, drawn without a browser."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from app.export.film_file import film_file
+from app.export.scenes.drawn_scene import SceneDrawing
+from app.export.unfinished import Cancelled, Progress, check_cancelled
+from app.scene.landing import CASE_NAMES, CASE_RGB, REACH_M, SPOTS
+from app.scene.viewpoints import standpoint
+from app.shared.training.replay import AFTER_LANDING_S, Replay, ball_of_line, replay_ball
+from core.errors import CommandError
+from core.events import SensorSize
+from core.learning.runs.run_files import read_lines, read_run, seed_files
+from core.physics.episode import Case
+from core.rally.history.rally_picture import LandingSpot
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+SIZE: Final = SensorSize(1280, 720)
+FRAMES_PER_S: Final = 25.0
+"""Balls fly at their real speed."""
+EVERY: Final = 10
+"""Of so many balls one is shown, and the last;"""
+MOST_BALLS: Final = 300
+"""of a long training every 20th, 30th ..., so that there are no more than about these: ten minutes of film."""
+WINDOW: Final = 25
+"""Balls that the figures are over, as those of the curves in Train."""
+CHART_PX: Final = (500, 130)
+MARGIN_PX: Final = 18
+WORDS_PX: Final = (470, 164)
+"""The upper left corner, darker: there the words stand."""
+CHART_TOP_MM: Final = 800.0
+TEXT_RGB: Final = (228, 230, 234)
+MUTED_RGB: Final = (150, 154, 162)
+PANEL_RGB: Final = (28, 30, 36)
+ERROR_RGB: Final = (255, 140, 40)
+RETURNED_RGB: Final = CASE_RGB[Case.RETURNED]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilmedBalls:
+    """The episodes of one seed, as far as a film tells of them; NaN for what is not known."""
+
+    lines: tuple[dict[str, object], ...]
+    cases: Array
+    """(N,)."""
+    landings_m: Array
+    """(N, 2)."""
+    errors_mm: Array
+    """(N,) of the balls that the racket met."""
+
+    def before(self, count: int) -> tuple[float, float]:
+        """Share that came back, and mean error in mm, of the last `WINDOW` of the first `count` balls."""
+        part = slice(max(0, count - WINDOW), count)
+        known = self.errors_mm[part][np.isfinite(self.errors_mm[part])]
+        share = float((self.cases[part] == Case.RETURNED).mean()) if count else math.nan
+        return share, float(known.mean()) if len(known) else math.nan
+
+    def spots(self, count: int) -> tuple[LandingSpot, ...]:
+        """Where the first `count` balls came down, the newest of them."""
+        known = np.flatnonzero(
+            np.isfinite(self.landings_m[:count]).all(axis=1)
+            & (np.abs(np.nan_to_num(self.landings_m[:count])).max(axis=1, initial=0.0) < REACH_M)
+        )[-SPOTS:]
+        return tuple(
+            LandingSpot(float(self.landings_m[k, 0]), float(self.landings_m[k, 1]), Case(int(self.cases[k])))
+            for k in known
+            if self.cases[k] in set(Case)
+        )
+
+
+def shown_balls(count: int) -> tuple[int, ...]:
+    """Which of `count` balls are shown, counted from 0: every tenth from the first on, and the last."""
+    step = EVERY * max(1, math.ceil(count / EVERY / MOST_BALLS))
+    return tuple(sorted({*range(0, count, step), count - 1})) if count else ()
+
+
+def read_filmed_balls(run: Path, seed: int) -> FilmedBalls:
+    """What a seed has played so far.
+
+    Raises:
+        CommandError: if that is nothing.
+        ConfigError: if a line is broken.
+    """
+    lines, _ = read_lines(seed_files(run, seed).metrics)
+    if not lines:
+        raise CommandError("no ball to film", where=f"{run.name}, seed {seed}", remedy="train it first")
+    landings = [line.get("landing_m") for line in lines]
+    return FilmedBalls(
+        tuple(lines),
+        np.array([_number(line.get("case")) for line in lines]),
+        np.array([[_number(v) for v in p] if isinstance(p, list) and len(p) == 2 else [np.nan] * 2 for p in landings]),
+        np.array([_number(line.get("error_mm")) for line in lines]),
+    )
+
+
+def export_training_film(
+    run: Path,
+    path: Path,
+    *,
+    seed: int | None = None,
+    overwrite: bool = False,
+    progress: Progress = lambda share: None,
+    cancelled: Cancelled = lambda: False,
+) -> Path:
+    """Write the film of a seed (the run's first by default) as far as it is trained: H.264, 25 frames a second.
+
+    Raises:
+        ConfigError: if there is no such run, or its lines are broken.
+        CommandError: if it has played no ball, or the file exists and `overwrite` is not set, or cannot be written.
+        ExportCancelledError: if `cancelled` said so; there is no file then.
+    """
+    config = read_run(run)
+    seed = config.first_seed if seed is None else seed
+    balls = read_filmed_balls(run, seed)
+    view = standpoint("Broadcast", SIZE.width_px / SIZE.height_px)
+    plane_x_m = config.environment.task.stroke.hit_plane_x_m
+    drawing = SceneDrawing(SIZE, view, plane_x_m=plane_x_m)
+    chart = draw_chart(balls)
+    shown = shown_balls(len(balls.lines))
+    title = f"{run.name}, {config.agent}" + (f", seed {seed}" if config.seeds > 1 else "")
+    written = 0
+    with film_file(
+        path, width_px=SIZE.width_px, height_px=SIZE.height_px, frames_per_s=FRAMES_PER_S, overwrite=overwrite
+    ) as film:
+        for number, index in enumerate(shown):
+            check_cancelled(cancelled)
+            ball = ball_of_line(balls.lines[index])
+            if ball is None:  # a line that does not tell enough
+                continue
+            replay = replay_ball(ball, config.environment, None, "")
+            for share, image in _frames(drawing, replay, balls, index):
+                check_cancelled(cancelled)
+                _write_words(image, title, balls, index, replay, is_down=share >= _down_share(replay))
+                _put_chart(image, chart, (index + 1) / len(balls.lines))
+                film.write(image)
+                written += 1
+                progress((number + share) / len(shown))
+        if not written:
+            raise CommandError("no ball that can be filmed", where=f"{run.name}, seed {seed}")
+    progress(1.0)
+    return path
+
+
+def _frames(drawing: SceneDrawing, replay: Replay, balls: FilmedBalls, index: int) -> Iterator[tuple[float, Image]]:
+    """Share of the ball's time that is over, and the picture of it (height, width, 3)."""
+    spots = balls.spots(index)
+    count = max(1, math.ceil(replay.duration_s * FRAMES_PER_S))
+    for frame in range(count):
+        share = frame / count
+        yield share, drawing.draw(replay.picture(share * replay.duration_s, spots))
+
+
+def _down_share(replay: Replay) -> float:
+    return 1.0 - AFTER_LANDING_S / replay.duration_s
+
+
+def _write_words(image: Image, title: str, balls: FilmedBalls, index: int, replay: Replay, *, is_down: bool) -> None:
+    """Number of the ball, what came of it once that is seen, and how the balls before it did."""
+    ball = replay.ball
+    corner = image[: WORDS_PX[1], : WORDS_PX[0]]
+    corner[:] = corner // 2
+    how = "random action" if ball.is_random else f"noise {ball.noise:.2f}"
+    _write(image, f"ball {index + 1} of {len(balls.lines)}", (MARGIN_PX, 48), TEXT_RGB, 1.1)
+    _write(image, f"{ball.speed_mps:g} m/s, {how}", (MARGIN_PX, 80), MUTED_RGB, 0.65)
+    if is_down and balls.cases[index] in set(Case):
+        case, error_mm = Case(int(balls.cases[index])), balls.errors_mm[index]
+        error = f", {error_mm:.0f} mm from the target" if math.isfinite(error_mm) else ""
+        _write(image, f"{CASE_NAMES[case]}{error}", (MARGIN_PX, 114), CASE_RGB[case], 0.8)
+    share, error_mm = balls.before(index + is_down)
+    if math.isfinite(share):
+        error = f", {error_mm:.0f} mm" if math.isfinite(error_mm) else ""
+        text = f"last {min(WINDOW, index + is_down)} balls: {100 * share:.0f} % returned{error}"
+        _write(image, text, (MARGIN_PX, 146), TEXT_RGB, 0.65)
+    _write(image, title, (MARGIN_PX, SIZE.height_px - MARGIN_PX), MUTED_RGB, 0.55)
+
+
+def draw_chart(balls: FilmedBalls) -> Image:
+    """(height, width, 3) landing error and share returned over the whole training, each of the last `WINDOW` balls."""
+    width, height = CHART_PX
+    image = np.full((height, width, 3), PANEL_RGB, np.uint8)
+    count = len(balls.lines)
+    at = np.unique(np.linspace(1, count, min(count, width)).round().astype(int))
+    values = np.array([balls.before(int(k)) for k in at])
+    x = (width - 1) * at / count
+    for column, top, rgb in ((0, 1.0, RETURNED_RGB), (1, CHART_TOP_MM, ERROR_RGB)):
+        known = np.isfinite(values[:, column])
+        y = (height - 8) - (height - 34) * np.minimum(values[known, column] / top, 1.0)
+        points = np.column_stack([x[known], y]).round().astype(np.int32)
+        if len(points) > 1:
+            cv2.polylines(image, [points], False, rgb, 2, cv2.LINE_AA)
+    _write(image, f"returned, of the last {WINDOW}", (8, 16), RETURNED_RGB, 0.45)
+    _write(image, f"landing error, 0 to {CHART_TOP_MM:.0f} mm", (width // 2, 16), ERROR_RGB, 0.45)
+    return image
+
+
+def _put_chart(image: Image, chart: Image, share: float) -> None:
+    """In the lower right corner: bright up to this ball, dark what is to come."""
+    height, width = chart.shape[:2]
+    top, left = SIZE.height_px - MARGIN_PX - height, SIZE.width_px - MARGIN_PX - width
+    now = round(share * (width - 1))
+    shown = chart.copy()
+    shown[24:, now + 1 :] = (0.3 * chart[24:, now + 1 :] + 0.7 * np.array(PANEL_RGB)).astype(np.uint8)
+    cv2.line(shown, (now, 24), (now, height - 1), TEXT_RGB, 1)
+    image[top : top + height, left : left + width] = shown
+
+
+def _write(image: Image, text: str, at: tuple[int, int], rgb: tuple[int, int, int], size: float) -> None:
+    cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, rgb, 2 if size > 0.7 else 1, cv2.LINE_AA)
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, (int, float)) and abs(value) < 1e12 else math.nan

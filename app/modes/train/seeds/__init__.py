@@ -1,0 +1,1 @@
+"""The seeds of a run side by side: their last evaluations, and the mean with its interval."""

@@ -1,0 +1,130 @@
+"""The controls of the policy that learns while it plays. It is shared by all browsers, and goes on without one."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import viser
+from viser import uplot
+
+from app.modes.in_pool import do_in_pool
+from app.modes.mode import ModeHost
+from app.modes.watch.learning.words import (
+    RANGE_MM,
+    chart_columns,
+    chart_title_html,
+    learning_html,
+    reason_html,
+)
+from app.shared.live_rally import LiveRally
+from app.shared.policies import learning_start, start_choices
+from app.widgets import Listing, plot_axis, when_changed, when_clicked
+from core.rally.online_learning.progress import LearningProgress
+from core.rally.online_learning.start import NOTHING
+
+SHOW_EVERY_S: Final = 0.25
+STARTS_EVERY_S: Final = 2.0
+CHART_HEIGHT_PX: Final = 150
+LEARN, RESET, SAVE = "Learn while it plays", "Reset learning", "Save as run"
+BALL, MEDIAN = "#d9a066", "#ff8c28"
+DOTS: Final[uplot.Series_Points] = {"show": True, "size": 4, "stroke": BALL, "fill": BALL}
+
+
+class LearningPanel:
+    """Of one browser. Whatever waits for the learner does so in the pool."""
+
+    def __init__(self, gui: viser.GuiApi, rally: LiveRally, host: ModeHost) -> None:
+        self._gui, self._rally, self._host = gui, rally, host
+        self._shown_s = self._starts_s = float("-inf")
+        self._drawn: tuple[LearningProgress | None, bool] | None = None
+        self._chart: viser.GuiUplotHandle | None = None
+        learning = rally.learning
+        self._folder = gui.add_folder("Learning (shared by all browsers)")
+        with self._folder:
+            hint = "Each stroke whose outcome is told improves the policy for the next"
+            self._learn = gui.add_checkbox(LEARN, False, hint=hint, disabled=bool(learning.reason))
+            self._start = Listing(gui, "Start from", lambda _: None, hint="Where it begins, and again after a reset")
+            self._start.visible = not learning.reason
+            self._status = gui.add_html(reason_html(learning.reason) if learning.reason else "")
+            self._room = gui.add_folder(None, visible=False)
+            with self._room:
+                gui.add_html(chart_title_html())
+                self._chart_place = gui.add_folder(None)
+                self._reset = gui.add_button(RESET, icon=viser.Icon.RESTORE, hint="Forgets all, for all browsers")
+                self._save = gui.add_button(
+                    SAVE, icon=viser.Icon.DEVICE_FLOPPY, hint="To be chosen as controller later"
+                )
+        when_changed(self._learn, lambda on: do_in_pool(host, self._begin if on else learning.stop))
+        when_clicked(self._reset, lambda: do_in_pool(host, self._begin_anew))
+        when_clicked(self._save, lambda: do_in_pool(host, self._save_run))
+
+    def set_visible(self, visible: bool) -> None:
+        """Only while the live rally is watched."""
+        self._folder.visible = visible
+
+    def show(self, wall_s: float) -> None:
+        """Say how it goes, some times a second."""
+        learning = self._rally.learning
+        if learning.reason or wall_s - self._shown_s < SHOW_EVERY_S:
+            return
+        self._shown_s = wall_s
+        if wall_s - self._starts_s > STARTS_EVERY_S:
+            self._starts_s = wall_s
+            do_in_pool(self._host, self._find_starts)
+        progress, on = learning.progress, learning.on
+        if self._learn.value != on:
+            self._learn.value = on
+        if (progress, on) == self._drawn:
+            return
+        self._drawn = progress, on
+        self._status.content = learning_html(progress, on=on)
+        self._room.visible = progress is not None
+        if progress is not None:
+            self._draw(progress)
+
+    def _draw(self, progress: LearningProgress) -> None:
+        """A chart is made with its first curve: one that begins empty may never show its ticks."""
+        if not progress.balls:
+            if self._chart is not None:
+                self._chart.remove()
+                self._chart = None
+            return
+        columns = chart_columns(progress)
+        numbers = columns[0]
+        scales = {
+            "x": uplot.Scale(time=False, auto=False, range=(float(numbers[0]) - 1, float(max(20.0, numbers[-1])))),
+            "y": uplot.Scale(auto=False, distr=3, range=RANGE_MM),
+        }
+        if self._chart is not None:
+            self._chart.data, self._chart.scales = columns, scales
+            return
+        with self._chart_place:
+            self._chart = self._gui.add_uplot(
+                columns,
+                (
+                    uplot.Series(label="ball"),
+                    uplot.Series(label="error", stroke=BALL, width=0, points=DOTS),
+                    uplot.Series(label="median", stroke=MEDIAN, width=2, points={"show": False}),
+                ),
+                scales=scales,
+                axes=(plot_axis("ball"), plot_axis("mm")),
+                legend=uplot.Legend(show=False),
+                height=CHART_HEIGHT_PX,
+            )
+
+    def _begin(self) -> None:
+        workspace = self._host.services.workspace
+        self._rally.learning.begin(learning_start(workspace, self._start.chosen or NOTHING))
+
+    def _begin_anew(self) -> None:
+        workspace = self._host.services.workspace
+        self._rally.learning.reset(learning_start(workspace, self._start.chosen or NOTHING))
+
+    def _save_run(self) -> None:
+        name = self._host.services.trainer.free_name("learned-live")
+        self._rally.learning.save(self._host.services.workspace.run_path(name))
+        self._host.later(lambda: self._host.note("Saved", f"{name}: choose it as controller", "green"))
+
+    def _find_starts(self) -> None:
+        starts = start_choices(self._host.services.workspace)
+        self._host.later(lambda: self._start.offer(starts))

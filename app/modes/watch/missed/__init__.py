@@ -1,0 +1,1 @@
+"""Where a ball that the live chain missed can be looked into."""

@@ -1,0 +1,99 @@
+"""Where a board has been for a lens: parts of the picture, tilts and distances, and what is still missing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras.calibration.board import Board
+from core.cameras.calibration.coverage import CELLS_ACROSS, CELLS_DOWN, cells_of
+from core.cameras.calibration.intrinsics import BoardView
+from core.cameras.camera import Camera
+
+Array = NDArray[np.float64]
+CELL_COUNT: Final = CELLS_ACROSS * CELLS_DOWN
+PICTURES_WANTED: Final = 15
+TILT_WANTED_DEG: Final = 20.0
+"""To both sides about both axes: less, and focal length and distance are told apart by little."""
+DISTANCES_WANTED: Final = 1.3
+"""The farthest by the nearest."""
+ROWS: Final = ("upper", "middle", "lower")
+COLUMNS: Final = ("left", "middle", "right")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardCover:
+    """Of N pictures with the whole board in them."""
+
+    cells: NDArray[np.int64]
+    """(48,) pictures with a point of the board in each cell, row by row from the upper left."""
+    tilts_deg: Array
+    """(N, 2) of the board against the picture's plane: about the vertical axis (above 0 if the board's right edge, as
+    seen, is the farther one) and about the horizontal one (if its lower edge is)."""
+    distances_m: Array
+    """(N,) of the board's middle from the camera, along the optical axis."""
+
+
+def board_cover(views: Sequence[BoardView], board: Board, camera: Camera) -> BoardCover:
+    """Where the board was in those pictures, as the lens that they gave sees it."""
+    cells = np.zeros(CELL_COUNT, np.int64)
+    tilts, distances = [], []
+    for view in views:
+        cells[np.unique(cells_of(view.uvs_px, camera.sensor))] += 1
+        _, rvec, tvec = cv2.solvePnP(board.points_m, view.uvs_px, camera.K, camera.distortion)
+        R = np.asarray(cv2.Rodrigues(rvec)[0], np.float64)
+        x, y, z = R[:, 2] * np.sign(R[2, 2] or 1.0)  # the board's normal, away from the camera
+        tilts.append(np.degrees((np.arctan2(-x, z), np.arctan2(-y, z))))
+        distances.append(float((R @ board.points_m.mean(axis=0) + np.ravel(tvec))[2]))
+    return BoardCover(cells, np.array(tilts, np.float64).reshape(-1, 2), np.array(distances, np.float64))
+
+
+def missing_for_lens(cover: BoardCover) -> tuple[str, ...]:
+    """What more pictures should show, in plain words and most important first; nothing if all was seen."""
+    said: list[str] = []
+    empty = [ninth for ninth, share in _empty_shares(np.flatnonzero(cover.cells == 0).tolist()) if share > 0.5]
+    if empty:
+        said.append(f"the board {_listed([ninth_words(ninth) for ninth in empty])} of the picture")
+    if len(cover.tilts_deg):
+        for column, words in enumerate((("its right edge", "its left edge"), ("its lower edge", "its upper edge"))):
+            most, least = cover.tilts_deg[:, column].max(), cover.tilts_deg[:, column].min()
+            wanted = [word for word, seen in zip(words, (most, -least), strict=True) if seen < TILT_WANTED_DEG]
+            if wanted:
+                said.append(f"the board with {_listed(wanted)} farther away, by {TILT_WANTED_DEG:.0f} to 40 degrees")
+        if cover.distances_m.max() < DISTANCES_WANTED * cover.distances_m.min():
+            said.append("other distances, near and far")
+    if (count := len(cover.tilts_deg)) < PICTURES_WANTED:
+        said.append(f"more pictures: {PICTURES_WANTED} or more, here are {count}")
+    return tuple(said)
+
+
+def emptiest_ninth(cells: Iterable[int]) -> tuple[int, int]:
+    """Row and column, 0 to 2, of the ninth of the picture with most of some cells; there has to be one."""
+    parts = Counter(_ninth(cell) for cell in cells)
+    return max(sorted(parts), key=lambda part: parts[part])
+
+
+def ninth_words(ninth: tuple[int, int]) -> str:
+    """Where in the picture that is."""
+    row, column = ninth
+    return "in the middle" if ninth == (1, 1) else f"at the {ROWS[row]} {COLUMNS[column]}"
+
+
+def _ninth(cell: int) -> tuple[int, int]:
+    return 3 * (cell // CELLS_ACROSS) // CELLS_DOWN, 3 * (cell % CELLS_ACROSS) // CELLS_ACROSS
+
+
+def _empty_shares(empty: Sequence[int]) -> list[tuple[tuple[int, int], float]]:
+    """Of each ninth of the picture, the share of its cells that are among these."""
+    whole, of_them = Counter(map(_ninth, range(CELL_COUNT))), Counter(map(_ninth, empty))
+    return [(ninth, of_them[ninth] / count) for ninth, count in sorted(whole.items())]
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

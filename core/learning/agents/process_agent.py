@@ -1,0 +1,156 @@
+"""The landing model without networks: a Gaussian process of the stroke, and an actor that is solved for, not descended.
+
+After each ball the process is fitted anew. Strokes that send drawn situations to drawn targets are found through it by
+Newton's method, and the actor, one layer of fixed random features, is the ridge regression over them: a policy as any
+other, in milliseconds and without torch.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.learning.agents.agent import Losses, StageProgress
+from core.learning.agents.policy import Policy
+from core.learning.agents.replay import ReplayBuffer
+from core.learning.agents.stroke_process import StrokeProcess, landings_of, stroke_inputs, velocities_after
+from core.learning.config import GoalConfig, RunConfig
+from core.learning.task.environment import draw_goals
+from core.learning.task.normalise import STATE_SCALE, normal_observations
+from core.learning.task.racket_table import racket_table
+
+Array = NDArray[np.float64]
+
+FEWEST_BALLS: Final = 4
+"""That came down behind the net, before anything is solved for."""
+MOST_BALLS: Final = 400
+"""The newest; the process takes the cube of their number."""
+FEATURES: Final = 256
+FEATURE_SCALE: Final = 0.3
+"""Standard deviation of the features' weights (choice, as all here on seeds 100 to 104): wide, so smooth."""
+RIDGE: Final = 1e-6
+SITUATIONS: Final = 1200
+"""For which strokes are solved."""
+BEYOND: Final = 0.2
+"""Situations lie on lines through two balls, up to this share of their distance outside."""
+JITTER: Final = 0.02
+"""Of the state's scale, so that situations differ in all directions even after few balls."""
+NEWTON_STEPS: Final = 5
+LONGEST_STEP: Final = 0.4
+LARGEST_ACTION: Final = 1.1
+"""A little more than the racket may turn: the actor is cut off there, but must be smooth up to there."""
+CLOSE_M: Final = 0.005
+"""A stroke that Newton's method did not bring so near the target is no example."""
+
+
+class ProcessAgent:
+    """Learns tilt and turn of the racket's face; it never rolls it, which changes nothing."""
+
+    def __init__(self, config: RunConfig, rng: np.random.Generator) -> None:
+        self._run, self._goal = config, config.environment.goal
+        self._weights = rng.normal(0.0, FEATURE_SCALE, (9, FEATURES))
+        self._biases = rng.normal(0.0, 1.0, FEATURES)
+        self._outputs = np.zeros((FEATURES + 1, 3))
+
+    def act(self, states: Array, racket_speeds_mps: Array, goals_m: Array) -> Array:
+        """mu(s, v_racket, g), (N, 3)."""
+        return np.clip(self._features(states, racket_speeds_mps, goals_m) @ self._outputs, -1.0, 1.0)
+
+    def learn(self, buffer: ReplayBuffer, progress: StageProgress, rng: np.random.Generator) -> Losses:
+        """Fit process and actor anew: after every ball early in a stage, less and less often later."""
+        every = 1 + progress.episode // self._run.landing_model.full_episodes
+        process, mean_off_m = None, math.nan
+        if progress.episode % every == 0:
+            process = _process_of(buffer)
+        if process is not None:
+            mean_off_m = self._solve(process, buffer, rng)
+            return Losses(process.noise_mps, mean_off_m)
+        return Losses(math.nan, math.nan)
+
+    def _solve(self, process: StrokeProcess, buffer: ReplayBuffer, rng: np.random.Generator) -> float:
+        """A new actor; returns how far its strokes land from their targets by the process (m, mean)."""
+        states, speeds = _situations(buffer, rng)
+        goals = draw_goals(SITUATIONS, _all_of(self._goal), rng)
+        actions = self.act(states, speeds, goals)
+        actions[:, 0] = 0.0
+        off = np.empty((SITUATIONS, 2))
+        for _ in range(NEWTON_STEPS):
+            velocities, slopes = process(stroke_inputs(states, speeds, actions))
+            off = landings_of(states, velocities) - goals
+            eps = 1e-4
+            moved = [(landings_of(states, velocities + eps * slopes[:, :, k]) - goals - off) / eps for k in (0, 1)]
+            step = _solve_pairs(moved[0], moved[1], off)
+            actions[:, 1:] = np.clip(
+                actions[:, 1:] - np.clip(step, -LONGEST_STEP, LONGEST_STEP), -LARGEST_ACTION, LARGEST_ACTION
+            )
+        velocities, _ = process(stroke_inputs(states, speeds, actions))
+        off_m = np.hypot(*(landings_of(states, velocities) - goals).T)
+        solved = (off_m < CLOSE_M) & (np.abs(actions).max(axis=1) < LARGEST_ACTION)
+        features = self._features(states[solved], speeds[solved], goals[solved])
+        normal = features.T @ features + RIDGE * np.eye(FEATURES + 1)
+        self._outputs = np.linalg.solve(normal, features.T @ actions[solved])
+        velocities, _ = process(stroke_inputs(states, speeds, self.act(states, speeds, goals)))
+        return float(np.hypot(*(landings_of(states, velocities) - goals).T).mean())
+
+    def _features(self, states: Array, speeds: Array, goals_m: Array) -> Array:
+        observations = normal_observations(states, goals_m, speeds).astype(np.float64)
+        return np.column_stack([np.tanh(observations @ self._weights + self._biases), np.ones(len(states))])
+
+    def policy(self) -> Policy:
+        """The actor by itself."""
+        incoming, racket = racket_table(self._run)
+        hidden = self._weights.astype(np.float32), self._biases.astype(np.float32)
+        output = self._outputs[:-1].astype(np.float32), self._outputs[-1].astype(np.float32)
+        return Policy((hidden, output), "tanh", "clip", True, incoming, racket)
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The actor; the process is made of the buffer."""
+        return {"weights": self._weights, "biases": self._biases, "outputs": self._outputs}
+
+    def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
+        """The opposite.
+
+        Raises:
+            KeyError, ValueError: if they are another agent's.
+        """
+        for name, now in self.to_arrays().items():
+            now[...] = arrays[name]
+
+
+def _process_of(buffer: ReplayBuffer) -> StrokeProcess | None:
+    """Of the newest balls that crossed the net and came down; None while there are too few."""
+    rows = {name: buffer.column(name).astype(np.float64) for name in ("state", "racket_speed", "action")}
+    landings, net_z = buffer.column("next_state")[:, :2].astype(np.float64), buffer.column("net_z")[:, 0]
+    velocities = velocities_after(rows["state"], landings, net_z.astype(np.float64))
+    known = buffer.column("known").all(axis=1) & np.isfinite(velocities).all(axis=1)
+    which = np.flatnonzero(known)[-MOST_BALLS:]
+    if len(which) < FEWEST_BALLS:
+        return None
+    inputs = stroke_inputs(rows["state"][which], rows["racket_speed"][which, 0], rows["action"][which])
+    return StrokeProcess(inputs, velocities[which])
+
+
+def _situations(buffer: ReplayBuffer, rng: np.random.Generator) -> tuple[Array, Array]:
+    """States (K, 6) and racket speeds (K,) like those of the balls."""
+    states, speeds = (buffer.column(name).astype(np.float64) for name in ("state", "racket_speed"))
+    one, other = rng.integers(0, len(buffer), (2, SITUATIONS))
+    share = rng.uniform(-BEYOND, 1 + BEYOND, (SITUATIONS, 1))
+    drawn = states[one] + share * (states[other] - states[one])
+    jitter = JITTER * STATE_SCALE * rng.standard_normal((SITUATIONS, 6))
+    return drawn + jitter, (speeds[one] + share * (speeds[other] - speeds[one]))[:, 0]
+
+
+def _all_of(goal: GoalConfig) -> GoalConfig:
+    """The whole box, also where only its middle is aimed at."""
+    return GoalConfig(low_x_m=goal.low_x_m, high_x_m=goal.high_x_m, half_width_m=goal.half_width_m)
+
+
+def _solve_pairs(a: Array, b: Array, right: Array) -> Array:
+    """(N, 2) x of a x_0 + b x_1 = right, all (N, 2); zero where that has no answer."""
+    scale = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    scale = np.where(np.abs(scale) < 1e-9, np.inf, scale)
+    first = (right[:, 0] * b[:, 1] - right[:, 1] * b[:, 0]) / scale
+    return np.column_stack([first, (a[:, 0] * right[:, 1] - a[:, 1] * right[:, 0]) / scale])

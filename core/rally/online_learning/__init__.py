@@ -1,0 +1,1 @@
+"""Online learning: a policy that learns from the strokes that it plays in a live rally."""
