@@ -63,7 +63,7 @@ def _row(
     return {
         "engine": engine,
         "workers": workers,
-        "ms_per_piece": round(1e3 * taken_s / len(pieces), 3),
+        "ms_per_piece": float(f"{1e3 * taken_s / len(pieces):.3g}"),
         "pieces_per_s": round(len(pieces) / taken_s, 1),
         "bytes_sent": sent,
         "bytes_received": received,

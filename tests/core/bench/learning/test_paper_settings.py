@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.bench.learning import runs as learning_runs
 from core.bench.learning.paper_settings import bench_paper_settings
 from core.bench.learning.paper_settings.settings import FIGURES, SCREEN_SEED, Setting, every_setting, nearness
 from core.bench.learning.plan import Experiment
@@ -64,7 +65,7 @@ def test_the_nearest_setting_is_judged_by_other_seeds_and_its_claims_are_counted
     def never(*_: object) -> None:
         raise AssertionError("trained")
 
-    monkeypatch.setattr(bench_paper_settings, "train_seed", never)
+    monkeypatch.setattr(learning_runs, "run_training", never)
     shares: list[float] = []
     answer = bench_paper_settings.run(
         shares.append, folder=folder, report=page, count=3, settings=(FAR, NEAR), judged=1, engine=ALONE
