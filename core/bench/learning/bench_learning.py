@@ -5,15 +5,14 @@ An interrupted bench goes on where it was; `write_learning_report` can be called
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
-from core.bench.learning.event_runs import load_event_seeds, play_event_seed
+from core.bench.learning.event_runs import event_training, load_played, play_seed
 from core.bench.learning.plan import Counts, Experiment, counts_of, is_minor, plan
-from core.bench.learning.real_balls import real_balls_section, real_experiments
+from core.bench.learning.real_balls import real_balls_section, real_experiments, seen_people
 from core.bench.learning.report import replace_section, write_learning_report
 from core.bench.learning.runs import (
     Results,
@@ -75,19 +74,20 @@ def run(
         return {"rows": rows, "report": str(report), "machine": machine}
     real = real_experiments(counts, recorded)
     experiments = real if only else (*plan(counts), *real)
-    counts = dataclasses.replace(counts, event_seeds=0) if only else counts
+    events, people = event_training(counts), seen_people(counts, recorded)
+    played = [training for training in (None if only else events, people) if training is not None]
     slow_serves = "" if only else slow_serves_section(slow_serve_rows(balls=min(BALLS, counts.balls)))
-    event_seed = EVENT_BALL * (counts.event_episodes + counts.event_balls)
     total = sum(experiment.config.episodes * experiment.config.seeds for experiment in experiments)
-    total += event_seed * counts.event_seeds
+    total += sum(EVENT_BALL * training.balls_played * training.seeds for training in played)
     done = 0
 
     def write(results: Results) -> None:
+        section = real_balls_section(real, results, folder, recorded, people)
         if only:
-            replace_section(report, real_balls_section(real, results, folder, recorded))
+            replace_section(report, section)
             return
-        later = (real_balls_section(real, results, folder, recorded), slow_serves)
-        write_learning_report(report, experiments, results, counts, machine, load_event_seeds(counts, folder), later)
+        seen = load_played(events, folder)
+        write_learning_report(report, experiments, results, counts, machine, seen, (section, slow_serves))
 
     wanted = batches(experiments)
     missing = [missing_seeds(batch, folder) for batch in wanted]
@@ -108,11 +108,12 @@ def run(
                 write(load_results(experiments, folder))
     results = load_results(experiments, folder)
     write(results)
-    for seed in range(counts.event_seeds):
-        if play_event_seed(counts, folder, seed):
-            write(results)
-        done += event_seed
-        progress(done / total)
+    for training in played:
+        for seed in range(training.seeds):
+            if play_seed(training, folder, seed):
+                write(results)
+            done += EVENT_BALL * training.balls_played
+            progress(done / total)
     return {
         "rows": [_row(experiment, results[experiment.name]) for experiment in experiments],
         "report": str(report),

@@ -1,4 +1,4 @@
-"""The landing model with the whole chain in the loop: trained before event cameras, and evaluated there ball by ball.
+"""Policies with the whole chain in the loop: played out before event cameras ball by ball, and perhaps trained there.
 
 A ball takes a second or more of computing, so these trainings are few; each is kept, and an interrupted one goes on.
 """
@@ -47,58 +47,81 @@ class PlayedSeed:
         return PolicyScore(SPEED_MPS, self.returned, self.errors_mm)
 
 
-def event_training(counts: Counts) -> RunConfig:
+@dataclass(frozen=True, slots=True)
+class PlayedTraining:
+    """A training whose policies are then played out before event cameras."""
+
+    name: str
+    config: RunConfig
+    """Trained before the cameras if its states are from events, otherwise in closed form."""
+    seeds: int
+    balls: int
+    """That each seed is evaluated on."""
+    told: bool
+    """Whether the chain is told the physics exactly; otherwise it finds out."""
+
+    @property
+    def trains_there(self) -> bool:
+        """Before the cameras."""
+        return self.config.environment.state_source == "events"
+
+    @property
+    def balls_played(self) -> int:
+        """By one seed, before the cameras."""
+        return self.balls + self.trains_there * self.config.episodes
+
+
+def event_training(counts: Counts) -> PlayedTraining:
     """The landing model at 5 m/s, its states from events."""
     base = default_run("landing-model")
-    return replace(
+    config = replace(
         base,
         environment=replace(base.environment, state_source="events"),
         curriculum=replace(base.curriculum, speeds_mps=(SPEED_MPS,), episodes=(counts.event_episodes,)),
         checkpoint_every=max(1, min(50, counts.event_episodes)),
         evaluation_balls=min(SEEN_BALLS, counts.event_balls),
-        seeds=counts.event_seeds,
     )
+    return PlayedTraining("events", config, counts.event_seeds, counts.event_balls, told=True)
 
 
-def play_event_seed(counts: Counts, folder: Path, seed: int) -> bool:
+def play_seed(training: PlayedTraining, folder: Path, seed: int) -> bool:
     """Train and evaluate one seed; False if it is in the folder already."""
-    path = _path(counts, folder, seed)
+    path = _path(training, folder, seed)
     if path.exists():
         return False
-    config, run = replace(event_training(counts), seeds=1, first_seed=seed), path.with_suffix(".run")
+    config, run = replace(training.config, seeds=1, first_seed=seed), path.with_suffix(".run")
     if not (run / "config.toml").is_file():
         shutil.rmtree(run, ignore_errors=True)
         create_run(run, config)
-    with contextlib.closing(
-        EventCameraBackend(config.environment, seed=seed, config=EventCourtConfig(told=True))
-    ) as backend:
-        run_training(run, backend=backend)
-        balls = evaluation_balls(SPEED_MPS, counts.event_balls, config.environment)
-        score = score_played(backend, load_policy(run, seed), balls)
+    court = replace(config.environment, state_source="events")
+    with contextlib.closing(EventCameraBackend(court, seed=seed, config=EventCourtConfig(told=training.told))) as seen:
+        run_training(run, backend=seen if training.trains_there else None)
+        balls = evaluation_balls(SPEED_MPS, training.balls, court)
+        score = score_played(seen, load_policy(run, seed), balls)
     errors = [None if math.isnan(error) else error for error in score.errors_mm.tolist()]
     write_json(path, {"returned": score.returned.tolist(), "errors_mm": errors})
     shutil.rmtree(run)
     return True
 
 
-def load_event_seeds(counts: Counts, folder: Path) -> list[PlayedSeed]:
-    """What there is of them."""
+def load_played(training: PlayedTraining, folder: Path) -> list[PlayedSeed]:
+    """What there is of its seeds."""
     found = []
-    for seed in range(counts.event_seeds):
-        if answer := read_json(_path(counts, folder, seed)):
-            found.append(_played(seed, answer, counts.event_balls))
+    for seed in range(training.seeds):
+        if answer := read_json(_path(training, folder, seed)):
+            found.append(_played(seed, answer))
     return found
 
 
-def _played(seed: int, answer: dict[str, object], balls: int) -> PlayedSeed:
+def _played(seed: int, answer: dict[str, object]) -> PlayedSeed:
     returned, errors = answer.get("returned"), answer.get("errors_mm")
-    if not (isinstance(returned, Sequence) and isinstance(errors, Sequence) and len(returned) == len(errors) == balls):
-        raise ConfigError("not a seed's balls", expected=f"{balls} balls", where=f"events, seed {seed}")
+    if not (isinstance(returned, Sequence) and isinstance(errors, Sequence) and len(returned) == len(errors) > 0):
+        raise ConfigError("not a seed's balls", expected="outcome and error of each ball", where=f"events, seed {seed}")
     numbers = np.array([math.nan if error is None else error for error in errors], np.float64)
     return PlayedSeed(seed, np.array(returned, np.bool_), numbers)
 
 
-def _path(counts: Counts, folder: Path, seed: int) -> Path:
+def _path(training: PlayedTraining, folder: Path, seed: int) -> Path:
     """Named by what is trained and on how many balls it is judged."""
-    name = f"events-{fingerprint(event_training(counts))}-{counts.event_balls}-balls"
+    name = f"{training.name}-{fingerprint(training.config)}-{training.balls}-balls"
     return folder / name / f"seed-{seed}.json"

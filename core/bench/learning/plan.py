@@ -56,6 +56,8 @@ class Counts:
     event_balls: int = 200
     """That each of them is evaluated on there."""
     event_episodes: int = 150
+    people_balls: int = 100
+    """Of human play, that each of as many policies is evaluated on there."""
 
 
 def counts_of(seeds: int) -> Counts:

@@ -9,7 +9,7 @@ import pytest
 from core.bench.learning import bench_learning
 from core.bench.learning import runs as learning_runs
 from core.bench.learning.beyond import event_cameras
-from core.bench.learning.event_runs import PlayedSeed, load_event_seeds, play_event_seed
+from core.bench.learning.event_runs import PlayedSeed, event_training, load_played, play_seed
 from core.bench.learning.plan import EXPLORATIONS, RIVALS, Counts, counts_of, plan, rival_training
 from core.bench.learning.real_balls import real_experiments
 from core.bench.learning.targets import TARGETS
@@ -103,14 +103,14 @@ def test_what_was_played_before_cameras_stands_in_the_report() -> None:
 
 
 def test_the_bench_itself_plays_the_event_seeds_once_and_keeps_them(tmp_path: Path) -> None:
-    counts = Counts(event_seeds=1, event_balls=1, event_episodes=1)
-    assert play_event_seed(counts, tmp_path, 0)
-    assert not play_event_seed(counts, tmp_path, 0), "played again"
-    (played,) = load_event_seeds(counts, tmp_path)
+    training = event_training(Counts(event_seeds=1, event_balls=1, event_episodes=1))
+    assert play_seed(training, tmp_path, 0)
+    assert not play_seed(training, tmp_path, 0), "played again"
+    (played,) = load_played(training, tmp_path)
     assert len(played.returned) == len(played.errors_mm) == 1
     assert not list(tmp_path.rglob("*.run")), "the run itself is not kept"
-    more = Counts(event_seeds=1, event_balls=2, event_episodes=1)
-    assert load_event_seeds(more, tmp_path) == [], "another number of balls is another result"
+    more = event_training(Counts(event_seeds=1, event_balls=2, event_episodes=1))
+    assert load_played(more, tmp_path) == [], "another number of balls is another result"
 
 
 def test_the_full_event_row_has_five_seeds_of_two_hundred_balls() -> None:

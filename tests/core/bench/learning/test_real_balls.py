@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.bench.learning import bench_learning
+from core.bench.learning import bench_learning, event_runs
 from core.bench.learning import runs as learning_runs
 from core.bench.learning.plan import Counts, plan
 from core.bench.learning.real_balls import built_in_score, real_experiments, real_rows
@@ -21,7 +21,7 @@ from core.learning.evaluation.trivial_policies import oracle_actions
 from core.learning.task.environment import evaluation_balls, play
 from tests.core.learning.task.test_recorded_balls import write_states
 
-TINY = Counts(seeds=2, minor_seeds=1, balls=4, shorten=150, event_seeds=0)
+TINY = Counts(seeds=2, minor_seeds=1, balls=4, shorten=150, event_seeds=1, people_balls=2)
 PAGE = "# Page\n\nabove\n\n## Real balls\n\nold\n\n## Time\n\nbelow\n"
 
 
@@ -35,6 +35,8 @@ def test_it_is_made_alone_and_not_trained_twice(tmp_path: Path, monkeypatch: pyt
     text = page.read_text()
     assert text.startswith("# Page\n\nabove\n\n## Real balls\n") and text.endswith("\n\n## Time\n\nbelow\n")
     assert "\n\nold\n" not in text and text.count("## Real balls") == 1
+    (seen,) = [line for line in text.splitlines() if line.startswith("| before the event cameras |")]
+    assert "| 1 |" in seen and ">= 95 %, <= 200 mm" in seen
     for words in ("`people.json`", "*built-in*", "*limit*", ">= 99 %, <= 60 mm", ">= 97 %, median <= 120 mm", "| 2 |"):
         assert words in text
 
@@ -42,6 +44,7 @@ def test_it_is_made_alone_and_not_trained_twice(tmp_path: Path, monkeypatch: pyt
         raise AssertionError("done again")
 
     monkeypatch.setattr(learning_runs, "run_training", never)
+    monkeypatch.setattr(event_runs, "run_training", never)
     monkeypatch.setattr("core.bench.learning.real_balls.oracle_actions", never)
     assert bench_learning.run(lambda share: None, **asked)["rows"] == first["rows"]  # type: ignore[arg-type]
     assert page.read_text() == text
