@@ -113,6 +113,7 @@ def random_config(rng: np.random.Generator) -> DetectorConfig:
         ),
         polarity=PolarityConfig(
             leading_polarity=str(rng.choice(["auto", "auto", "on", "off"])),  # pyright: ignore[reportArgumentType]
+            memory_ms=float(rng.choice([0.0, 40.0, 40.0])),
             outlier_radius_px=float(rng.choice([8.0, 28.0])),
         ),
         geometry=GeometryConfig(circularity_min=float(rng.choice([0.0, 0.4, 0.65])), solidity_min=0.1),

@@ -42,6 +42,8 @@ class FastDetector:
         self._centre_px: Centre | None = None
         self._misses = 0
         self._on_leads = 0.0
+        self._faded_us = 0
+        self._fading = 0.0
         self._hot_pixels: HotPixelMemory | None = None
         self._flicker: FlickerMemory | None = None
 
@@ -74,19 +76,22 @@ class FastDetector:
             events = self._drop_bad_pixels(events)
         t_us = events.t_us
         if not len(t_us):
-            return self._missed(window)
+            return self._saw_nothing(window)
         arrays = self._arrays
         if arrays is None or len(t_us) > self._room or events.sensor is not self._sensor:
             arrays = self._make_room(events)
         centre_px = (self._centre_px if self._follows else None) or NOWHERE
-        circles, u, v, r, next_px, evidence = find_ball(
-            t_us, events.x_px, events.y_px, events.on, centre_px, self._on_leads, arrays
+        length_us = window.end_us - window.start_us
+        if length_us != self._faded_us:
+            self._set_fading(length_us)
+        circles, u, v, r, next_px, self._on_leads = find_ball(
+            t_us, events.x_px, events.y_px, events.on, centre_px, (self._on_leads, self._fading), arrays
         )
         if not circles:
-            return self._missed(window)
+            self.extra_circles = 0
+            self._centre_px, self._misses = next_region(self._centre_px, self._misses, None, self.config.roi)
+            return None
         self.extra_circles, self._centre_px, self._misses = circles - 1, next_px, 0
-        if evidence or self._on_leads:  # nothing to remember stays nothing
-            self._remember(evidence, window)
         # Detection(window.end_us, u, v, r) past a frozen class's constructor, which takes 5 us more with cold caches.
         detection = _blank(Detection)
         _set_time(detection, window.end_us)
@@ -95,13 +100,15 @@ class FastDetector:
         _set_r(detection, r)
         return detection
 
-    def _missed(self, window: Window) -> None:
-        self.extra_circles = 0
-        self._centre_px, self._misses = next_region(self._centre_px, self._misses, None, self.config.roi)
-        self._remember(None, window)
+    def _saw_nothing(self, window: Window) -> None:
+        config, self.extra_circles = self.config, 0
+        self._centre_px, self._misses = next_region(self._centre_px, self._misses, None, config.roi)
+        self._on_leads = remember(self._on_leads, None, window.end_us - window.start_us, config.polarity)
 
-    def _remember(self, evidence: float | None, window: Window) -> None:
-        self._on_leads = remember(self._on_leads, evidence, window.end_us - window.start_us, self.config.polarity)
+    def _set_fading(self, length_us: int) -> None:
+        """What is left of a memory after a window of this length; all windows of a run have the same."""
+        memory_us = 1000.0 * self.config.polarity.memory_ms
+        self._faded_us, self._fading = length_us, math.exp(-length_us / memory_us) if memory_us else 0.0
 
     def _make_room(self, events: Events) -> NDArray[np.int64]:
         """Working arrays for this sensor and so many events, kept if they are large enough."""

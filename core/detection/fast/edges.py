@@ -45,6 +45,8 @@ def on_evidence_around(centre_x, centre_y, clustered, radius, found, times):
             x, y = x - origin_x, y - origin_y
             for side in range(2):
                 n, t = np.int64(found.spots[pixel, 2 + side]), times[pixel, side]
+                if not n:
+                    continue
                 sums[side, 0] += n
                 sums[side, 1] += t
                 sums[side, 2] += n * x

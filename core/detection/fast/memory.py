@@ -41,6 +41,8 @@ class Limits(NamedTuple):
     roi_expand_px: float
     width_px: float
     height_px: float
+    memory_limit: float
+    """Of the remembered evidence; 0 if nothing is remembered."""
 
 
 LIMITS_END: Final = HEAD + len(Limits._fields)
@@ -90,6 +92,7 @@ def allocate(config: DetectorConfig, sensor: SensorSize, room: int) -> NDArray[n
         roi_expand_px=config.roi.roi_expand_px,
         width_px=sensor.width_px,
         height_px=sensor.height_px,
+        memory_limit=config.polarity.memory_limit if config.polarity.memory_ms else 0.0,
     )
     spans, disc = kernel_spans(config.denoise.kernel_px), neighbour_rows(config.cluster.eps_px)
     rows, stride = blank_bits(sensor).shape
@@ -107,7 +110,9 @@ def allocate(config: DetectorConfig, sensor: SensorSize, room: int) -> NDArray[n
 def unpack_limits(memory):
     """The thresholds in what `allocate` made."""
     a = memory[HEAD:LIMITS_END].view(np.float64)
-    return Limits(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14])
+    return Limits(
+        a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14], a[15]
+    )  # fmt: skip
 
 
 @njit

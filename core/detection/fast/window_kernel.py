@@ -16,20 +16,21 @@ from core.jit import njit
 
 
 @njit
-def find_ball(t_us, x_px, y_px, on, centre_px, remembered, arrays):
+def find_ball(t_us, x_px, y_px, on, centre_px, memory_of_leading, arrays):
     """Look for the ball in the region around a centre, on the whole sensor if that is not a number.
 
     Returns the number of circles that passed every test, u, v and r of the chosen one, the centre of the next region
-    (Python's own rounding of u and v takes 10 us when nothing is cached), and the evidence that ON leads.
+    (Python's own rounding of u and v takes 10 us when nothing is cached), and the remembered evidence that ON leads.
+    That and how much of it is left after the window is `memory_of_leading`.
     """
     limits, memory = unpack_limits(arrays), unpack_memory(arrays)
-    centre_u, centre_v = centre_px
+    (centre_u, centre_v), (remembered, fading) = centre_px, memory_of_leading
     whole = math.isnan(centre_u)
     circles, u, v, r, evidence = 0, 0.0, 0.0, 0.0, 0.0
     count = _in_region(x_px, y_px, whole, centre_u, centre_v, limits, memory.events)
     count, box = _survivors(x_px, y_px, count, memory)
     if not count:
-        return circles, u, v, r, centre_px, evidence
+        return circles, u, v, r, centre_px, _remember(remembered * fading, limits.memory_limit)
     clusters = _label(t_us, x_px, y_px, on, memory.events[:count], box, limits, memory)
     found = memory.found
     best = np.inf
@@ -56,7 +57,13 @@ def find_ball(t_us, x_px, y_px, on, centre_px, remembered, arrays):
         if badness < best - SAME_CIRCULARITY:
             best = badness
             u, v, r, evidence = cluster_u, cluster_v, cluster_r, shown
-    return circles, u, v, r, (rounded(u), rounded(v)), evidence
+    remembered = _remember(remembered * fading + evidence, limits.memory_limit)
+    return circles, u, v, r, (rounded(u), rounded(v)), remembered
+
+
+@njit
+def _remember(evidence, limit):
+    return max(-limit, min(limit, evidence))
 
 
 @njit
