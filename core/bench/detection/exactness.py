@@ -80,8 +80,8 @@ def compare_labels(sets: int, rng: np.random.Generator) -> int:
     """How many of so many random sets of events scikit-learn and the grid label differently."""
     differing = 0
     for _ in range(sets):
-        sensor = SensorSize(int(rng.integers(1, 60)), int(rng.integers(1, 60)))
-        count = int(rng.integers(0, 400))
+        sensor = SensorSize(int(rng.integers(1, rng.choice([60, 60, 200]))), int(rng.integers(1, 60)))
+        count = int(rng.integers(0, rng.choice([3, 400, 400, 2000])))
         events = Events.from_columns(
             np.sort(rng.integers(0, 3000, count)),
             rng.integers(0, sensor.width_px, count),
@@ -113,6 +113,7 @@ def random_config(rng: np.random.Generator) -> DetectorConfig:
         ),
         polarity=PolarityConfig(
             leading_polarity=str(rng.choice(["auto", "auto", "on", "off"])),  # pyright: ignore[reportArgumentType]
+            memory_ms=float(rng.choice([0.0, 40.0, 40.0])),
             outlier_radius_px=float(rng.choice([8.0, 28.0])),
         ),
         geometry=GeometryConfig(circularity_min=float(rng.choice([0.0, 0.4, 0.65])), solidity_min=0.1),
@@ -125,15 +126,20 @@ def random_config(rng: np.random.Generator) -> DetectorConfig:
 
 def random_windows(count: int, rng: np.random.Generator) -> list[Window]:
     """Consecutive windows of a small sensor, often a single row or column: arcs that drift over the border, noise,
-    several events on a pixel, several at one time, and windows with nothing at all.
+    several events on a pixel, several at one time, windows with nothing at all or a few events, and some that fill the
+    sensor several times over.
     """
-    sensor = SensorSize(*(int(rng.choice([1, 9, 40, 64, 65, 90, 130, 130])) for _ in range(2)))
+    sensor = SensorSize(*(int(rng.choice([1, 9, 40, 63, 64, 65, 90, 127, 128, 130, 130, 193])) for _ in range(2)))
     place, speed = rng.uniform(0, 1, 2) * (sensor.width_px, sensor.height_px), rng.uniform(-4, 4, 2)
     radius = rng.uniform(3, 14)
     windows = []
     for number in range(count):
         place = place + speed
         arcs, noise = int(rng.integers(0, 400)), int(rng.integers(0, 60))
+        if rng.random() < 0.15:
+            arcs, noise = int(rng.integers(0, 3)), int(rng.integers(0, 3))
+        elif rng.random() < 0.03:
+            noise = min(8000, int(rng.uniform(0.3, 4) * sensor.width_px * sensor.height_px))
         angle = rng.uniform(-np.pi, np.pi, arcs)
         distance = radius - rng.uniform(0, 4, arcs)
         x = np.concatenate([place[0] + distance * np.cos(angle), rng.uniform(0, sensor.width_px, noise)])

@@ -13,34 +13,50 @@ from core.jit import njit
 
 
 @njit
-def on_evidence_around(t_us, x_px, y_px, on, cluster, clusters, radius, memory):
-    """`polarity.on_evidence` of the clustered events around the centroid of a cluster."""
-    start, end = memory.starts[cluster], memory.starts[cluster + 1]
-    sum_x, sum_y = 0, 0
-    for place in range(start, end):
-        i = memory.events[memory.order[place]]
-        sum_x += x_px[i]
-        sum_y += y_px[i]
-    centre_x, centre_y = sum_x / (end - start), sum_y / (end - start)
+def cluster_sums(cluster, found):
+    """(2, 3) of its OFF and of its ON events: how many, sum of x, sum of y. And the first and last row of all."""
+    off, off_x, off_y, on, on_x, on_y = 0, 0, 0, 0, 0, 0
+    y_min, y_max = np.int64(1 << 30), np.int64(-1)
+    for place in range(found.starts[cluster], found.starts[cluster + 1]):
+        pixel = np.uint64(found.members[place])
+        x, y = np.int64(found.spots[pixel, 0]), np.int64(found.spots[pixel, 1])
+        n_off, n_on = np.int64(found.spots[pixel, 2]), np.int64(found.spots[pixel, 3])
+        off += n_off
+        off_x += n_off * x
+        off_y += n_off * y
+        on += n_on
+        on_x += n_on * x
+        on_y += n_on * y
+        y_min, y_max = min(y_min, y), max(y_max, y)
+    return ((off, off_x, off_y), (on, on_x, on_y)), (y_min, y_max)
+
+
+@njit
+def on_evidence_around(centre_x, centre_y, clustered, radius, found, times):
+    """`polarity.on_evidence` of the events on the pixels of all clusters around a centroid."""
     # Whole numbers near 0: their sums are exact.
-    origin_x, origin_y, origin_t = np.int64(centre_x), np.int64(centre_y), t_us[0]
+    origin_x, origin_y = np.int64(centre_x), np.int64(centre_y)
     sums = np.zeros((2, 10))
-    for place in range(memory.starts[clusters]):
-        i = memory.events[memory.order[place]]
-        off_x, off_y = x_px[i] - centre_x, y_px[i] - centre_y
+    for place in range(clustered):
+        pixel = np.uint64(found.members[place])
+        x, y = np.int64(found.spots[pixel, 0]), np.int64(found.spots[pixel, 1])
+        off_x, off_y = x - centre_x, y - centre_y
         if off_x * off_x + off_y * off_y <= radius * radius:
-            side = sums[1 if on[i] else 0]
-            t, x, y = t_us[i] - origin_t, np.int64(x_px[i]) - origin_x, np.int64(y_px[i]) - origin_y
-            side[0] += 1
-            side[1] += t
-            side[2] += x
-            side[3] += y
-            side[4] += t * t
-            side[5] += t * x
-            side[6] += t * y
-            side[7] += x * x
-            side[8] += x * y
-            side[9] += y * y
+            x, y = x - origin_x, y - origin_y
+            for side in range(2):
+                n, t = np.int64(found.spots[pixel, 2 + side]), times[pixel, side]
+                if not n:
+                    continue
+                sums[side, 0] += n
+                sums[side, 1] += t
+                sums[side, 2] += n * x
+                sums[side, 3] += n * y
+                sums[side, 4] += times[pixel, 2 + side]
+                sums[side, 5] += t * x
+                sums[side, 6] += t * y
+                sums[side, 7] += n * x * x
+                sums[side, 8] += n * x * y
+                sums[side, 9] += n * y * y
     return _correlation(sums)
 
 
@@ -66,13 +82,26 @@ def _correlation(sums):
 
 
 @njit
-def measure_cluster(x_px, y_px, on, cluster, leading_on, limits, memory):
-    """Circularity, u, v, r of the leading edge of a cluster; circularity -1 if it is no ball."""
+def measure_cluster(cluster, side, centre_px, rows, limits, memory):
+    """Circularity, u, v, r of the leading edge of a cluster; circularity -1 if it is no ball.
+
+    `side` is 1 if ON leads, `centre_px` the centroid of the leading events, `rows` hold the whole cluster.
+    """
     nothing = -1.0, 0.0, 0.0, 0.0
-    pixels, y_min, y_max = _mark_leading_edge(x_px, y_px, on, cluster, leading_on, limits.outlier_radius_px, memory)
+    found, first, last, (y_min, y_max) = memory.found, memory.first, memory.last, rows
+    for y in range(y_min, y_max + 1):
+        first[y], last[y] = 1 << 30, -1
+    pixels, (centre_x, centre_y), radius = 0, centre_px, limits.outlier_radius_px
+    for place in range(found.starts[cluster], found.starts[cluster + 1]):
+        pixel = np.uint64(found.members[place])
+        x, y = np.int64(found.spots[pixel, 0]), np.uint64(found.spots[pixel, 1])
+        off_x, off_y = x - centre_x, y - centre_y
+        if (found.spots[pixel, 2 + side] != 0) & (off_x * off_x + off_y * off_y <= radius * radius):
+            first[y], last[y] = min(first[y], x), max(last[y], x)
+            pixels += 1
     if not pixels:
         return nothing
-    corners = hull_of_rows(memory.first, memory.last, y_min, y_max, memory.hull)
+    corners = hull_of_rows(first, last, y_min, y_max, memory.hull)
     area, perimeter = area_and_perimeter(memory.hull, corners)
     circularity, solidity = 0.0, 0.0
     if area > 0.0:
@@ -84,43 +113,3 @@ def measure_cluster(x_px, y_px, on, cluster, leading_on, limits, memory):
     if r < limits.radius_min_px - TOLERANCE_PX or r > limits.radius_max_px + TOLERANCE_PX:
         return nothing
     return circularity, u, v, r
-
-
-@njit
-def _mark_leading_edge(x_px, y_px, on, cluster, leading_on, radius, memory):
-    """Sets memory.first and .last of the rows of the leading events near their centroid.
-
-    Returns how many pixels those events occupy, and their first and last row.
-    """
-    start, end = memory.starts[cluster], memory.starts[cluster + 1]
-    count, sum_x, sum_y = 0, 0, 0
-    y_min, y_max = np.int64(1 << 30), np.int64(-1)
-    for place in range(start, end):
-        i = memory.events[memory.order[place]]
-        if on[i] == leading_on:
-            count += 1
-            sum_x += x_px[i]
-            sum_y += y_px[i]
-            y_min, y_max = min(y_min, np.int64(y_px[i])), max(y_max, np.int64(y_px[i]))
-    if not count:
-        return 0, 0, 0
-    memory.first[y_min : y_max + 1] = 1 << 30
-    memory.last[y_min : y_max + 1] = -1
-    centre_x, centre_y = sum_x / count, sum_y / count
-    pixels = 0
-    for place in range(start, end):
-        k = memory.order[place]
-        i = memory.events[k]
-        if on[i] != leading_on:
-            continue
-        off_x, off_y = x_px[i] - centre_x, y_px[i] - centre_y
-        if off_x * off_x + off_y * off_y > radius * radius:
-            continue
-        x, y = np.int64(x_px[i]), np.int64(y_px[i])
-        memory.first[y] = min(memory.first[y], x)
-        memory.last[y] = max(memory.last[y], x)
-        pixel = memory.pixel_of[k]
-        if memory.seen[pixel] != cluster:
-            memory.seen[pixel] = cluster
-            pixels += 1
-    return pixels, y_min, y_max

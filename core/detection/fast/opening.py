@@ -1,4 +1,8 @@
-"""Morphological opening of a sparse binary image held as one bit per pixel, 64 pixels at a time."""
+"""Morphological opening of a sparse binary image held as one bit per pixel, only where there are bits.
+
+A window of a few thousand events sets bits in a tenth of the words of a picture. The list of those words is made while
+the bits are set; nothing else is eroded, and nothing else is cleared afterwards.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.detection.fast.bits import LAST, ONE, SIX
 from core.events import SensorSize
 from core.jit import njit
 
 PAD_ROWS: Final = 4
 """Empty rows above and below the picture: half of the largest kernel."""
-BLOCK_WORDS: Final = 1024
-"""Eroded at a time: 8 kB, so that each pass stays in the fastest cache."""
+PAD: Final = np.uint64(PAD_ROWS)
 
 
 def blank_bits(sensor: SensorSize) -> NDArray[np.uint64]:
@@ -29,58 +33,74 @@ def kernel_spans(kernel_px: int) -> NDArray[np.int64]:
 
 
 @njit
-def open_bits(bits, opened, spans, row_min, row_max):
-    """Open `bits` into `opened` (empty before), when all set pixels lie in these rows of words.
+def set_bits(x_px, y_px, events, count, bits, touched):
+    """Set the bits of events[:count] in an empty image; fills `touched` with the words, returns how many they are."""
+    flat = bits.reshape(-1)
+    stride = np.uint64(bits.shape[1])
+    words = np.uint64(0)
+    if count > len(flat) // 8:
+        # Most of the picture will be needed: fetched in order it comes sooner than line by line as events ask for it.
+        for place in range(0, len(flat), 8):
+            words |= flat[place]  # stays 0, the picture is empty
+    for k in range(count):
+        i = np.uint64(events[k])
+        x = np.uint64(x_px[i])
+        place = (np.uint64(y_px[i]) + PAD) * stride + (x >> SIX) + ONE
+        word = flat[place]
+        touched[words] = place  # written always, kept or overwritten by the next: no branch to mispredict
+        words += np.uint64(word == 0)
+        flat[place] = word | (ONE << (x & LAST))
+    return np.int64(words)
 
-    Returns the first and last row of `opened` that may hold a pixel; first > last when nothing survived.
+
+@njit
+def box_of(touched, stride):
+    """The box of words with pixels: first and last row, first and last word of a row."""
+    row_first, row_last, word_first, word_last = 1 << 30, -1, stride, -1
+    for k in range(len(touched)):
+        row, word = np.int64(touched[k]) // stride, np.int64(touched[k]) % stride
+        row_first, row_last = min(row_first, row), max(row_last, row)
+        word_first, word_last = min(word_first, word), max(word_last, word)
+    return row_first, row_last, word_first, word_last
+
+
+@njit
+def open_bits(bits, opened, spans, touched):
+    """Open `bits`, whose words with pixels are `touched`, into `opened` (empty before).
+
+    Returns the box of words of `opened` with pixels, see `box_of`; first row > last when nothing survived.
     """
     half = len(spans) // 2
-    stride = bits.shape[1]
-    flat = bits.reshape(-1)  # the empty words at both ends of a row keep the rows apart
-    block = np.empty(BLOCK_WORDS, np.uint64)
-    first, last = bits.shape[0], -1
-    stop = (row_max + 1) * stride
-    for base in range(row_min * stride, stop, BLOCK_WORDS):
-        eroded = block[: min(BLOCK_WORDS, stop - base)]
-        if half == 1:
-            _erode_cross(flat, stride, base, eroded)
-        else:
-            _erode(flat, stride, spans, base, eroded)
-        for k in range(len(eroded)):
-            if eroded[k]:
-                row, word = (base + k) // stride, (base + k) % stride
-                _dilate_word(opened, spans, row, word, eroded[k])
-                first, last = min(first, row - half), max(last, row + half)
-    return first, last
+    flat, stride = bits.reshape(-1), bits.shape[1]
+    spill = np.uint64(64 - half)
+    row_first, row_last, word_first, word_last = 1 << 30, -1, stride, -1
+    for k in range(len(touched)):
+        place = np.int64(touched[k])
+        seeds = _erode_word(flat, place, stride, spans)
+        if seeds:
+            row, word = place // stride, place % stride
+            _dilate_word(opened, spans, row, word, seeds)
+            row_first, row_last = min(row_first, row - half), max(row_last, row + half)
+            word_first = min(word_first, word - (1 if seeds << spill else 0))
+            word_last = max(word_last, word + (1 if seeds >> spill else 0))
+    return row_first, row_last, word_first, word_last
 
 
-@njit
-def _erode_cross(flat, stride, base, eroded):
-    # The 3 x 3 cross in one pass over slices from 0: the compiler makes it eight words to an instruction.
-    count = len(eroded)
-    centre, above, below = flat[base:], flat[base - stride :], flat[base + stride :]
-    before, after = flat[base - 1 :], flat[base + 1 :]
-    one, top = np.uint64(1), np.uint64(63)
-    for k in range(count):
-        sides = ((centre[k] << one) | (before[k] >> top)) & ((centre[k] >> one) | (after[k] << top))
-        eroded[k] = centre[k] & sides & above[k] & below[k]
-
-
-@njit
-def _erode(flat, stride, spans, base, eroded):
-    half = len(spans) // 2
-    eroded[:] = flat[base : base + len(eroded)]
+@njit(forceinline=True)
+def _erode_word(flat, place, stride, spans):
+    """Pixels of a word round which the whole kernel is set."""
+    line = place - (len(spans) // 2) * stride
+    seeds = flat[place] & flat[line]
+    if not seeds:  # nearly always, in noise
+        return seeds
     for number in range(len(spans)):
-        line = base + (number - half) * stride
-        centre, before, after = flat[line:], flat[line - 1 :], flat[line + 1 :]
-        for shift in range(spans[number] + 1):
-            if shift == 0:
-                for k in range(len(eroded)):
-                    eroded[k] &= centre[k]
-            else:
-                by, rest = np.uint64(shift), np.uint64(64 - shift)
-                for k in range(len(eroded)):
-                    eroded[k] &= ((centre[k] << by) | (before[k] >> rest)) & ((centre[k] >> by) | (after[k] << rest))
+        centre, before, after = flat[line], flat[line - 1], flat[line + 1]
+        seeds &= centre
+        for shift in range(1, spans[number] + 1):
+            by, rest = np.uint64(shift), np.uint64(64 - shift)
+            seeds &= ((centre << by) | (before >> rest)) & ((centre >> by) | (after << rest))
+        line += stride
+    return seeds
 
 
 @njit

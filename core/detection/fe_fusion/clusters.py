@@ -8,20 +8,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.detection.fast.cluster import PixelGrid, add_event, grid_frame, grid_size, label_pixels, neighbour_rows
+from core.detection.fast.cluster import show_events
+from core.detection.fast.picture import Picture, Spots, blank_picture, clear_picture, label_pixels
 from core.events import SensorSize
 from core.jit import njit
 
 
 class ClusterMemory(NamedTuple):
-    """Working arrays, made once. `grid` and `free` are empty between windows."""
+    """Working arrays, made once. The picture is empty between windows."""
 
-    grid: NDArray[np.int32]
-    free: NDArray[np.uint64]
-    disc: NDArray[np.int64]
-    """See `neighbour_rows`."""
-    per_event: NDArray[np.int32]
-    """(5, room + 1): the pixel of each event; cells, sizes and labels of the pixels; a stack."""
+    picture: Picture
+    found: Spots
 
 
 class Clusters(NamedTuple):
@@ -39,29 +36,18 @@ class Clusters(NamedTuple):
 
 def allocate_clusters(eps_px: float, sensor: SensorSize, room: int) -> ClusterMemory:
     """Room for windows of up to `room` events."""
-    disc = neighbour_rows(eps_px)
-    cells = grid_size(sensor, disc)
-    return ClusterMemory(
-        np.zeros(cells, np.int32), np.zeros(cells // 64 + 2, np.uint64), disc, np.empty((5, room + 1), np.int32)
-    )
+    return ClusterMemory(*blank_picture(sensor, eps_px, room))
 
 
 @njit
 def measure_clusters(x_px, y_px, memory: ClusterMemory, min_samples: int) -> Clusters:
     """The DBSCAN clusters of one event or more; noise is left out."""
+    picture, found = memory
     count = len(x_px)
-    grid, lists = memory.grid, memory.per_event
-    pixel_of, cells, sizes, labels, stack = lists[0], lists[1], lists[2], lists[3], lists[4]
-    stride, origin = grid_frame(np.int64(x_px.min()), np.int64(x_px.max()), np.int64(y_px.min()), memory.disc)
-    pixels = 0
-    sizes[0] = 0
-    for i in range(count):
-        cell = origin + np.int64(y_px[i]) * stride + np.int64(x_px[i])
-        pixel_of[i], pixels = add_event(grid, cell, cells, sizes, pixels)
-    known = PixelGrid(grid, stride, memory.disc, cells, sizes, labels, stack)
-    clusters = label_pixels(known, pixels, memory.free, min_samples)
-    for pixel in range(pixels):
-        grid[cells[pixel]] = 0
+    pixels, box = show_events(x_px, y_px, np.zeros(count, np.bool_), picture, found)
+    clusters = label_pixels(count, pixels, box, picture, found, min_samples)
+    clear_picture(box, picture)
+    labels, pixel_of = found.labels, found.pixel_of
 
     events, sum_x, sum_y = np.zeros(clusters, np.int64), np.zeros(clusters), np.zeros(clusters)
     low, high = np.full((2, clusters), np.inf), np.full((2, clusters), -np.inf)

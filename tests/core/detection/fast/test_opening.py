@@ -2,21 +2,27 @@ import cv2
 import numpy as np
 import pytest
 
-from core.detection.fast.opening import PAD_ROWS, blank_bits, kernel_spans, open_bits
+from core.detection.fast.opening import PAD_ROWS, blank_bits, box_of, kernel_spans, open_bits, set_bits
 from core.events import SensorSize
 
 
 def opened_by_words(picture: np.ndarray, kernel_px: int) -> np.ndarray:
     height, width = picture.shape
     bits, opened = blank_bits(SensorSize(width, height)), blank_bits(SensorSize(width, height))
-    for y, x in np.argwhere(picture):
-        bits[y + PAD_ROWS, 1 + x // 64] |= np.uint64(1) << np.uint64(x % 64)
-    first, last = open_bits(bits, opened, kernel_spans(kernel_px), PAD_ROWS, PAD_ROWS + height - 1)
-    outside = np.ones(len(opened), bool)
-    outside[first : last + 1] = False
-    assert not opened[outside].any(), "the rows it names hold everything"
-    y, x = np.mgrid[:height, :width]
-    return (opened[y + PAD_ROWS, 1 + x // 64] >> (x % 64).astype(np.uint64)) & np.uint64(1)
+    y, x = np.nonzero(picture)
+    order = np.random.default_rng(0).permutation(len(x))
+    touched = np.zeros(len(x) + 1, np.int32)
+    words = set_bits(x[order].astype(np.uint16), y[order].astype(np.uint16), np.arange(len(x)), len(x), bits, touched)
+    assert words == np.count_nonzero(bits) == len(set(touched[:words]))
+    assert np.array_equal(pixels_of(bits, picture.shape), picture)
+    box = open_bits(bits, opened, kernel_spans(kernel_px), touched[:words])
+    assert box == box_of(np.flatnonzero(opened), opened.shape[1]), "it names exactly the words that hold something"
+    return pixels_of(opened, picture.shape)
+
+
+def pixels_of(bits: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    return (bits[y + PAD_ROWS, 1 + x // 64] >> (x % 64).astype(np.uint64)) & np.uint64(1)
 
 
 @pytest.mark.parametrize("kernel_px", [3, 5, 7, 9])

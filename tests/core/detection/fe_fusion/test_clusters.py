@@ -26,7 +26,8 @@ def test_every_cluster_measures_what_its_events_do(seed: int) -> None:
             assert found.r_px[cluster] == pytest.approx(np.hypot(x[mine] - u, y[mine] - v).mean())
             sides = np.ptp(x[mine]) + 1, np.ptp(y[mine]) + 1
             assert found.elongation[cluster] == pytest.approx(max(sides) / min(sides))
-    assert not memory.grid.any() and not memory.free.any(), "empty for the next window"
+    images = memory.picture.occupied, memory.picture.cores, memory.picture.borders
+    assert not any(image.any() for image in images), "empty for the next window"
 
 
 def test_without_events_there_is_no_cluster() -> None:
