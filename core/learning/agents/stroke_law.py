@@ -20,7 +20,7 @@ from core.physics.task import StrokeConfig
 Array = NDArray[np.float64]
 
 GUESS: Final = np.array([0.7, 0.6] + 12 * [0.0])
-"""Share that is kept along the rubber, share that is given back, no spin: what holds as far as balls do not say more."""
+"""Share that is kept along the rubber, share that is given back, no spin: what holds until balls say more."""
 TRUST: Final = 1e-3
 """In the guess, against one ball (choice, as all here on seeds 100 to 119)."""
 ODD: Final = 4.0
