@@ -141,13 +141,13 @@ def _damped_step(features: Array, slopes: list[Array], off: Array, counts: Array
     """(F, 2) by which outputs lessen the counted squares of `off` (N, 2), given how it moves with each action."""
     f = features.shape[1]
     root = np.sqrt(counts)[:, None]
-    # Row by row: a landing's two parts, each moved by the outputs of both actions.
-    moved = [np.hstack([features * (root * slope)[:, [part]] for slope in slopes]) for part in (0, 1)]
-    normal = sum(rows.T @ rows for rows in moved)
+    # Both parts of a landing, each moved by the outputs of both actions.
+    x, y = (np.hstack([features * (root * slope)[:, [part]] for slope in slopes]) for part in (0, 1))
+    normal = x.T @ x + y.T @ y
     still = DAMPING * features.T @ features / len(features)
     for k in (0, 1):
         one = slice(k * f, (k + 1) * f)
         normal[one, one] += still
-    pull = sum(rows.T @ (root[:, 0] * off[:, part]) for part, rows in enumerate(moved))
+    pull = x.T @ (root[:, 0] * off[:, 0]) + y.T @ (root[:, 0] * off[:, 1])
     step = np.linalg.solve(normal + RIDGE * np.eye(2 * f), pull)
-    return step.reshape(2, f).T
+    return np.asarray(step.reshape(2, f).T, np.float64)
