@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 GUESS: Final = np.array([0.7, 0.6] + 12 * [0.0])
 """Share that is kept along the rubber, share that is given back, no spin: what holds until balls say more."""
 TRUST: Final = 1e-3
-"""In the guess, against one ball (choice, as all here on seeds 100 to 119)."""
+"""In the guess, against one ball (choice, as all here on seeds 100 to 107)."""
 ODD: Final = 4.0
 """A ball that is so many times farther from the law than half of them is not learned from: its stroke went wrong."""
 LEAST_MPS: Final = 0.005
