@@ -26,8 +26,7 @@ SPINNING_RADPS: Final = 100.0
 """Largest spin about each axis of serves that are called spinning."""
 ReplayRule = Literal["threshold", "discard", "retain"]
 HeadName = Literal["free", "flight", "impact", "process", "reflection"]
-SOLVED: Final[tuple[HeadName, ...]] = ("process", "reflection")
-"""Heads without networks."""
+WITHOUT_NETWORKS: Final[tuple[HeadName, ...]] = ("process", "reflection")
 RewardKind = Literal["cdta", "case", "simple"]
 
 
@@ -348,7 +347,7 @@ class RunConfig:
                 "an agent of three angles", expected="landing-model", got=self.agent, where='racket = "chosen"'
             )
         plain = self.environment.racket == "table" and self.environment.state == "plain"
-        if self.agent == "landing-model" and self.landing_model.head in SOLVED and not plain:
+        if self.agent == "landing-model" and self.landing_model.head in WITHOUT_NETWORKS and not plain:
             raise ConfigError(
                 f"the head {self.landing_model.head} knows no spin and chooses no racket speed",
                 expected='racket = "table" and state = "plain"',
