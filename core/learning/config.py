@@ -25,7 +25,8 @@ CHOSEN_MPS: Final = (0.0, 4.5)
 SPINNING_RADPS: Final = 100.0
 """Largest spin about each axis of serves that are called spinning."""
 ReplayRule = Literal["threshold", "discard", "retain"]
-HeadName = Literal["free", "flight", "impact", "process"]
+HeadName = Literal["free", "flight", "impact", "process", "reflection"]
+WITHOUT_NETWORKS: Final[tuple[HeadName, ...]] = ("process", "reflection")
 RewardKind = Literal["cdta", "case", "simple"]
 
 
@@ -295,7 +296,8 @@ class LandingModelConfig:
     head: HeadName = "free"
     """What the model's outputs are: landing and height at the net; the velocity after the stroke, from which gravity
     alone gives both; or restitution and grip of the rubber, from which the law of reflection gives that velocity.
-    `process` has no networks: a Gaussian process learns the velocity after the stroke, and the actor is solved for."""
+    `process` and `reflection` have no networks, and their actor is solved for: a Gaussian process learns the velocity
+    after the stroke, or the law of reflection is given and its numbers are fitted, for states that are noisy."""
     privileged: bool = False
     """Learn also from what a simulator alone knows: where a ball would have landed without net and table."""
 
@@ -345,9 +347,9 @@ class RunConfig:
                 "an agent of three angles", expected="landing-model", got=self.agent, where='racket = "chosen"'
             )
         plain = self.environment.racket == "table" and self.environment.state == "plain"
-        if self.agent == "landing-model" and self.landing_model.head == "process" and not plain:
+        if self.agent == "landing-model" and self.landing_model.head in WITHOUT_NETWORKS and not plain:
             raise ConfigError(
-                "the head process knows no spin and chooses no racket speed",
+                f"the head {self.landing_model.head} knows no spin and chooses no racket speed",
                 expected='racket = "table" and state = "plain"',
                 got=f"{self.environment.racket}, {self.environment.state}",
                 where="landing_model.head",

@@ -17,7 +17,8 @@ MODEL_NOTE = """Labels of failed balls that a real robot could not see are maske
 `gravity known`: the critic predicts the velocity after the stroke, and the parabola is given. `law of reflection
 known`: it predicts restitution and grip of the rubber and a small push, and reflection and parabola are given; the form
 of physics is told, its numbers are learned. `Gaussian process`: no network predicts that velocity; the law of
-reflection is learned, the parabola is given.
+reflection is learned, the parabola is given. `law of reflection fitted`: nor do networks here; the law's numbers are
+found by least squares, and the actor is solved for.
 """
 CHAIN_NOTE = """Nothing of the truth reaches the player here: a ball is served in the simulated world, two event cameras
 (1280x720) see it, and the chain of detection, stereo and prediction gives the state on which the stroke is decided,
@@ -50,7 +51,11 @@ _MODELS: Final = {
     "9 m/s, hard and noisy, law of reflection known": "model-impact-hard-noisy-9",
     "5 m/s, hard and noisy, Gaussian process": "model-process-hard-noisy-5",
     "9 m/s, hard and noisy, Gaussian process": "model-process-hard-noisy-9",
+    "5 m/s, law of reflection fitted": "model-reflection-5",
+    "5 m/s, hard and noisy, law of reflection fitted": "model-reflection-hard-noisy-5",
+    "9 m/s, hard and noisy, law of reflection fitted": "model-reflection-hard-noisy-9",
     "5 m/s, 1 degree of random actuator error": "model-shaky",
+    "5 m/s, 1 degree of random actuator error, law of reflection fitted": "model-reflection-shaky",
     "5 m/s, 1 degree of constant actuator bias": "model-biased",
 }
 _CLIMBS: Final = {
@@ -67,6 +72,8 @@ _TRIED: Final = {
     "the same, batches of 128": "tried-flight-batches-of-128",
     'law of reflection given (`head = "impact"`), default rates': "tried-impact",
     "the same, actor's rate 0.003 falling to a tenth, critic's 0.0003": "tried-impact-rates",
+    'Gaussian process (`head = "process"`)': "tried-process",
+    'law of reflection fitted (`head = "reflection"`)': "tried-reflection",
 }
 TRIED_TITLE: Final = """## The figure that is missed
 

@@ -36,6 +36,7 @@ SLOW = DdpgConfig(updates_per_episode=2, actor_rate=1e-3, critic_rate=1e-3)
 IMPACT = LandingModelConfig(head="impact", critic_rate=3e-4, actor_rate=3e-3, final_rate=0.1)
 """What the model is told of physics leaves it little to learn, and noise less to spoil: a slow critic."""
 PROCESS = LandingModelConfig(head="process")
+REFLECTION = LandingModelConfig(head="reflection")
 TRUE_STATE = "the true state"
 """How a policy that learned from noisy states does without noise."""
 
@@ -175,6 +176,10 @@ def _landing_model() -> list[Experiment]:
         model("process-40", stages((5.0,), (40,)), landing_model=PROCESS),
         model("process-hard-noisy-5", stages((5.0,), (200,)), noisy_hard, landing_model=PROCESS),
         model("process-hard-noisy-9", stages((9.0,), (200,)), noisy_hard, landing_model=PROCESS),
+        model("reflection-5", stages((5.0,), (300,)), landing_model=REFLECTION),
+        model("reflection-hard-noisy-5", stages((5.0,), (200,)), noisy_hard, landing_model=REFLECTION),
+        model("reflection-hard-noisy-9", stages((9.0,), (200,)), noisy_hard, landing_model=REFLECTION),
+        model("reflection-shaky", stages((5.0,), (300,)), shaky, landing_model=REFLECTION),
         model("privileged", stages((5.0,), (100,)), landing_model=LandingModelConfig(privileged=True)),
         model("predicted", stages((5.0,), (100,)), dataclasses.replace(truth, state_source="predicted")),
     ]
@@ -239,6 +244,8 @@ def _tried() -> list[Experiment]:
         "flight-batches-of-128": dataclasses.replace(flight, batch=128),
         "impact": impact,
         "impact-rates": IMPACT,
+        "process": PROCESS,
+        "reflection": REFLECTION,
     }
     found = {name: dataclasses.replace(base, landing_model=model) for name, model in changes.items()}
     found["40-random"] = dataclasses.replace(base, exploration=ExplorationConfig(random_episodes=40))

@@ -37,6 +37,8 @@ TARGETS = (
     Target("landing model, 100 a stage, error at 9 m/s", "model-climb-retain", 500, "error_mm", 20.0),
     Target("landing model, hard and noisy, 5 m/s, error @200", "model-hard-noisy-5", 200, "error_mm", 60.0),
     Target("landing model, hard and noisy, 9 m/s, error @200", "model-hard-noisy-9", 200, "error_mm", 60.0),
+    Target("law of reflection fitted, the same @200", "model-reflection-hard-noisy-9", 200, "error_mm", 66.0),
+    Target("law of reflection fitted, 1 degree of random error @300", "model-reflection-shaky", 300, "error_mm", 75.0),
 )
 
 

@@ -8,6 +8,7 @@ other, in milliseconds and without torch.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -72,8 +73,8 @@ class ProcessAgent:
 
     def _solve(self, process: StrokeProcess, buffer: ReplayBuffer, rng: np.random.Generator) -> float:
         """A new actor; returns how far its strokes land from their targets by the process (m, mean)."""
-        states, speeds = _situations(buffer, rng)
-        goals = draw_goals(SITUATIONS, _all_of(self._goal), rng)
+        states, speeds = draw_situations(buffer, SITUATIONS, rng)
+        goals = draw_goals(SITUATIONS, whole_box(self._goal), rng)
         actions = self.act(states, speeds, goals)
         actions[:, 0] = 0.0
         off = np.empty((SITUATIONS, 2))
@@ -120,30 +121,48 @@ class ProcessAgent:
             now[...] = arrays[name]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownBalls:
+    """Balls that crossed the net and came down: what was known of them, and what became of them."""
+
+    states: Array
+    racket_mps: Array
+    actions: Array
+    landings_m: Array
+    net_z_m: Array
+
+
+def known_balls(buffer: ReplayBuffer) -> KnownBalls:
+    """Those of a buffer, the oldest first."""
+    known = buffer.column("known").all(axis=1)
+    columns = ("state", "racket_speed", "action", "next_state", "net_z")
+    states, racket, actions, after, net_z = (buffer.column(name)[known].astype(np.float64) for name in columns)
+    return KnownBalls(states, racket[:, 0], actions, after[:, :2], net_z[:, 0])
+
+
 def _process_of(buffer: ReplayBuffer) -> StrokeProcess | None:
     """Of the newest balls that crossed the net and came down; None while there are too few."""
-    rows = {name: buffer.column(name).astype(np.float64) for name in ("state", "racket_speed", "action")}
-    landings, net_z = buffer.column("next_state")[:, :2].astype(np.float64), buffer.column("net_z")[:, 0]
-    velocities = velocities_after(rows["state"], landings, net_z.astype(np.float64))
-    known = buffer.column("known").all(axis=1) & np.isfinite(velocities).all(axis=1)
-    which = np.flatnonzero(known)[-MOST_BALLS:]
+    balls = known_balls(buffer)
+    velocities = velocities_after(balls.states, balls.landings_m, balls.net_z_m)
+    which = np.flatnonzero(np.isfinite(velocities).all(axis=1))[-MOST_BALLS:]
     if len(which) < FEWEST_BALLS:
         return None
-    inputs = stroke_inputs(rows["state"][which], rows["racket_speed"][which, 0], rows["action"][which])
-    return StrokeProcess(inputs, velocities[which])
+    return StrokeProcess(
+        stroke_inputs(balls.states[which], balls.racket_mps[which], balls.actions[which]), velocities[which]
+    )
 
 
-def _situations(buffer: ReplayBuffer, rng: np.random.Generator) -> tuple[Array, Array]:
-    """States (K, 6) and racket speeds (K,) like those of the balls."""
+def draw_situations(buffer: ReplayBuffer, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """States (count, 6) and racket speeds (count,) like those of the balls."""
     states, speeds = (buffer.column(name).astype(np.float64) for name in ("state", "racket_speed"))
-    one, other = rng.integers(0, len(buffer), (2, SITUATIONS))
-    share = rng.uniform(-BEYOND, 1 + BEYOND, (SITUATIONS, 1))
+    one, other = rng.integers(0, len(buffer), (2, count))
+    share = rng.uniform(-BEYOND, 1 + BEYOND, (count, 1))
     drawn = states[one] + share * (states[other] - states[one])
-    jitter = JITTER * STATE_SCALE * rng.standard_normal((SITUATIONS, 6))
+    jitter = JITTER * STATE_SCALE * rng.standard_normal((count, 6))
     return drawn + jitter, (speeds[one] + share * (speeds[other] - speeds[one]))[:, 0]
 
 
-def _all_of(goal: GoalConfig) -> GoalConfig:
+def whole_box(goal: GoalConfig) -> GoalConfig:
     """The whole box, also where only its middle is aimed at."""
     return GoalConfig(low_x_m=goal.low_x_m, high_x_m=goal.high_x_m, half_width_m=goal.half_width_m)
 

@@ -14,6 +14,7 @@ from core.learning.agents.ddpg import DdpgAgent
 from core.learning.agents.landing_model import LandingModelAgent
 from core.learning.agents.policy import Policy
 from core.learning.agents.process_agent import ProcessAgent
+from core.learning.agents.reflection_agent import ReflectionAgent
 from core.learning.agents.replay import ReplayBuffer, ReplayStart, start_stage
 from core.learning.config import RunConfig
 from core.learning.evaluation.episode_record import episode_line, transition_of
@@ -208,6 +209,8 @@ def make_agent(config: RunConfig, rng: np.random.Generator) -> Agent:
         return DdpgAgent(config, rng)
     if config.agent == "landing-model" and config.landing_model.head == "process":
         return ProcessAgent(config, rng)
+    if config.agent == "landing-model" and config.landing_model.head == "reflection":
+        return ReflectionAgent(config, rng)
     if config.agent == "landing-model":
         return LandingModelAgent(config, rng)
     raise ConfigError("an agent that trains itself", expected="ddpg or landing-model", got=config.agent)

@@ -14,6 +14,7 @@ from core.jobs.threads import one_torch_thread
 from core.learning.agents.agent import Agent, StageProgress
 from core.learning.agents.policy import Policy
 from core.learning.agents.process_agent import ProcessAgent
+from core.learning.agents.reflection_agent import ReflectionAgent
 from core.learning.agents.replay import ReplayBuffer
 from core.learning.config import RunConfig
 from core.learning.runs.checkpoints import BUFFER, pack_arrays, restore_arrays
@@ -61,7 +62,7 @@ class OnlineAgent:
             self._buffer.keep(np.arange(len(self._buffer)) >= len(self._buffer) // 2)
         weights = reward_weights(self._balls, self._config.reward)
         share = min(1.0, self._balls / self._config.landing_model.full_episodes)
-        with nullcontext() if isinstance(self._agent, ProcessAgent) else one_torch_thread():
+        with nullcontext() if isinstance(self._agent, ProcessAgent | ReflectionAgent) else one_torch_thread():
             self._agent.learn(self._buffer, StageProgress(self._balls, share, weights), self._rng)
         self._balls += 1
         speeds_mps = np.array(self._config.curriculum.speeds_mps)
@@ -97,6 +98,8 @@ class OnlineAgent:
 def _make_agent(config: RunConfig, rng: np.random.Generator) -> Agent:
     if config.landing_model.head == "process":
         return ProcessAgent(config, rng)
+    if config.landing_model.head == "reflection":
+        return ReflectionAgent(config, rng)
     from core.learning.agents.landing_model import LandingModelAgent  # late: loads torch
 
     return LandingModelAgent(config, rng)

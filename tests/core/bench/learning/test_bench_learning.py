@@ -136,7 +136,7 @@ def test_what_was_tried_for_a_figure_has_other_seeds_than_the_figure() -> None:
     planned = {e.name: e.config for e in plan(Counts())}
     scored = planned["model-hard-noisy-9"]
     tried = [config for name, config in planned.items() if name.startswith("tried-")]
-    assert len(tried) == 8
+    assert len(tried) == 10
     for config in tried:
         assert config.first_seed >= scored.first_seed + scored.seeds
 

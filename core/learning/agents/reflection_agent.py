@@ -1,0 +1,153 @@
+"""The landing model without networks, told the law of reflection: made for states and rackets that are not exact.
+
+After each ball the law's numbers are fitted anew. The actor, one layer of fixed random features, then takes a step of
+Gauss and Newton towards strokes that land, by the law and for the believed state, near drawn targets. A stroke beyond
+what the racket can do counts as the one that it can: at 9 m/s a seventh of all targets is out of reach.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.learning.agents.agent import Losses, StageProgress
+from core.learning.agents.policy import Policy
+from core.learning.agents.process_agent import draw_situations, known_balls, whole_box
+from core.learning.agents.replay import ReplayBuffer
+from core.learning.agents.state_belief import StateBelief
+from core.learning.agents.stroke_law import StrokeLaw
+from core.learning.agents.stroke_process import landings_of, velocities_after
+from core.learning.config import RunConfig
+from core.learning.task.environment import draw_goals
+from core.learning.task.normalise import normal_observations
+from core.learning.task.racket_table import racket_table
+
+Array = NDArray[np.float64]
+
+FEWEST_BALLS: Final = 4
+"""That came down behind the net, before anything is solved for."""
+FEATURES: Final = 256
+FEATURE_SCALE: Final = 0.2
+"""Standard deviation of the features' weights (choice, as all here on seeds 100 to 107): wide, so smooth."""
+SITUATIONS: Final = 1500
+"""Drawn anew for every step."""
+FIRST_STEPS, STEPS = 6, 1
+"""From nothing, and after a ball more."""
+NEAR_M: Final = 0.01
+"""Farther from the target the distance counts, nearer its square: misses out of reach must not pull at all others."""
+DAMPING: Final = 300.0
+"""Of what a step changes in the actions, so that the actor is made of the situations of many steps."""
+RIDGE: Final = 1e-6
+SLOPE_STEP: Final = 1e-4
+
+
+class ReflectionAgent:
+    """Learns tilt and turn of the racket's face; it never rolls it."""
+
+    def __init__(self, config: RunConfig, rng: np.random.Generator) -> None:
+        self._run, self._goal = config, config.environment.goal
+        self._weights = rng.normal(0.0, FEATURE_SCALE, (9, FEATURES))
+        self._biases = rng.normal(0.0, 1.0, FEATURES)
+        self._outputs = np.zeros((FEATURES + 1, 3))
+
+    def act(self, states: Array, racket_speeds_mps: Array, goals_m: Array) -> Array:
+        """mu(s, v_racket, g), (N, 3)."""
+        return np.clip(self._features(states, racket_speeds_mps, goals_m) @ self._outputs, -1.0, 1.0)
+
+    def learn(self, buffer: ReplayBuffer, progress: StageProgress, rng: np.random.Generator) -> Losses:
+        """Fit the law and better the actor: after every ball early in a stage, less and less often later."""
+        every = 1 + progress.episode // self._run.landing_model.full_episodes
+        if progress.episode % every != 0:
+            return Losses(math.nan, math.nan)
+        belief = StateBelief(buffer.column("state").astype(np.float64), self._run.environment)
+        law = self._law_of(buffer, belief)
+        if law is None:
+            return Losses(math.nan, math.nan)
+        off_m = math.nan
+        for _ in range(STEPS if self._outputs.any() else FIRST_STEPS):
+            off_m = self._step(law, belief, buffer, rng)
+        return Losses(law.scatter_mps, off_m)
+
+    def _law_of(self, buffer: ReplayBuffer, belief: StateBelief) -> StrokeLaw | None:
+        balls = known_balls(buffer)
+        states = belief(balls.states)
+        velocities = velocities_after(states, balls.landings_m, balls.net_z_m)
+        found = np.isfinite(velocities).all(axis=1)
+        if found.sum() < FEWEST_BALLS:
+            return None
+        rackets, actions = balls.racket_mps[found], balls.actions[found]
+        return StrokeLaw(states[found], rackets, actions, velocities[found], self._run.environment.task.stroke)
+
+    def _step(self, law: StrokeLaw, belief: StateBelief, buffer: ReplayBuffer, rng: np.random.Generator) -> float:
+        """Better the actor on new situations; returns how far its strokes landed from their targets (m, mean)."""
+        perceived, rackets = draw_situations(buffer, SITUATIONS, rng)
+        goals = draw_goals(SITUATIONS, whole_box(self._goal), rng)
+        states, features = belief(perceived), self._features(perceived, rackets, goals)
+        wanted = features @ self._outputs
+        actions = np.clip(wanted, -1.0, 1.0)
+
+        def off_m(played: Array) -> Array:
+            return landings_of(states, law(states, rackets, played)) - goals
+
+        off = off_m(actions)
+        slopes = [_slope(off_m, actions, off, k) for k in (1, 2)]
+        # What is beyond the racket's range moves nothing, unless the target pulls it back in.
+        for k, slope in enumerate(slopes, start=1):
+            beyond = wanted[:, k] - actions[:, k]
+            slope[beyond * (slope * off).sum(axis=1) < 0] = 0.0
+        distances = np.hypot(*off.T)
+        counts = 1 / np.sqrt(distances**2 + NEAR_M**2)
+        self._outputs[:, 1:] -= _damped_step(features, slopes, off, counts)
+        return float(distances.mean())
+
+    def _features(self, states: Array, speeds: Array, goals_m: Array) -> Array:
+        observations = normal_observations(states, goals_m, speeds).astype(np.float64)
+        return np.column_stack([np.tanh(observations @ self._weights + self._biases), np.ones(len(states))])
+
+    def policy(self) -> Policy:
+        """The actor by itself."""
+        incoming, racket = racket_table(self._run)
+        hidden = self._weights.astype(np.float32), self._biases.astype(np.float32)
+        output = self._outputs[:-1].astype(np.float32), self._outputs[-1].astype(np.float32)
+        return Policy((hidden, output), "tanh", "clip", True, incoming, racket)
+
+    def to_arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The actor; the law is made of the buffer."""
+        return {"weights": self._weights, "biases": self._biases, "outputs": self._outputs}
+
+    def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
+        """The opposite.
+
+        Raises:
+            KeyError, ValueError: if they are another agent's.
+        """
+        for name, now in self.to_arrays().items():
+            now[...] = arrays[name]
+
+
+def _slope(off_m: Callable[[Array], Array], actions: Array, off: Array, k: int) -> Array:
+    """(N, 2) how `off` changes with action k; looked at towards the middle, as there is nothing beyond the range."""
+    inwards = np.where(actions[:, k] > 0, -SLOPE_STEP, SLOPE_STEP)
+    moved = actions.copy()
+    moved[:, k] += inwards
+    return (off_m(moved) - off) / inwards[:, None]
+
+
+def _damped_step(features: Array, slopes: list[Array], off: Array, counts: Array) -> Array:
+    """(F, 2) by which outputs lessen the counted squares of `off` (N, 2), given how it moves with each action."""
+    f = features.shape[1]
+    root = np.sqrt(counts)[:, None]
+    # Both parts of a landing, each moved by the outputs of both actions.
+    x, y = (np.hstack([features * (root * slope)[:, [part]] for slope in slopes]) for part in (0, 1))
+    normal = x.T @ x + y.T @ y
+    still = DAMPING * features.T @ features / len(features)
+    for k in (0, 1):
+        one = slice(k * f, (k + 1) * f)
+        normal[one, one] += still
+    pull = x.T @ (root[:, 0] * off[:, 0]) + y.T @ (root[:, 0] * off[:, 1])
+    step = np.linalg.solve(normal + RIDGE * np.eye(2 * f), pull)
+    return np.asarray(step.reshape(2, f).T, np.float64)
