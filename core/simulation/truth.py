@@ -28,7 +28,8 @@ def truth_times(path: BallPath, start_us: int, end_us: int) -> NDArray[np.int64]
     """Every 500 us in [start, end), and every kink of the path, so that linear interpolation holds across bounces."""
     regular = np.arange(start_us, end_us, TRUTH_STEP_US, dtype=np.int64)
     kinks = np.round(path.kinks_s * 1e6).astype(np.int64)
-    return np.union1d(regular, kinks[(start_us <= kinks) & (kinks < end_us)])
+    kinks = kinks[(start_us <= kinks) & (kinks < end_us)]
+    return np.union1d(regular, kinks) if len(kinks) else regular
 
 
 def ball_truth(path: BallPath, t_us: ArrayLike) -> BallTruth:
@@ -106,22 +107,22 @@ def _before_points(rackets, ps, hidden):
 
 def _hidden(eye: NDArray[np.float64], ps: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether table, floor or net tape lie between `eye` and points (N, 3)."""
-    to_ball = ps - eye
-    with np.errstate(divide="ignore", invalid="ignore"):
-        to_table = -eye[2] / to_ball[:, 2]
-        at_table = eye + to_table[:, None] * to_ball
-        to_net = -eye[0] / to_ball[:, 0]
-        at_net = eye + to_net[:, None] * to_ball
-        behind_table = (
-            (to_table > 0)
-            & (to_table < 1)
-            & (np.abs(at_table[:, 0]) < TABLE_LENGTH_M / 2)
-            & (np.abs(at_table[:, 1]) < TABLE_WIDTH_M / 2)
-        )
+    hidden = np.empty(len(ps), np.bool_)
+    _behind_table(eye, ps, hidden)
+    return hidden
+
+
+@njit(error_model="numpy")
+def _behind_table(eye, ps, hidden):
+    for index in range(len(ps)):
+        dx, dy, dz = ps[index, 0] - eye[0], ps[index, 1] - eye[1], ps[index, 2] - eye[2]
+        at_table, at_net = -eye[2] / dz, -eye[0] / dx  # shares of the way
+        x, y = eye[0] + at_table * dx, eye[1] + at_table * dy
+        behind_table = 0 < at_table < 1 and abs(x) < TABLE_LENGTH_M / 2 and abs(y) < TABLE_WIDTH_M / 2
+        y, z = eye[1] + at_net * dy, eye[2] + at_net * dz
         behind_tape = (
-            (to_net > 0)
-            & (to_net < 1)
-            & (np.abs(at_net[:, 1]) < TABLE_WIDTH_M / 2 + NET_OVERHANG_M)
-            & (np.abs(at_net[:, 2] - (NET_HEIGHT_M - NET_TAPE_M / 2)) < NET_TAPE_M / 2)
+            0 < at_net < 1
+            and abs(y) < TABLE_WIDTH_M / 2 + NET_OVERHANG_M
+            and abs(z - (NET_HEIGHT_M - NET_TAPE_M / 2)) < NET_TAPE_M / 2
         )
-    return behind_table | behind_tape | (ps[:, 2] < BALL_RADIUS_M - TABLE_HEIGHT_M)
+        hidden[index] = behind_table or behind_tape or ps[index, 2] < BALL_RADIUS_M - TABLE_HEIGHT_M

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from core.jit import njit
 from core.simulation.flights.ball_path import BallStates, VisibleRange
 from core.simulation.scenes.racket_shape import RacketPoses
 from core.table import BALL_RADIUS_M
@@ -38,14 +40,27 @@ class SampledRacket:
     def at(self, t_s: ArrayLike) -> RacketPoses:
         """The racket at times (N,); beyond the samples it is where the nearest one says."""
         t = np.atleast_1d(np.asarray(t_s, np.float64))
-        which = np.clip(np.searchsorted(self.t_s, t, side="right") - 1, 0, len(self.t_s) - 2)
-        h = (self.t_s[which + 1] - self.t_s[which])[:, None]
-        s = np.clip((t - self.t_s[which])[:, None] / h, 0.0, 1.0)
-        start, v0, v1 = self.ps_m[which], self.vs_mps[which] * h, self.vs_mps[which + 1] * h
-        step = self.ps_m[which + 1] - start
-        p = start + s * (v0 + s * (3 * step - 2 * v0 - v1 + s * (v0 + v1 - 2 * step)))
-        n = (1 - s) * self.normals[which] + s * self.normals[which + 1]  # it turns by less than 3 degrees in a step
-        return RacketPoses(p, n / np.linalg.norm(n, axis=1, keepdims=True))
+        p, n = np.empty((len(t), 3)), np.empty((len(t), 3))
+        _racket_at(self.t_s, self.ps_m, self.vs_mps, self.normals, t, p, n)
+        return RacketPoses(p, n)
+
+
+@njit(error_model="numpy")
+def _racket_at(t_s, ps, vs, normals, times_s, p, n):
+    for index in range(len(times_s)):
+        which = min(max(np.searchsorted(t_s, times_s[index], side="right") - 1, 0), len(t_s) - 2)
+        h = t_s[which + 1] - t_s[which]
+        s = min(max((times_s[index] - t_s[which]) / h, 0.0), 1.0)
+        length2 = 0.0
+        for axis in range(3):
+            start, v0, v1 = ps[which, axis], vs[which, axis] * h, vs[which + 1, axis] * h
+            step = ps[which + 1, axis] - start
+            p[index, axis] = start + s * (v0 + s * (3 * step - 2 * v0 - v1 + s * (v0 + v1 - 2 * step)))
+            # It turns by less than 3 degrees in a step.
+            n[index, axis] = (1 - s) * normals[which, axis] + s * normals[which + 1, axis]
+            length2 += n[index, axis] * n[index, axis]
+        for axis in range(3):
+            n[index, axis] /= math.sqrt(length2)
 
 
 class SampledPath:
@@ -54,6 +69,7 @@ class SampledPath:
     def __init__(self, start_s: float) -> None:
         self._starts: list[tuple[float, Array]] = []
         self._ends: list[tuple[float, Array]] = []
+        self._pieces: tuple[Array, Array] | None = None
         self._kinks: list[float] = []
         self._start_s = start_s
         self.end_s = start_s
@@ -67,6 +83,7 @@ class SampledPath:
         if end_s > start_s:
             self._starts.append((start_s, start))
             self._ends.append((end_s, end))
+            self._pieces = None
             self.end_s = end_s
 
     def kink(self, t_s: float) -> None:
@@ -84,21 +101,13 @@ class SampledPath:
         if not self._starts:
             nothing = np.full((len(t), 3), np.nan)
             return BallStates(t, nothing, nothing, nothing, np.zeros(len(t), np.bool_))
-        t0, t1 = (np.array([time for time, _ in side]) for side in (self._starts, self._ends))
-        a, b = (np.array([state for _, state in side]) for side in (self._starts, self._ends))
-        which = np.clip(np.searchsorted(t0, t, side="right") - 1, 0, None)
-        h = (t1 - t0)[which][:, None]
-        s = np.clip((t - t0[which])[:, None] / h, 0.0, 1.0)
-        a, b = a[which], b[which]
-        step, v0, v1 = b[:, :3] - a[:, :3], a[:, 3:6] * h, b[:, 3:6] * h
-        square, cube = 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step
-        p = a[:, :3] + s * (v0 + s * (square + s * cube))
-        v = (v0 + s * (2 * square + 3 * s * cube)) / h
-        present = t >= t0[0]
-        if self.gone_s is not None:
-            present &= t < self.gone_s + SINK_S
-        p[~present], v[~present] = np.nan, np.nan
-        return BallStates(t, p, v, np.where(present[:, None], a[:, 6:9], np.nan), present)
+        if self._pieces is None:
+            sides = list(zip(self._starts, self._ends, strict=True))
+            self._pieces = np.array([(a[0], b[0]) for a, b in sides]), np.array([(a[1], b[1]) for a, b in sides])
+        vanished_s = math.inf if self.gone_s is None else self.gone_s + SINK_S
+        (p, v, spin), present = np.empty((3, len(t), 3)), np.empty(len(t), np.bool_)
+        _ball_at(*self._pieces, vanished_s, t, (p, v, spin), present)
+        return BallStates(t, p, v, spin, present)
 
     def portals(self, t_s: ArrayLike) -> VisibleRange:
         """The launcher's mouth just after a serve; the rising floor of a ball that is out of play."""
@@ -117,3 +126,25 @@ class SampledPath:
             normal[sinking] = (0.0, 0.0, 1.0)
             offset[sinking] = self._ends[-1][1][2] + BALL_RADIUS_M * (2 * share - 1)
         return VisibleRange(normal, offset)
+
+
+@njit(error_model="numpy")
+def _ball_at(pieces_s, states, vanished_s, times_s, found, present):
+    p, v, spin = found
+    for index in range(len(times_s)):
+        t = times_s[index]
+        present[index] = pieces_s[0, 0] <= t < vanished_s
+        if not present[index]:
+            p[index] = v[index] = spin[index] = math.nan
+            continue
+        which = max(np.searchsorted(pieces_s[:, 0], t, side="right") - 1, 0)
+        start_s, end_s = pieces_s[which]
+        h = end_s - start_s
+        s = min(max((t - start_s) / h, 0.0), 1.0)
+        a, b = states[which]
+        for axis in range(3):
+            step, v0, v1 = b[axis] - a[axis], a[3 + axis] * h, b[3 + axis] * h
+            square, cube = 3 * step - 2 * v0 - v1, v0 + v1 - 2 * step
+            p[index, axis] = a[axis] + s * (v0 + s * (square + s * cube))
+            v[index, axis] = (v0 + s * (2 * square + 3 * s * cube)) / h
+            spin[index, axis] = a[6 + axis]

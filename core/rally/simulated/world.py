@@ -101,7 +101,10 @@ class SimulatedWorld:
         threads: int | None = None,
         recorded: RecordedServes | None = None,
     ) -> None:
-        """The cameras work in so many threads; one each unless told otherwise. With `recorded`, serves are of those."""
+        """The cameras work in so many threads, the caller's among them; one each unless told otherwise.
+
+        With `recorded`, serves are of those.
+        """
         self.config = config
         self._recorded = recorded
         self.seed = seed
@@ -110,8 +113,8 @@ class SimulatedWorld:
         self._rng, *camera_rngs = (
             np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(len(cameras) + 1)
         )
-        workers = threads or len(cameras)
-        self._pool = ThreadPoolExecutor(workers, thread_name_prefix="event-camera")  # the kernels release the GIL
+        self._workers = threads or len(cameras)
+        self._pool = ThreadPoolExecutor(self._workers, thread_name_prefix="event-camera")  # the kernels release the GIL
         self._cameras = dict(cameras)
         self._lost = dict.fromkeys(cameras, ReadoutCounts())
         self._look_at(config.stereo.scene, config.stereo.sensor, camera_rngs, 0)
@@ -212,12 +215,17 @@ class SimulatedWorld:
         normals, physics = normals_from_orientations(rows[:, 4:8]), self.config.task.physics
         radius_m, thickness_m = physics.racket_radius_m, physics.racket_thickness_m
         racket = SampledRacket(rows[:, 0], rows[:, 1:4], rows[:, 8:11], normals, radius_m, thickness_m)
-        running = {name: self._pool.submit(eye.advance, path, end_us, racket) for name, eye in self._eyes.items()}
+        here = len(self._eyes) if self._workers == 1 else 1  # this thread works too: it would only wait
+        away = list(self._eyes.items())[here:]
+        running = {name: self._pool.submit(eye.advance, path, end_us, racket) for name, eye in away}
         times_us = truth_times(path, start_us, end_us)
         cameras = {name: eye.camera for name, eye in self._eyes.items()}
         circles = pixel_truths(cameras, path, times_us, self._bodies, racket)
         ball = ball_truth(path, times_us)
-        events = {name: future.result() for name, future in running.items()}
+        events = {
+            name: running[name].result() if name in running else eye.advance(path, end_us, racket)
+            for name, eye in self._eyes.items()
+        }
         self.now_us = end_us
         racket_t_us = np.round(rows[:-1, 0] * 1e6).astype(np.int64)
         return Block(

@@ -19,6 +19,7 @@ from core.simulation.bodies.shading import (
     light_among,
     posed_parts,
 )
+from core.simulation.kernel_memory import prefetch
 from core.simulation.scenes.shading import UNTOUCHED, pixel_seen
 from core.simulation.scenes.steps import BALL, RACKET, SHADOW, boxes_meet, moving_at
 from core.simulation.sensor.pixels import EVENTS_PER_PIXEL, follow_pixel, receptor_decay, rest_pixel, wake_pixel
@@ -143,6 +144,20 @@ def draw_tile(tile, scene, posed, ball_m):
 
 
 @njit(error_model="numpy")
+def ask_for_tile(tile, scene, rows):
+    """Have a tile's pixels at hand soon."""
+    wide = (scene.width_px + TILE_PX - 1) // TILE_PX
+    first = tile // wide * TILE_PX * scene.width_px + tile % wide * TILE_PX
+    for y in range(TILE_PX):
+        for x in range(TILE_PX):
+            pixel = min(first + y * scene.width_px + x, len(rows) - 1)
+            prefetch(rows, pixel)
+            if x % 2 == 0:  # two to a line
+                prefetch(scene.maps, pixel)
+                prefetch(scene.layers, pixel)
+
+
+@njit(error_model="numpy")
 def update_tiles(pixels, scene, steps, step, posed, updates, timing, events):
     """Draw the listed tiles again and tell their pixels.
 
@@ -164,6 +179,8 @@ def update_tiles(pixels, scene, steps, step, posed, updates, timing, events):
         updates.listed[0] -= 1
         tile = updates.tiles[updates.listed[0]]
         updates.marks[tile] = False
+        if updates.listed[0] > 0:
+            ask_for_tile(updates.tiles[updates.listed[0] - 1], scene, rows)
         box = draw_tile(tile, scene, posed, ball_m)
         see_ball, see_shadow = boxes_meet(steps.boxes[step, BALL], box), boxes_meet(steps.boxes[step, SHADOW], box)
         see_racket = boxes_meet(steps.boxes[step, RACKET], box)

@@ -6,9 +6,17 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from core.jit import njit
-from core.simulation.bodies.shading import light_and_rest, posed_bodies
+from core.simulation.bodies.shading import (
+    FAR_COVER,
+    LOG_TOTAL,
+    NEAR_COVER,
+    PosedBodies,
+    light_and_rest,
+    posed_bodies,
+)
 from core.simulation.bodies.tile_updates import REST_PX, UPDATE_PX, mark_moved, pose_at, update_tiles
 from core.simulation.event_cameras.row_light import (
     DEEP,
@@ -18,7 +26,9 @@ from core.simulation.event_cameras.row_light import (
     light_row,
     read_row,
 )
+from core.simulation.kernel_memory import uncounted
 from core.simulation.scenes.background import LOG_LIGHT
+from core.simulation.scenes.ball_outline import NO_RIM, ball_rim_between, rim_columns
 from core.simulation.scenes.flicker import flicker_all_pixels
 from core.simulation.scenes.racket_outline import outline_spans, rows_for_spans, unchanged_columns
 from core.simulation.scenes.shading import INNER_STRIDE, UNTOUCHED, deep_inside, pixel_light, pixel_seen
@@ -44,15 +54,36 @@ class Look(NamedTuple):
     """That inner part is not looked at now."""
 
 
+class Scratch(NamedTuple):
+    """Room that the substeps of a block work in."""
+
+    posed: PosedBodies
+    spans_before: NDArray[np.float64]
+    """The racket's outline at the last look at it, see `rows_for_spans`."""
+    spans_now: NDArray[np.float64]
+    row: NDArray[np.float64]
+    """(ROW_NUMBERS,) see `core.simulation.event_cameras.row_light`."""
+
+
 @njit(error_model="numpy")
 def event_kernel_block(pixels, scene, steps, probes, updates, timing, events, done):
     """Run substeps `done + 1` to the last with the bodies at the block's `probes`; returns the last one done.
 
     Stops early when the buffer might overflow in the next substep; call again with a larger one.
     """
-    last, swing = len(steps.t_us) - 1, steps.swing
     posed = posed_bodies(np.empty((len(scene.parts), 2, 3)), np.empty((len(scene.parts), 2, 3)))
     spans_before, spans_now = rows_for_spans(steps.boxes[:, RACKET]), rows_for_spans(steps.boxes[:, RACKET])
+    scratch = Scratch(posed, spans_before, spans_now, np.empty(ROW_NUMBERS))
+    return _substeps(pixels, scene, steps, (probes, updates), scratch, timing, events, done)
+
+
+@njit(error_model="numpy")
+def _substeps(pixels, scene, steps, bodies, scratch, timing, events, done):
+    pixels, scene, steps, scratch = uncounted(pixels), uncounted(scene), uncounted(steps), uncounted(scratch)
+    (probes, updates), events = uncounted(bodies), uncounted(events)
+    last, swing, posed, stride = len(steps.t_us) - 1, steps.swing, scratch.posed, steps.strides[RACKET]
+    if stride:
+        outline_spans(steps.outlines[done // stride * stride], scratch.spans_before)
     for step in range(done + 1, last + 1):
         if not has_room(steps, step, events):
             return step - 1
@@ -63,7 +94,7 @@ def event_kernel_block(pixels, scene, steps, probes, updates, timing, events, do
             finished = update_tiles(pixels, scene, steps, step, posed, updates, timing, events)
             if not finished or not has_room(steps, step, events):
                 return step - 1
-        event_kernel_step(pixels, scene, steps, step, spans_before, spans_now, timing, events)
+        event_kernel_step(pixels, scene, steps, step, scratch, timing, events)
         told = len(swing.log_light) and (step % swing.stride == 0 or step == last)
         if told and not flicker_all_pixels(pixels, scene.width_px, steps, step, timing, events):
             return step - 1
@@ -83,14 +114,15 @@ def has_room(steps, step, events):
 
 
 @njit(error_model="numpy")
-def event_kernel_step(pixels, scene, steps, step, spans_before, spans_now, timing, events):
+def event_kernel_step(pixels, scene, steps, step, scratch, timing, events):
     """One substep of ball, shadow and racket."""
     # Out of the tuples once: numba counts references to an array each time that it is taken from one.
-    rows, active, event_rows, maps, layers = pixels.rows, pixels.active, events.rows, scene.maps, scene.layers
+    event_rows, maps = events.rows, scene.maps
     t_us, boxes, last = steps.t_us, steps.boxes, len(steps.t_us) - 1
     now_us, count = t_us[step], events.filled[0]
-    swing = steps.swing.log_light[step] if len(steps.swing.log_light) else 0.0
-    row = np.empty(ROW_NUMBERS)
+    still = len(steps.swing.log_light) == 0  # otherwise all pixels of a box change
+    swing = 0.0 if still else steps.swing.log_light[step]
+    row, spans_before, spans_now = scratch.row, scratch.spans_before, scratch.spans_now
     for part in range(boxes.shape[1]):
         if not is_looked_at(steps, step, part):
             continue
@@ -105,47 +137,69 @@ def event_kernel_step(pixels, scene, steps, step, spans_before, spans_now, timin
         if part == RACKET:
             see_ball, see_shadow = boxes_meet(swept[BALL], swept[RACKET]), boxes_meet(swept[SHADOW], swept[RACKET])
             see_racket = True
-            outline_spans(steps.outlines[before], spans_before)
             outline_spans(steps.outlines[step], spans_now)
         else:
             overlap = boxes_meet(boxes[step, BALL], union_box(boxes[step, SHADOW], boxes[step, SHADOW]))
             see_ball, see_shadow = part == BALL or overlap, part == SHADOW or overlap
             see_racket = boxes_meet(swept[part], swept[RACKET])
         moving = moving_at(steps, step, see_ball, see_shadow, see_racket)
-        only_ball = part == BALL and not see_shadow and not see_racket
-        only_shadow = part == SHADOW and not see_ball and not see_racket
+        in_rows = not see_racket or not (see_ball or see_shadow)
         skip_deep = step % INNER_STRIDE != 0 and step != last
         decays = receptor_decay(before_us, now_us, timing), receptor_decay(recent_us, now_us, timing)
+        rims = part == BALL and not see_racket and still and x1 > x0
+        rim = NO_RIM
+        if rims:
+            rim = ball_rim_between(maps, scene.width_px, swept[BALL], steps.rows[before], moving.ball, skip_deep)
         look = Look(swing, before_us, recent_us, now_us, decays[0], decays[1], skip_deep)
         for y in range(y0, y1):
-            left, right, first, end = x1, x1, x0, x1
+            line, left, right, first, end = y * scene.width_px, x1, x1, x0, x1
             if part == RACKET:  # only where its outline passes
                 first, left, right, end = unchanged_columns(spans_before, spans_now, y, x0, x1)
-            while (only_ball or only_shadow) and first < end:
-                pixel, wide = y * scene.width_px + first, min(ROW, end - first)
-                if not read_row(maps, layers, pixel, wide, row):
-                    break  # the rest one by one
-                light_row(scene.numbers, moving.ball, only_ball, wide, row)
-                count = follow_row(pixels, pixel, wide, row, look, timing, event_rows, count)
-                first += wide
-            for x in range(first, end):
-                if left <= x < right:
-                    continue
-                pixel = y * scene.width_px + x
-                if rows[pixel, TIME_US] >= now_us:
-                    continue  # parts overlap here
-                seen = pixel_seen(maps, pixel)
-                deep = part == BALL and not see_racket and deep_inside(seen, moving.ball)
-                if deep and skip_deep:
-                    continue
-                light, rest = light_and_rest(seen, layers, pixel, scene.numbers, moving)
-                goal = swing + (rest if light == UNTOUCHED else math.log(light))
-                if goal == rows[pixel, TARGET]:
-                    continue  # at rest, which is caught up with in closed form when it ends
-                if not active[pixel]:
-                    wake_pixel(pixels, pixel)
-                count = see(rows, pixel, goal, deep, look, timing, event_rows, count)
+            elif rims:
+                first, left, right, end = rim_columns(maps, line, x0, x1, rim)
+                if see_shadow:
+                    first, end = x0, x1
+                count = see_room(pixels, scene, line + x0, line + first, look, timing, event_rows, count)
+            for start, stop in ((line + first, line + left), (line + right, line + end)):
+                shown = start, stop, part, in_rows
+                count = see_segment(pixels, scene, row, shown, (moving, look), timing, event_rows, count)
+            if rims:
+                count = see_room(pixels, scene, line + end, line + x1, look, timing, event_rows, count)
+        if part == RACKET:
+            spans_before[:] = spans_now
     events.filled[0] = count
+
+
+@njit(inline="always", error_model="numpy")
+def see_segment(pixels, scene, row, shown, view, timing, event_rows, count):
+    """Let neighbouring pixels see what moves; returns the new event count.
+
+    `shown` are the first pixel, one past the last, the part that is looked at, and whether rows may be lit at once.
+    """
+    rows, active, maps, layers = pixels.rows, pixels.active, scene.maps, scene.layers
+    (start, stop, part, in_rows), (moving, look) = shown, view
+    while in_rows and start < stop:
+        wide = min(ROW, stop - start)
+        if not read_row(maps, layers, start, wide, row):
+            break  # the rest one by one
+        light_row(scene.numbers, moving, part, wide, row)
+        count = follow_row(pixels, start, wide, row, look, timing, event_rows, count)
+        start += wide
+    for pixel in range(start, stop):
+        if rows[pixel, TIME_US] >= look.now_us:
+            continue  # parts overlap here
+        seen = pixel_seen(maps, pixel)
+        deep = part == BALL and not moving.see_racket and deep_inside(seen, moving.ball)
+        if deep and look.skip_deep:
+            continue
+        light, rest = light_and_rest(seen, layers, pixel, scene.numbers, moving)
+        goal = look.swing + (rest if light == UNTOUCHED else math.log(light))
+        if goal == rows[pixel, TARGET]:
+            continue  # at rest, which is caught up with in closed form when it ends
+        if not active[pixel]:
+            wake_pixel(pixels, pixel)
+        count = see(rows, pixel, goal, deep, look, timing, event_rows, count)
+    return count
 
 
 @njit(error_model="numpy")
@@ -162,6 +216,22 @@ def follow_row(pixels, first, wide, row, look, timing, event_rows, count):
         if not active[pixel]:
             wake_pixel(pixels, pixel)
         count = see(rows, pixel, goal, deep, look, timing, event_rows, count)
+    return count
+
+
+@njit(error_model="numpy")
+def see_room(pixels, scene, first, end, look, timing, event_rows, count):
+    """Let pixels see the picture without ball and robot's racket; returns the new event count."""
+    rows, maps, layers = pixels.rows, scene.maps, scene.layers
+    for pixel in range(first, end):
+        goal = float(maps[pixel, LOG_LIGHT])
+        if len(layers) and (layers[pixel, NEAR_COVER] > 0.0 or layers[pixel, FAR_COVER] > 0.0):
+            goal = float(layers[pixel, LOG_TOTAL])
+        if goal == rows[pixel, TARGET] or rows[pixel, TIME_US] >= look.now_us:
+            continue
+        if not pixels.active[pixel]:
+            wake_pixel(pixels, pixel)
+        count = see(rows, pixel, goal, False, look, timing, event_rows, count)
     return count
 
 

@@ -1,4 +1,4 @@
-"""The light of neighbouring pixels that see nothing but the ball, or its shadow, before the static picture.
+"""The light of neighbouring pixels that see nothing but the ball, its shadow or the racket, before the static picture.
 
 The arithmetic is that of `core.simulation.scenes.shading`, for several pixels in one instruction: their numbers lie in
 one array at fixed distances, so that the compiler sees that what is written is never what is read, and no branch
@@ -16,6 +16,7 @@ from core.simulation.bodies.shading import FAR_COVER, NEAR_COVER
 from core.simulation.scenes.background import DEPTH_M, LIGHT, LOG_LIGHT, NET_COVER, RAY_X, RAY_Y
 from core.simulation.scenes.scene import LIGHT_SIZE
 from core.simulation.scenes.shading import smooth_step_in_lanes
+from core.simulation.scenes.steps import RACKET, SHADOW
 from core.table import BALL_RADIUS_M
 
 ROW = 32
@@ -48,13 +49,19 @@ def read_row(maps, layers, first, count, row):
 
 
 @njit(error_model="numpy")
-def light_row(view, ball, sees_ball, count, row):
-    """Write what is seen of `count` pixels that see nothing but the ball, or nothing but its shadow."""
+def light_row(view, moving, part, count, row):
+    """Write what is seen of `count` pixels that see no part that moves but this one, or the ball and its shadow."""
     count = (count + LANES - 1) // LANES * LANES  # what is left over would be done one by one
-    if sees_ball:
-        _light_ball(view, ball, count, row)
-    else:
-        _light_shadow(view, ball, count, row)
+    if part == RACKET:
+        _light_racket(moving.racket, count, row)
+        return
+    if moving.see_shadow:
+        _light_shadow(view, moving.ball, count, row)
+    if moving.see_ball:
+        _light_ball(view, moving.ball, count, row)
+    if part == SHADOW:
+        for index in range(count):
+            row[DEEP + index] = 0.0
 
 
 @njit(error_model="numpy")
@@ -84,7 +91,7 @@ def _light_ball(view, ball, count, row):
 
 @njit(error_model="numpy")
 def _light_shadow(view, ball, count, row):
-    """See `shadow_darkness`."""
+    """See `shadow_darkness`; the ball has this behind it."""
     for index in range(count):
         x, y, depth = row[X + index], row[Y + index], row[DEPTH + index]
         sx = depth * (view[0] * x + view[1] * y + view[2]) + view[9] - ball[9]
@@ -101,8 +108,64 @@ def _light_shadow(view, ball, count, row):
         darkness = ball[12] * cover * hidden * hidden
         darkness = darkness if toward > 0.0 else 0.0
         darkness = darkness if gap2 < reach * reach else 0.0
-        light = _log((1.0 - darkness) * row[BEHIND + index])
-        row[GOAL + index] = light if darkness > 0.0 else row[STATIC + index]
+        behind = (1.0 - darkness) * row[BEHIND + index]
+        light = _log(behind)
+        light = light if darkness > 0.0 else row[STATIC + index]
+        row[BEHIND + index], row[STATIC + index], row[GOAL + index] = behind, light, light
+
+
+@njit(error_model="numpy")
+def _light_racket(racket, count, row):
+    """See `racket_cover` and `racket_gap`; both sides of each of their branches are worked out."""
+    radius, thickness, edge, dark = racket[8], racket[9], racket[7], racket[6]
+    nc = racket[3] * racket[0] + racket[4] * racket[1] + racket[5] * racket[2]
+    cc = racket[0] * racket[0] + racket[1] * racket[1] + racket[2] * racket[2]
+    C = max(cc - nc * nc, 0.0)
+    log_dark = math.log(dark)
+    for index in range(count):
+        x, y, length2 = row[X + index], row[Y + index], row[LENGTH2 + index]
+        along = x * racket[10] + y * racket[11] + racket[12]
+        nd = racket[3] * x + racket[4] * y + racket[5]
+        dc = x * racket[0] + y * racket[1] + racket[2]
+        A, B = length2 - nd * nd, dc - nd * nc
+        A = A if A > 1e-12 else 1e-12
+        t = B / A
+        height = t * nd - nc
+        gap2 = C - B * B / A
+        gap = math.sqrt(gap2 if gap2 > 0.0 else 0.0) - radius
+        faces = height >= -thickness - height
+        beyond = height if faces else -thickness - height
+        slope, start = nd if faces else -nd, -nc if faces else nc - thickness
+        k = radius + start
+        a, b, c = A - slope * slope, B + k * slope, C - k * k
+        root2 = b * b - a * c
+        root = math.sqrt(root2 if root2 > 0.0 else 0.0)
+        one, other = (b - root) / a, (b + root) / a
+        low, high = one if one < other else other, other if one < other else one
+        before, after = high if high <= t else low, low if low >= t else high
+        met = before if slope > 0.0 else after
+        only = c / (2.0 * b) if b != 0.0 else t
+        met = only if abs(a) < 1e-12 else met
+        met_gap = start + slope * met
+        level = abs(slope) < 1e-9
+        met_gap, met = beyond if level else met_gap, t if level else met
+        met_gap = met_gap if met_gap > -0.5 * thickness else -0.5 * thickness
+        t = met if beyond > gap else t
+        gap = met_gap if beyond > gap else gap
+        enter2 = B * B - A * (C - radius * radius)
+        enter = (B - math.sqrt(enter2 if enter2 > 0.0 else 0.0)) / A
+        through = (nc if nd < 0.0 else nc - thickness) / nd
+        through = through if abs(nd) > 1e-9 else enter
+        enter = through if through > enter else enter
+        t = enter if gap < 0.0 else t
+        cover = smooth_step_in_lanes(0.5 - gap / edge)
+        met2 = along * along if along > 0.0 else 0.0
+        cover = cover if met2 > racket[13] * length2 else 0.0
+        cover = cover if t < row[DEPTH + index] else 0.0
+        behind = row[BEHIND + index]
+        light = _log(behind + cover * (dark - behind))
+        light = light if cover < 1.0 else log_dark
+        row[GOAL + index] = light if cover > 0.0 else row[STATIC + index]
         row[DEEP + index] = 0.0
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -9,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.errors import ConfigError
+from core.jit import njit
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 
 Array = NDArray[np.float64]
@@ -93,19 +96,32 @@ class ParabolicPath:
     def at(self, t_s: ArrayLike) -> BallStates:
         """The ball at the times `t_s` (N,); present from the start up to, not including, the end."""
         t = np.atleast_1d(np.asarray(t_s, np.float64))
-        arc = np.clip(np.searchsorted(self.start_s, t, side="right") - 1, 0, None)
-        since = (t - self.start_s[arc])[:, None]
-        drop = np.array([0.0, 0.0, -self.gravity_mps2])
-        p = self.p_world_m[arc] + self.v_world_mps[arc] * since + 0.5 * drop * since**2
-        v = self.v_world_mps[arc] + drop * since
-        present = (self.start_s[0] <= t) & (t < self.end_s)
-        absent = ~present[:, None]
-        p[absent[:, 0]], v[absent[:, 0]] = np.nan, np.nan
-        return BallStates(t, p, v, np.where(absent, np.nan, self.spin_radps[arc]), present)
+        (p, v, spin), present = np.empty((3, len(t), 3)), np.empty(len(t), np.bool_)
+        arcs = self.start_s, self.p_world_m, self.v_world_mps, self.spin_radps
+        _on_arcs(arcs, self.end_s, self.gravity_mps2, t, (p, v, spin), present)
+        return BallStates(t, p, v, spin, present)
 
     def portals(self, t_s: ArrayLike) -> VisibleRange:
         """The launcher's mouth, and its like at the end."""
         return launcher_portals(self, float(self.start_s[0]), np.atleast_1d(np.asarray(t_s, np.float64)))
+
+
+@njit(error_model="numpy")
+def _on_arcs(arcs, end_s, gravity, t_s, found, present):
+    (starts_s, ps, vs, spins), (p, v, spin) = arcs, found
+    for index in range(len(t_s)):
+        t = t_s[index]
+        present[index] = starts_s[0] <= t < end_s
+        if not present[index]:
+            p[index] = v[index] = spin[index] = math.nan
+            continue
+        arc = np.searchsorted(starts_s, t, side="right") - 1
+        since = t - starts_s[arc]
+        for axis in range(3):
+            p[index, axis] = ps[arc, axis] + vs[arc, axis] * since
+            v[index, axis], spin[index, axis] = vs[arc, axis], spins[arc, axis]
+        p[index, 2] -= 0.5 * gravity * (since * since)
+        v[index, 2] -= gravity * since
 
 
 def launcher_portals(path: BallPath, start_s: float, t_s: Array) -> VisibleRange:
@@ -113,10 +129,16 @@ def launcher_portals(path: BallPath, start_s: float, t_s: Array) -> VisibleRange
 
     At the very start the whole ball is behind it; it is out after it has flown its own diameter.
     """
+    normal, offset = _portals_of(path, start_s)
+    nearer = (t_s - start_s > path.end_s - t_s).astype(np.intp)
+    return VisibleRange(normal[nearer], offset[nearer])
+
+
+@functools.lru_cache(maxsize=16)
+def _portals_of(path: BallPath, start_s: float) -> tuple[Array, Array]:
+    """Normals (2, 3) and offsets (2,) of the planes at the start and at the end."""
     just_before_end = np.nextafter(path.end_s, -np.inf)
     ends = path.at([start_s, just_before_end])
     direction = ends.v_world_mps / np.linalg.norm(ends.v_world_mps, axis=1, keepdims=True)
     normal = direction * [[1.0], [-1.0]]
-    offset = np.einsum("ij,ij->i", normal, ends.p_world_m) + BALL_RADIUS_M
-    nearer = (t_s - start_s > path.end_s - t_s).astype(np.intp)
-    return VisibleRange(normal[nearer], offset[nearer])
+    return normal, np.einsum("ij,ij->i", normal, ends.p_world_m) + BALL_RADIUS_M

@@ -51,9 +51,12 @@ class FlightSeries:
     def at(self, t_s: ArrayLike) -> BallStates:
         """The ball at the times `t_s` (N,)."""
         t = np.atleast_1d(np.asarray(t_s, np.float64))
+        touching = self._touching(t)
+        if len(touching) == 1:
+            return self.flights[touching[0]].at(t)
         p, v, spin = np.full((3, len(t), 3), np.nan)
         present = np.zeros(len(t), np.bool_)
-        for which in self._touching(t):
+        for which in touching:
             states = self.flights[which].at(t)
             inside = states.present
             p[inside], v[inside] = states.p_world_m[inside], states.v_world_mps[inside]
@@ -68,6 +71,8 @@ class FlightSeries:
         for which in self._touching(t):
             inside = (self._starts_s[which] <= t) & (t < self._ends_s[which])
             portals = self.flights[which].portals(t[inside])
+            if inside.all():
+                return portals
             normal[inside], offset[inside] = portals.normal_world, portals.offset_m
         return VisibleRange(normal, offset)
 

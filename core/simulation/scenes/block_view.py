@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
+from core.jit import njit
 from core.simulation.flights.ball_path import BallPath
 from core.simulation.scenes.ball_view import (
     STEP_PX,
@@ -18,7 +20,7 @@ from core.simulation.scenes.ball_view import (
 )
 from core.simulation.scenes.flicker import make_flicker, updates_of_all
 from core.simulation.scenes.lens import boxes_round, lens_of
-from core.simulation.scenes.racket_outline import racket_outline
+from core.simulation.scenes.racket_outline import most_moved, racket_outline
 from core.simulation.scenes.racket_shape import RACKET_COLUMNS, RacketPath, RacketPoses, racket_shading_rows
 from core.simulation.scenes.scene import TO_LIGHT_WORLD, SceneConfig
 from core.simulation.scenes.shading import BALL_COLUMNS, VIEW_NUMBERS
@@ -68,7 +70,7 @@ def moving_steps(
     `least` are the substeps that something besides ball and racket needs.
     """
     least = max(least, updates_of_all(scene, end_us - start_us))
-    probes_us = np.linspace(start_us, end_us, PROBES)
+    probes_us = _evenly(start_us, end_us, PROBES - 1)
     states = path.at(probes_us * 1e-6)
     ball_there = bool(states.present.any())
     probes = None if racket is None else _racket_probes(camera, racket, probes_us)
@@ -79,8 +81,8 @@ def moving_steps(
     steps = max(looks, least, 1)
     if ball_there:
         speed = picture_speed(camera, states)
-        steps = max(steps, int(np.ceil(span_us / LONGEST_STEP_US)), int(np.ceil(speed * span_us / STEP_PX)))
-    t_us = np.linspace(start_us, end_us, steps + 1)
+        steps = max(steps, math.ceil(span_us / LONGEST_STEP_US), math.ceil(speed * span_us / STEP_PX))
+    t_us = _evenly(start_us, end_us, steps)
     rows, shadow = np.zeros((steps + 1, BALL_COLUMNS)), 1
     boxes = np.zeros((steps + 1, 3, 4), np.int64)
     if ball_there:
@@ -117,17 +119,33 @@ def _racket_looks(seen: Array | None, outlines: Array) -> int:
     """How often the racket has to be looked at in a block; 0 for one that has not moved since the last look."""
     if seen is None:
         return 1
-    if np.abs(outlines - seen).max() < RACKET_REST_PX:
+    away, moved = most_moved(outlines, seen)
+    if away < RACKET_REST_PX:
         return 0
-    moved = np.abs(np.diff(outlines, axis=0)).max()
-    return max(1, int(np.ceil(float(moved) * (len(outlines) - 1) / RACKET_STEP_PX)))
+    return max(1, math.ceil(moved * (len(outlines) - 1) / RACKET_STEP_PX))
 
 
 def _between_probes(poses: RacketPoses, outlines: Array, steps: int) -> tuple[RacketPoses, Array]:
     """The racket and its outline (steps + 1, K, 2), linear between probes: in a millisecond it bends by 10 um."""
-    at = np.linspace(0, PROBES - 1, steps + 1)
-    low = np.minimum(at.astype(np.intp), PROBES - 2)
-    share = (at - low)[:, None]
-    p, n = ((1 - share) * values[low] + share * values[low + 1] for values in (poses.p_world_m, poses.normal_world))
-    share = share[:, :, None]
-    return RacketPoses(p, n), (1 - share) * outlines[low] + share * outlines[low + 1]
+    p, n, found = np.empty((steps + 1, 3)), np.empty((steps + 1, 3)), np.empty((steps + 1, *outlines.shape[1:]))
+    for probed, out in ((poses.p_world_m, p), (poses.normal_world, n), (outlines, found)):
+        _interpolate(probed.reshape(PROBES, -1), _evenly(0, PROBES - 1, steps), out.reshape(steps + 1, -1))
+    return RacketPoses(p, n), found
+
+
+@njit(error_model="numpy")
+def _interpolate(probed, at, out):
+    for index in range(len(out)):
+        low = min(int(at[index]), len(probed) - 2)
+        share = at[index] - low
+        for column in range(out.shape[1]):
+            out[index, column] = (1 - share) * probed[low, column] + share * probed[low + 1, column]
+
+
+def _evenly(start: float, end: float, steps: int) -> Array:
+    """What `np.linspace` says of `steps + 1` numbers, in a fifth of its time."""
+    numbers = np.arange(steps + 1, dtype=np.float64)
+    numbers *= (end - start) / steps
+    numbers += start
+    numbers[-1] = end
+    return numbers

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.jit import njit
+from core.simulation.scenes.lens import lens_of, project_from_camera, to_camera
 from core.simulation.scenes.racket_shape import RacketPath, RacketPoses
 
 Array = NDArray[np.float64]
@@ -25,13 +26,27 @@ NOWHERE = 1e9
 
 def racket_outline(camera: Camera, path: RacketPath, poses: RacketPoses) -> Array:
     """(N, 2 RIM_POINTS, 2) pixels of points on the front rim, then the back rim; nan behind the camera."""
-    points = np.empty((len(poses.p_world_m), 2 * RIM_POINTS, 3))
-    _rims(poses.p_world_m, poses.normal_world, path.radius_m, path.thickness_m, points)
-    return camera.project(points.reshape(-1, 3)).reshape(len(points), 2 * RIM_POINTS, 2)
+    points = np.empty((len(poses.p_world_m), 2 * RIM_POINTS, 2))
+    _rims(lens_of(camera), poses.p_world_m, poses.normal_world, path.radius_m, path.thickness_m, points)
+    return points
 
 
 @njit(error_model="numpy")
-def _rims(ps, normals, radius, thickness, points):
+def most_moved(outlines, seen):
+    """(farthest that a point of the outlines (N, K, 2) is from where it was in `seen`, most from one to the next)."""
+    away = step = 0.0
+    for index in range(len(outlines)):
+        for k in range(outlines.shape[1]):
+            for axis in range(2):
+                at = outlines[index, k, axis]
+                away = max(away, abs(at - seen[k, axis]))
+                if index:
+                    step = max(step, abs(at - outlines[index - 1, k, axis]))
+    return away, step
+
+
+@njit(error_model="numpy")
+def _rims(lens, ps, normals, radius, thickness, points):
     # A polygon round the circle, so that nothing of the rim is outside.
     reach = radius / math.cos(math.pi / RIM_POINTS)
     for i in range(len(ps)):
@@ -43,8 +58,14 @@ def _rims(ps, normals, radius, thickness, points):
         for k in range(RIM_POINTS):
             c, s = reach * math.cos(2 * math.pi * k / RIM_POINTS), reach * math.sin(2 * math.pi * k / RIM_POINTS)
             x, y, z = ps[i, 0] + c * ux + s * vx, ps[i, 1] + c * uy + s * vy, ps[i, 2] + c * uz + s * vz
-            points[i, k] = x, y, z
-            points[i, RIM_POINTS + k] = x - thickness * nx, y - thickness * ny, z - thickness * nz
+            points[i, k] = _project(lens, x, y, z)
+            points[i, RIM_POINTS + k] = _project(lens, x - thickness * nx, y - thickness * ny, z - thickness * nz)
+
+
+@njit(error_model="numpy")
+def _project(lens, x, y, z):
+    x, y, z = to_camera(lens, x, y, z)
+    return project_from_camera(lens, x, y, z)
 
 
 @njit(error_model="numpy")

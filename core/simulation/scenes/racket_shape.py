@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from core.cameras import Camera
 from core.jit import njit
+from core.simulation.scenes.lens import lens_of, to_camera
 
 Array = NDArray[np.float64]
 
@@ -54,17 +55,28 @@ class RacketPath(Protocol):
 
 def racket_shading_rows(camera: Camera, light: float, edge_px: float, path: RacketPath, poses: RacketPoses) -> Array:
     """The racket at each time, as rows (N, RACKET_COLUMNS)."""
-    ps = camera.to_camera(poses.p_world_m)
-    normals = poses.normal_world @ camera.T_world_camera[:3, :3]
-    middles = ps - 0.5 * path.thickness_m * normals
-    distance2 = np.einsum("ij,ij->i", middles, middles)
-    px_per_m = np.sqrt(camera.K[0, 0] * camera.K[1, 1]) / np.maximum(np.abs(middles[:, 2]), 1e-3)
-    rows = np.empty((len(ps), RACKET_COLUMNS))
-    rows[:, 0:3], rows[:, 3:6], rows[:, 6] = ps, normals, light
-    rows[:, 7] = edge_px / px_per_m
-    rows[:, 8], rows[:, 9], rows[:, 10:13] = path.radius_m, path.thickness_m, middles
-    rows[:, 13] = distance2 - (math.hypot(path.radius_m, 0.5 * path.thickness_m) + rows[:, 7]) ** 2
+    rows = np.empty((len(poses.p_world_m), RACKET_COLUMNS))
+    body = light, edge_px, float(path.radius_m), float(path.thickness_m)
+    _shading_rows(lens_of(camera), body, poses.p_world_m, poses.normal_world, rows)
     return rows
+
+
+@njit(error_model="numpy")
+def _shading_rows(lens, body, ps, normals, rows):
+    (light, edge_px, radius, thickness), R = body, lens.R
+    focal = math.sqrt(lens.focal_px[0] * lens.focal_px[1])
+    for index in range(len(ps)):
+        row = rows[index]
+        x, y, z = to_camera(lens, ps[index, 0], ps[index, 1], ps[index, 2])
+        row[0], row[1], row[2], row[6], row[8], row[9] = x, y, z, light, radius, thickness
+        for axis in range(3):
+            row[3 + axis] = (
+                normals[index, 0] * R[axis, 0] + normals[index, 1] * R[axis, 1] + normals[index, 2] * R[axis, 2]
+            )
+            row[10 + axis] = row[axis] - 0.5 * thickness * row[3 + axis]
+        row[7] = edge_px / (focal / max(abs(row[12]), 1e-3))
+        distance2 = row[10] * row[10] + row[11] * row[11] + row[12] * row[12]
+        row[13] = distance2 - (math.hypot(radius, 0.5 * thickness) + row[7]) ** 2
 
 
 @njit(error_model="numpy")

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from core.events import SensorSize
 from core.jit import njit
-from core.simulation.sensor.pixels import EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, EventBuffer
+from core.simulation.kernel_memory import prefetch, uncounted
+from core.simulation.sensor.pixels import AHEAD, EVENT_ON, EVENT_PIXEL, EVENT_TIME_US, EventBuffer
 from core.simulation.sensor.sensor import SensorConfig
 
 
@@ -89,6 +90,7 @@ def merge_noise(
 
 @njit
 def _merge(rows, last_event_us, law, start_us, end_us, refractory_us, width, rng):
+    rows, last_event_us, law = uncounted(rows), uncounted(last_event_us), uncounted(law)
     times, order = _in_order(rows, start_us, end_us)
     filled = len(rows)
     noise_us = _noise_times(law, start_us, end_us, rng)
@@ -99,6 +101,7 @@ def _merge(rows, last_event_us, law, start_us, end_us, refractory_us, width, rng
     while i < filled or j < len(noise_us):
         if j >= len(noise_us) or (i < filled and times[order[i]] <= noise_us[j]):
             found = order[i]
+            prefetch(last_event_us, np.uint32(rows[order[min(i + AHEAD, filled - 1)], EVENT_PIXEL]))
             now_us, pixel, rose = times[found], np.uint32(rows[found, EVENT_PIXEL]), rows[found, EVENT_ON] > 0.0
             i += 1
         else:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.jit import njit
+from core.simulation.kernel_memory import prefetch, uncounted
 from core.simulation.sensor.sensor import (
     OFF_THRESHOLD,
     ON_THRESHOLD,
@@ -34,6 +35,8 @@ SETTLED = 1e-6
 EVENTS_PER_PIXEL = 128
 """Room kept free in the buffer for each pixel of a substep; contrast 5 at the lowest threshold is 250 in a step, but
 only of the few pixels of an edge."""
+AHEAD = 16
+"""A pixel is asked for from memory so many before its turn."""
 
 
 class PixelTiming(NamedTuple):
@@ -205,13 +208,16 @@ def settle_active(pixels, end_us, timing, events):
 
     Returns false, and does nothing, if the buffer might overflow: call again with a larger one.
     """
-    rows, active, active_list = pixels.rows, pixels.active, pixels.active_list
+    pixels, events = uncounted(pixels), uncounted(events)
+    rows, active, active_list, event_rows = pixels.rows, pixels.active, pixels.active_list, events.rows
     count, kept = events.filled[0], 0
-    if count + pixels.active_count[0] * EVENTS_PER_PIXEL > len(events.rows):
+    if count + pixels.active_count[0] * EVENTS_PER_PIXEL > len(event_rows):
         return False
-    for place in range(pixels.active_count[0]):
+    last = pixels.active_count[0] - 1
+    for place in range(last + 1):
         pixel = active_list[place]
-        count = rest_pixel(rows, pixel, end_us, timing, events.rows, count)
+        prefetch(rows, active_list[min(place + AHEAD, last)])
+        count = rest_pixel(rows, pixel, end_us, timing, event_rows, count)
         if abs(rows[pixel, RECEPTOR] - rows[pixel, TARGET]) <= SETTLED and rows[pixel, RELEASE_US] <= end_us:
             rows[pixel, RECEPTOR] = rows[pixel, TARGET]
             active[pixel] = False
