@@ -167,6 +167,7 @@ class App:
             for session in sessions:
                 try:
                     session.tick(started_s)
+                    session.client.flush()  # viser by itself rests for a 60th of a second after each sending
                 except Exception:
                     logger.exception("a browser's update failed")
             restless = any(session.restless for session in sessions)
