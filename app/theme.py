@@ -27,7 +27,7 @@ def apply_theme(server: viser.ViserServer) -> None:
     server.scene.configure_default_lights(False)
     server.scene.configure_environment_map(hdri=None)
     for module in (_gui_api, _gui_handles):
-        module.svg_from_icon = _icon_svg
+        module.svg_from_icon = _icon_svg  # pyright: ignore[reportAttributeAccessIssue] - where viser looks it up
 
 
 @functools.cache
