@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import logging
 import threading
@@ -10,20 +11,20 @@ from concurrent.futures import ThreadPoolExecutor
 
 import viser
 
-from app.front import Admission, FrontDoor
-from app.front.address import check_address, port_taken
+from app.front import Admission, FrontDoor, open_front_door
 from app.modes.services import Services
+from app.panels.recording_info import gather_info
 from app.preparation.steps import Preparation
+from app.scene.painted import floor_picture
 from app.session import Session
 from app.shared.files import incoming_folder
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.work_places import HERE_ONLY, WorkPlaces
 from app.shared.workspace import Workspace
-from app.theme import apply_theme
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
 from core.detection.fast.cluster import grid_labels
-from core.errors import CommandError
+from core.errors import CommandError, RallyscopeError
 from core.events import Events, SensorSize, Window
 from core.files import clear_unfinished
 
@@ -50,6 +51,7 @@ class App:
         live: LiveRally | None = None,
         preparation: Preparation | None = None,
         admission: Admission | None = None,
+        front: FrontDoor | None = None,
         viewer_address: str | None = None,
         places: WorkPlaces = HERE_ONLY,
     ) -> None:
@@ -59,6 +61,7 @@ class App:
         and searches may be done at `places`.
 
         A first recording that is not there yet, such as a live rally that is being prepared, is opened when it comes.
+        A `front` that listens there already may be given; browsers that came to it meanwhile are served, too.
         """
         self.services = Services.of(workspace, library, viewer_address, places)
         """What its browsers share."""
@@ -73,15 +76,14 @@ class App:
         if live is not None:
             self.use_live(live)
         self._pool = ThreadPoolExecutor(POOL_THREADS, thread_name_prefix="rallyscope")
-        self._front = _start_server(host, port, admission)
+        self._front = front or open_front_door(host, port, admission)
         self._front.pages.uploads.new_folder = functools.partial(incoming_folder, workspace)
         self._server = self._front.server
-        apply_theme(self._server)
         self._server.on_client_connect(self._connect)
         self._server.on_client_disconnect(self._disconnect)
         self._loop = threading.Thread(target=self._run, name="rallyscope-loop", daemon=True)
         self._loop.start()
-        self._pool.submit(_warm_up)
+        self._pool.submit(self._prepare)
         self._pool.submit(clear_unfinished, workspace.recordings)
 
     @property
@@ -116,6 +118,15 @@ class App:
         self._server.stop()
         self._pool.shutdown(wait=True, cancel_futures=True)
         self.services.close()
+
+    def _prepare(self) -> None:
+        """Do what the first picture needs while the browser is still loading its page."""
+        floor_picture()
+        library, name = self.services.library, self._first_recording
+        if name != LIVE and library.has(name):
+            with contextlib.suppress(RallyscopeError):  # whoever opens it is told
+                gather_info(library, name)
+        _warm_up()
 
     def _connect(self, client: viser.ClientHandle) -> None:
         visit = self._front.visit(client)
@@ -156,6 +167,7 @@ class App:
             for session in sessions:
                 try:
                     session.tick(started_s)
+                    session.client.flush()  # viser by itself rests for a 60th of a second after each sending
                 except Exception:
                     logger.exception("a browser's update failed")
             restless = any(session.restless for session in sessions)
@@ -175,22 +187,8 @@ class App:
             session.offer(recordings)
 
 
-def _start_server(host: str, port: int, admission: Admission | None) -> FrontDoor:
-    """A viser server behind our door at exactly this port; viser itself would silently take the next one.
-
-    Raises:
-        CommandError: if the address cannot be used, or other machines could connect without a token.
-    """
-    check_address(host, port)
-    front = FrontDoor(host, port, admission or Admission.of_address(host, None))
-    if port not in (0, front.server.get_port()):  # another was quicker
-        front.server.stop()
-        raise port_taken(host, port, "it was taken just now")
-    return front
-
-
 def _warm_up() -> None:
-    """Load the compiled code that the first picture needs while the browser is still loading its page."""
+    """Load the compiled code of the detector."""
     window = Window(Events.empty(SensorSize(64, 64)), 0, 1000)
     trace_window(window, TrackState(), DetectorConfig(), label_clusters=grid_labels)
     FastDetector(DetectorConfig()).step(window)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import zipfile
 from typing import Final
 
 import viser
+from viser import _gui_api, _gui_handles, _icons
 
 BRAND_RGB: Final = (255, 140, 40)
 PANEL_WIDTH_PX: Final = 400
@@ -23,3 +26,16 @@ def apply_theme(server: viser.ViserServer) -> None:
     server.gui.main_panel.set_width(PANEL_WIDTH_PX)
     server.scene.configure_default_lights(False)
     server.scene.configure_environment_map(hdri=None)
+    for module in (_gui_api, _gui_handles):
+        module.svg_from_icon = _icon_svg  # pyright: ignore[reportAttributeAccessIssue] - where viser looks it up
+
+
+@functools.cache
+def _icon_svg(name: str) -> str:
+    """An icon of viser's, which remembers 32, fewer than we show, and reads its whole directory for any other."""
+    return _icon_archive().read(f"{name}.svg").decode("utf-8")
+
+
+@functools.cache
+def _icon_archive() -> zipfile.ZipFile:
+    return zipfile.ZipFile(_icons.ICONS_DIR / "tabler-icons.zip")

@@ -80,11 +80,14 @@ def look_at(position_world: ArrayLike, target_world: ArrayLike) -> Array:
 
 def quaternion_from_matrix(R: ArrayLike) -> Array:
     """Unit quaternion wxyz (w >= 0) of a rotation matrix (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(R).as_quat()
-    q = np.array([w, x, y, z])
-    return -q if w < 0 else q
+    R = np.asarray(R, np.float64)
+    products = np.empty((4, 4))  # 4 q q^T: every row is q times one of its parts
+    products[0] = 1.0 + np.trace(R), R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    products[1:, 0] = products[0, 1:]
+    products[1:, 1:] = R + R.T + (1.0 - np.trace(R)) * np.eye(3)
+    q = products[np.argmax(np.diag(products))]  # the largest part: nothing small is divided by
+    q = q / np.linalg.norm(q)
+    return -q if q[0] < 0 else q
 
 
 def matrix_from_quaternion(q_wxyz: ArrayLike) -> Array:

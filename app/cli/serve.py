@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import socket
 import webbrowser
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,8 +19,8 @@ from app.cli.quiet_viser import silence_viser
 from app.cli.replay import REPLAY, ReplayOrder, open_replay, read_replay
 from app.cli.terminal import say
 from app.export.viewer_streamer import check_viewer_address
+from app.front import Admission, FrontDoor, open_front_door
 from app.front.address import check_address
-from app.front.admission import Admission
 from app.shared.library import Library
 from app.shared.work_places import WorkPlaces
 from app.shared.workspace import Workspace
@@ -32,6 +34,7 @@ from core.rally.link.keys import ClientKeys, read_client_keys
 
 if TYPE_CHECKING:
     from app.preparation.startup import Startup
+    from app.server import App
 
 LIVE = "live"
 
@@ -83,15 +86,68 @@ def run(arguments: ServeArguments) -> None:
     library.names()  # where no folder can be made that is said before anything is started
     admission = Admission.of_address(arguments.host, arguments.token)
     check_address(arguments.host, arguments.port)
-    startup = None
-    if source is not None:
-        robot = None if arguments.robot is None else (arguments.robot, robot_keys)
-        startup = _start(workspace, source, order or replay, own, keys, robot)
-    try:
-        _show(arguments, workspace, library, config, startup, admission, places)
-    finally:
+    with ExitStack() as started:
+
+        def start() -> Startup:
+            robot = None if arguments.robot is None else (arguments.robot, robot_keys)
+            startup = _start(workspace, source or LIVE, order or replay, own, keys, robot)
+            started.callback(startup.stop)
+            return startup
+
+        startup = None
+        if source not in (None, LIVE):  # it may not be there, which is said before there is a page
+            startup = start()
+            if startup.remote:
+                startup.wait_for_news()
+                if startup.problem is not None:
+                    raise startup.problem
+        first = LIVE if arguments.recording is None else _open_recording(arguments.recording, library)
+        ended = end_event()
+        front = _open_page(arguments, admission, first)
+        if source == LIVE:
+            startup = start()
+        lab = _app_class()(
+            workspace,
+            library,
+            first,
+            host=arguments.host,
+            port=arguments.port,
+            config=config,
+            preparation=None if startup is None else startup.preparation,
+            front=front,
+            viewer_address=arguments.rerun,
+            places=places,
+        )
         if startup is not None:
-            startup.stop()
+            startup.hand_over(lab.use_live)
+        ended.wait()
+        started.close()  # first: what it prepares goes to the app
+        lab.stop()
+
+
+def _app_class() -> type[App]:
+    """Loaded late, while a browser loads the page: a second's work."""
+    gc.disable()  # what is loaded stays: looking through it again and again takes a tenth of the time
+    from app.server import App
+
+    gc.freeze()
+    gc.enable()
+    return App
+
+
+def _open_page(arguments: ServeArguments, admission: Admission, first: str) -> FrontDoor:
+    """What browsers may come to from now on, while the app behind it is still being loaded."""
+    silence_viser()
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)  # broken connections of browsers are not our news
+    front = open_front_door(arguments.host, arguments.port, admission)
+    port = front.server.get_port()
+    url = page_url(arguments.host, port, admission)
+    if not admission.local:
+        say(tunnel_advice(port))
+    say(f"Rallyscope shows {first!r} at {url}   (Ctrl-C ends it)")
+    if arguments.open:
+        webbrowser.open(url)
+    return front
 
 
 def _start(
@@ -103,7 +159,7 @@ def _start(
     robot: tuple[str, ClientKeys | None] | None,
 ) -> Startup:
     """What brings up the live rally while the app is loaded; `robot`: its address and the keys for it."""
-    from app.preparation.startup import Startup  # with numba: a mistake in the arguments is answered before
+    from app.preparation.startup import Startup  # takes a while: a mistake in the arguments is answered before
     from core.rally.robot import RobotClient
 
     if told is not None:
@@ -113,52 +169,6 @@ def _start(
     player = None if robot is None else RobotClient(robot[0], keys=robot[1])
     address = None if source == LIVE else source
     return Startup(workspace, address=address, arguments=("--auto-serve", "5", *own), say=say, keys=keys, robot=player)
-
-
-def _show(
-    arguments: ServeArguments,
-    workspace: Workspace,
-    library: Library,
-    config: DetectorConfig,
-    startup: Startup | None,
-    admission: Admission,
-    places: WorkPlaces,
-) -> None:
-    """The app, until it is ended."""
-    if startup is not None and startup.remote:
-        startup.wait_for_news()
-        if startup.problem is not None:
-            raise startup.problem
-    first = LIVE if arguments.recording is None else _open_recording(arguments.recording, library)
-    from app.server import App  # after the recording: a mistake in the arguments is answered at once
-
-    silence_viser()
-    logging.getLogger("websockets").setLevel(logging.CRITICAL)  # broken connections of browsers are not our news
-    preparation = None if startup is None else startup.preparation
-    lab = App(
-        workspace,
-        library,
-        first,
-        host=arguments.host,
-        port=arguments.port,
-        config=config,
-        preparation=preparation,
-        admission=admission,
-        viewer_address=arguments.rerun,
-        places=places,
-    )
-    if startup is not None:
-        startup.hand_over(lab.use_live)
-    url = page_url(arguments.host, lab.port, admission)
-    if not admission.local:
-        say(tunnel_advice(lab.port))
-    say(f"Rallyscope shows {first!r} at {url}   (Ctrl-C ends it)")
-    if arguments.open:
-        webbrowser.open(url)
-    end_event().wait()
-    if startup is not None:
-        startup.stop()  # first: what it prepares goes to the app
-    lab.stop()
 
 
 def page_url(host: str, port: int, admission: Admission) -> str:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from app.export.film_file import film_file
 from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_file
 from core.errors import CommandError
@@ -70,6 +69,8 @@ def export_view_film(
         CommandError: if it is too long, exists already, or cannot be written, and whatever `picture_at` raises.
         ExportCancelledError: if `cancelled` said so. There is no file then, as after every error.
     """
+    from app.export.film_file import film_file  # its encoder is loaded for who makes a film
+
     times_us = plan.times_us()
     with film_file(path, width_px=plan.width_px, height_px=plan.height_px, frames_per_s=plan.frames_per_s) as film:
         for number, t_us in enumerate(times_us, start=1):

@@ -28,9 +28,11 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from app.front.address import check_address, port_taken
 from app.front.admission import TOKEN_COOKIE, Admission, Caller
 from app.front.page_text import page_gzip, page_html, refusal_html
 from app.front.pages import Pages, Visit
+from app.theme import apply_theme
 
 BROWSER_COOKIE: Final = "rallyscope-browser"
 BROWSER_COOKIE_S: Final = 400 * 86_400
@@ -150,6 +152,21 @@ class FrontDoor:
             await viser_handler(connection)
 
         return handle
+
+
+def open_front_door(host: str, port: int, admission: Admission | None = None) -> FrontDoor:
+    """A door in our colours, at exactly this port, 0 for any free one; viser itself would silently take the next one.
+
+    Raises:
+        CommandError: if the address cannot be used, or other machines could connect without a token.
+    """
+    check_address(host, port)
+    front = FrontDoor(host, port, admission or Admission.of_address(host, None))
+    if port not in (0, front.server.get_port()):  # another was quicker
+        front.server.stop()
+        raise port_taken(host, port, "it was taken just now")
+    apply_theme(front.server)  # before a page comes: it would show a light page, and draw viser's sky
+    return front
 
 
 def _split(target: str) -> tuple[str, dict[str, str]]:

@@ -14,6 +14,7 @@ SCRIPTS: Final = (
     "identity.js",
     "bridge.js",
     "drawing.js",
+    "sky.js",
     "reconnect.js",
     "link.js",
     "windows.js",

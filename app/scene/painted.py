@@ -48,6 +48,7 @@ SHADOW_PX: Final = 64
 SHADOW_RGB: Final[Rgb] = (4, 8, 18)
 
 
+@functools.cache
 def floor_picture() -> Rgba:
     """(rows, columns, 4) the ground, columns along +x and rows along -y: light in the middle, gone at its edge."""
     columns, rows = (round(size * FLOOR_PX_PER_M) for size in FLOOR_SIZE_M)
@@ -59,7 +60,9 @@ def floor_picture() -> Rgba:
     colour = colour + (GRID_LIGHTER * line)[..., None]
     covered = _covered(x, TABLE_LENGTH_M / 2)[None, :] * _covered(y, TABLE_WIDTH_M / 2)[:, None]
     colour = colour * (1 - TABLE_SHADOW * covered)[..., None]
-    return _rgba(colour, _smooth((1.0 - away) / 0.45))
+    painted = _rgba(colour, _smooth((1.0 - away) / 0.45))
+    painted.flags.writeable = False
+    return painted
 
 
 def backdrop_picture() -> Rgba:

@@ -38,6 +38,7 @@ class Library:
         self._imported: dict[str, str] = {}
         self._health: dict[tuple[str, str], Health] = {}
         self._lock = threading.Lock()
+        self._health_lock = threading.Lock()
 
     def add_guest(self, path: Path) -> str:
         """Offer a recording from outside the workspace for as long as this process lives; returns its name."""
@@ -104,12 +105,13 @@ class Library:
     def health(self, name: str, camera: str) -> Health:
         """Health of one camera, worked out on first use (some 0.1 s)."""
         key = (name, camera)
-        if key not in self._health:
-            recording = self.open(name)
-            stream = recording.cameras[camera]
-            samples = (stream.slice(*span) for span in sample_spans(recording.duration_us))
-            self._health[key] = assess_health(stream.counts_per_ms(), recording.duration_us, samples, stream.sensor)
-        return self._health[key]
+        with self._health_lock:  # who asks meanwhile waits for it
+            if key not in self._health:
+                recording = self.open(name)
+                stream = recording.cameras[camera]
+                samples = (stream.slice(*span) for span in sample_spans(recording.duration_us))
+                self._health[key] = assess_health(stream.counts_per_ms(), recording.duration_us, samples, stream.sensor)
+            return self._health[key]
 
     def close(self) -> None:
         """Close every recording."""

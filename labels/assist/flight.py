@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 
 from core.cameras import Camera, ball_circles
 from core.jit import njit
@@ -104,6 +103,8 @@ def fit_flight(cameras: tuple[Camera, Camera], labels: tuple[LabelArrays, LabelA
     high = np.concatenate([np.full(3, 20.0), np.full(3, 40.0), [0.5], np.full(3, 20.0)])
     if not ((low < guess) & (guess < high)).all():
         return None  # faster or farther than any ball
+    from scipy.optimize import least_squares  # loaded late, because the app's page waits for this module
+
     fit = least_squares(
         lambda values: residuals(values[None])[0],
         guess,

@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.export.film_file import film_file
 from app.export.scenes.drawn_scene import SceneDrawing
 from app.export.unfinished import Cancelled, Progress, check_cancelled
 from app.scene.landing import CASE_NAMES, CASE_RGB, REACH_M, SPOTS
@@ -120,6 +119,8 @@ def export_training_film(
         CommandError: if it has played no ball, or the file exists and `overwrite` is not set, or cannot be written.
         ExportCancelledError: if `cancelled` said so; there is no file then.
     """
+    from app.export.film_file import film_file  # its encoder is loaded for who makes a film
+
     config = read_run(run)
     seed = config.first_seed if seed is None else seed
     balls = read_filmed_balls(run, seed)

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from app.shared.training.metrics import Metrics
 from core.physics.episode import Case
@@ -112,13 +111,15 @@ def mean_curve(curves: list[Array]) -> Array:
 
 def interval_curves(curves: list[Array]) -> tuple[Array, Array]:
     """(N,) lower and (N,) upper end of the mean's 95 % interval over seeds, Student's t; NaN for fewer than two."""
+    from scipy.special import stdtrit  # Student's t; loaded late, because the app's page waits for this module
+
     table = _table(curves)
     known = np.isfinite(table)
     count = known.sum(axis=0)
     mean = np.where(known, table, 0.0).sum(axis=0) / np.maximum(count, 1)
     squares = np.where(known, table - mean, 0.0) ** 2
     std = np.sqrt(squares.sum(axis=0) / np.maximum(count - 1, 1))
-    half = stats.t.ppf(0.975, np.maximum(count - 1, 1)) * std / np.sqrt(np.maximum(count, 1))
+    half = stdtrit(np.maximum(count - 1, 1), 0.975) * std / np.sqrt(np.maximum(count, 1))
     half = np.where(count > 1, half, np.nan)
     return mean - half, mean + half
 

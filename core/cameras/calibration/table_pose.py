@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from core.cameras.calibration.table_corners import CLICKS_AT_LEAST, CORNERS, Clicks, pose_from_clicks
 from core.cameras.camera import Camera
@@ -82,6 +81,8 @@ def find_table_pose(name: str, lens: Camera, clicks: Clicks) -> TablePose:
 
 def _sigma_m(camera: Camera, ps: Array, click_sigma_px: float) -> float:
     """Of the camera's place, by the slope of the pictures against its six unknowns."""
+    from scipy.spatial.transform import Rotation  # loaded late, because the app's page waits for this module
+
     T = camera.T_world_camera
     slopes = np.empty((2 * len(ps), 6))
     here = camera.project(ps)

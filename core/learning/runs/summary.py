@@ -11,7 +11,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig
@@ -44,7 +43,9 @@ def spread_of(values: Sequence[float]) -> SeedSpread:
     if len(known) == 1:
         return SeedSpread(mean, math.nan, math.nan, math.nan, 1)
     std = float(known.std(ddof=1))
-    half = float(stats.t.ppf(0.975, len(known) - 1)) * std / math.sqrt(len(known))
+    from scipy.special import stdtrit  # Student's t; loaded late, because the app's page waits for this module
+
+    half = float(stdtrit(len(known) - 1, 0.975)) * std / math.sqrt(len(known))
     return SeedSpread(mean, std, mean - half, mean + half, len(known))
 
 

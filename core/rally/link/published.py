@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from core.events import Events
 from core.rally.link import messages as m
-from core.rally.simulated.world import Block, JudgedBall, RacketContact
 from core.recordings import PixelTruth
 from core.simulation.episodes.rally_events import RallyEvent
+
+if TYPE_CHECKING:  # it loads MuJoCo, which those that publish what real cameras see do without
+    from core.rally.simulated.world import Block, JudgedBall, RacketContact
 
 
 def event_batch(block: Block, camera: str, session: str, seq: int) -> m.EventBatch:

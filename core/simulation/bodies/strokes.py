@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 Array = NDArray[np.float64]
 
@@ -38,6 +37,8 @@ class RacketMotion:
     def __init__(
         self, home_m: Array, forward: Array, side: Array, strokes: Sequence[PlayerStroke], cycle_s: float | None
     ) -> None:
+        from scipy.interpolate import PchipInterpolator  # loaded late: most scenes have no people
+
         up = np.array([0.0, 0.0, 1.0])
         ready = home_m + 0.45 * forward + 0.22 * side + 0.12 * up
         at_s, blades, normals, feet = [-1.0], [ready], [forward + 0.2 * up], [home_m]

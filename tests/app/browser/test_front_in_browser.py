@@ -32,6 +32,17 @@ document.getElementById("frame").src = `http://127.0.0.1:${port}/`;
 window.tried = tried;
 </script>"""
 
+NOTE_PICTURES = """
+window.pictures = [];
+const plain = WebGL2RenderingContext.prototype.texImage2D, part = WebGL2RenderingContext.prototype.texSubImage2D;
+for (const [name, draw] of [["texImage2D", plain], ["texSubImage2D", part]])
+  WebGL2RenderingContext.prototype[name] = function (...given) {
+    pictures.push(given[given.length - 1]?.constructor?.name);
+    return draw.apply(this, given);
+  };
+"""
+"""Of what kind everything is that is given to the graphics driver."""
+
 
 class EvilPage(http.server.BaseHTTPRequestHandler):
     def do_GET(self) -> None:
@@ -206,3 +217,14 @@ def test_a_note_covers_no_caption_nor_bar_nor_panel_in_any_mode(window, size) ->
         wait_for(lambda covers=covers: covers() == "", f"{title} to have slid to where it covers nothing", 20)
         save_screenshot(page, f"front-note-{mode}-{size[0]}")
         page.evaluate(f"document.querySelectorAll('{NOTE}').forEach(note => note.style.display = 'none')")
+
+
+def test_the_page_draws_our_pictures_and_never_the_sky_of_viser(chromium: Browser, lab) -> None:
+    page = chromium.new_page()
+    page.add_init_script(NOTE_PICTURES)
+    page.goto(f"http://127.0.0.1:{lab.port}/")
+    page.wait_for_function("pictures.includes('HTMLImageElement')", timeout=120_000)
+    page.wait_for_timeout(2000)
+    drawn = page.evaluate("pictures")
+    page.close()
+    assert "ImageBitmap" not in drawn, "the sky is the only one"

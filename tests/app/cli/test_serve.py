@@ -60,10 +60,13 @@ def test_without_a_recording_it_shows_a_live_rally_whose_simulation_ends_with_it
     recordings.mkdir(parents=True)
     shutil.copy(serve_recording, recordings / "demo.h5")  # else it would be simulated first
     process, _ = start(["--port", "0", "--data", str(tmp_path / "data")], tmp_path / "log")
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+    started = Path(f"/proc/{process.pid}/task/{process.pid}/children")
     try:
         assert "'live'" in (tmp_path / "log").read_text()
-        assert children
+        deadline = time.monotonic() + 60
+        while not (children := started.read_text().split()):  # after its page
+            assert time.monotonic() < deadline and process.poll() is None
+            time.sleep(0.05)
     finally:
         process.kill()  # no time to say goodbye
     process.wait(30)
