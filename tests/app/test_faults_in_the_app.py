@@ -16,9 +16,9 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from app import server
 from app.bench.bare_browser import BareBrowser
 from app.bench.soak.process_usage import usage_of
+from app.front import door
 from app.server import App
 from app.session import Session
 from app.shared.library import Library
@@ -193,7 +193,7 @@ def test_a_browser_that_comes_back_finds_what_it_had(lab: App, away_s: float, mo
 def test_a_port_that_is_taken_at_the_last_moment_is_one_line(
     workspace: Workspace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server, "check_address", lambda host, port: None)
+    monkeypatch.setattr(door, "check_address", lambda host, port: None)
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()

@@ -67,8 +67,8 @@ test balls and the last policy of each seed, mean ± standard deviation over see
 Student's t]; targets are random. *Built-in*: the controller that is told the ball exactly, from -2.5 to 4.5 m/s.
 *Limit*: for each ball the best stroke within the policy's bounds that a search through the simulator finds. Both have
 no seeds. *Before the event cameras*: policies that were trained in closed form on states with noise of 5 mm, 1 % and
-up to 20 rad/s play {seen} test balls each, drawn from all, in the simulated world to their end; detection, stereo and
-prediction give the state, and nobody is told how balls fly.
+up to 20 rad/s play {seen} test balls, drawn from all and the same for every seed, in the simulated world to their end;
+detection, stereo and prediction give the state, and nobody is told how balls fly.
 """
 GOAL_NOTE: Final = "*Reached*: the whole interval over seeds is within the bound; *the mean alone*, if only that.\n"
 

@@ -98,8 +98,9 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
 
 def test_one_button_makes_a_film_of_the_training(window, lab, workspace, trainer: Trainer, wait_for, tmp_path) -> None:
     enter(window)
-    start(window, wait_for, "filmed", 30)
+    start(window, wait_for, "filmed", 80)  # long enough a film to be cancelled
     wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
+    window.wait_until_still()  # what ended has other buttons than what ran
     window.press("Film of this training")
     window.page.get_by_role("button", name="Cancel the film").wait_for()
     window.press("Cancel the film")
