@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from app.modes.train import film_panel
 from app.modes.train.mode import TrainMode
 from app.scene.landing import CASE_RGB
 from app.server import App
@@ -96,9 +97,18 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
     window.screenshot("train-map")
 
 
-def test_one_button_makes_a_film_of_the_training(window, lab, workspace, trainer: Trainer, wait_for, tmp_path) -> None:
+def test_one_button_makes_a_film_of_the_training(
+    window, lab, workspace, trainer: Trainer, wait_for, tmp_path, monkeypatch
+) -> None:
+    make = film_panel.export_training_film
+
+    def once_cancelled(run, path, *, cancelled, **more):  # a fast machine is done before anybody could cancel
+        wait_for(cancelled, "the film to be cancelled")
+        return make(run, path, cancelled=cancelled, **more)
+
+    monkeypatch.setattr(film_panel, "export_training_film", once_cancelled)
     enter(window)
-    start(window, wait_for, "filmed", 80)  # long enough a film to be cancelled
+    start(window, wait_for, "filmed", 30)
     wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
     window.wait_until_still()  # what ended has other buttons than what ran
     window.press("Film of this training")
@@ -107,6 +117,7 @@ def test_one_button_makes_a_film_of_the_training(window, lab, workspace, trainer
     window.page.get_by_text("cancelled").first.wait_for()
     assert not (workspace.exports / "filmed-film-1.mp4").exists()
     wait_for(lambda: not lab.services.exporter._job.running, "the cancelled film to be gone")
+    monkeypatch.undo()
     window.press("Film of this training")
     window.page.get_by_role("button", name="Download the film").wait_for(timeout=1e3 * PATIENT_S)
     window.screenshot("train-film")
