@@ -72,31 +72,6 @@ def shows(mode: TrainMode, name: str) -> bool:
     return mode._view is not None and mode._view.run is not None and mode._view.run.name == name
 
 
-def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Trainer, wait_for, count_like) -> None:
-    mode = enter(window)
-    window.page.get_by_text("Nothing trained yet").wait_for()
-    window.press("Train now")
-    wait_for(lambda: mode.replay is not None, "the first ball to fly", PATIENT_S)
-    assert newest(trainer).episodes_per_s == 2.5
-    first = mode.replay
-    wait_for(lambda: mode.replay is not first, "the next ball", PATIENT_S)
-    pick(window, "Pace", "as fast as it goes")
-    wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
-    window.page.get_by_text("ball 100 of 100").wait_for()
-    canvas = window.wait_for_pixels("train", lambda canvas: count_like(canvas[:, LEFT_PX:], GREEN) > 200)
-    assert count_like(canvas[:, LEFT_PX:], BLUE_TABLE, 40) > 5000  # the table with its landing spots
-    assert count_like(canvas[:, :LEFT_PX], ORANGE) > 100  # the curves
-    assert mode.details is not None
-    assert mode.details.returned == 100 and mode.details.error_mm < 150
-    assert mode.details.evaluations[-1]["error_mm"] < 40
-    window.page.get_by_role("tab", name="Landings").click()
-    window.page.get_by_text("own half").first.wait_for()
-    window.screenshot("train-landings")
-    window.page.get_by_role("tab", name="Map").click()
-    window.page.get_by_text("Inside of the box").first.wait_for()
-    window.screenshot("train-map")
-
-
 def test_one_button_makes_a_film_of_the_training(
     window, lab, workspace, trainer: Trainer, wait_for, tmp_path, monkeypatch
 ) -> None:
@@ -126,6 +101,31 @@ def test_one_button_makes_a_film_of_the_training(
     waiting.value.save_as(tmp_path / "film.mp4")
     (made,) = lab.services.exporter.files()
     assert (tmp_path / "film.mp4").read_bytes() == (workspace.exports / made.name).read_bytes()
+
+
+def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Trainer, wait_for, count_like) -> None:
+    mode = enter(window)
+    window.page.get_by_text("Nothing trained yet").wait_for()
+    window.press("Train now")
+    wait_for(lambda: mode.replay is not None, "the first ball to fly", PATIENT_S)
+    assert newest(trainer).episodes_per_s == 2.5
+    first = mode.replay
+    wait_for(lambda: mode.replay is not first, "the next ball", PATIENT_S)
+    pick(window, "Pace", "as fast as it goes")
+    wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
+    window.page.get_by_text("ball 100 of 100").wait_for()
+    canvas = window.wait_for_pixels("train", lambda canvas: count_like(canvas[:, LEFT_PX:], GREEN) > 200)
+    assert count_like(canvas[:, LEFT_PX:], BLUE_TABLE, 40) > 5000  # the table with its landing spots
+    assert count_like(canvas[:, :LEFT_PX], ORANGE) > 100  # the curves
+    assert mode.details is not None
+    assert mode.details.returned == 100 and mode.details.error_mm < 150
+    assert mode.details.evaluations[-1]["error_mm"] < 40
+    window.page.get_by_role("tab", name="Landings").click()
+    window.page.get_by_text("own half").first.wait_for()
+    window.screenshot("train-landings")
+    window.page.get_by_role("tab", name="Map").click()
+    window.page.get_by_text("Inside of the box").first.wait_for()
+    window.screenshot("train-map")
 
 
 def test_a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer, wait_for) -> None:
