@@ -72,37 +72,6 @@ def shows(mode: TrainMode, name: str) -> bool:
     return mode._view is not None and mode._view.run is not None and mode._view.run.name == name
 
 
-def test_one_button_makes_a_film_of_the_training(
-    window, lab, workspace, trainer: Trainer, wait_for, tmp_path, monkeypatch
-) -> None:
-    make = film_panel.export_training_film
-
-    def once_cancelled(run, path, *, cancelled, **more):  # a fast machine is done before anybody could cancel
-        wait_for(cancelled, "the film to be cancelled")
-        return make(run, path, cancelled=cancelled, **more)
-
-    monkeypatch.setattr(film_panel, "export_training_film", once_cancelled)
-    enter(window)
-    start(window, wait_for, "filmed", 30)
-    wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
-    window.wait_until_still()  # what ended has other buttons than what ran
-    window.press("Film of this training")
-    window.page.get_by_role("button", name="Cancel the film").wait_for()
-    window.press("Cancel the film")
-    window.page.get_by_text("cancelled").first.wait_for()
-    assert not (workspace.exports / "filmed-film-1.mp4").exists()
-    wait_for(lambda: not lab.services.exporter._job.running, "the cancelled film to be gone")
-    monkeypatch.undo()
-    window.press("Film of this training")
-    window.page.get_by_role("button", name="Download the film").wait_for(timeout=1e3 * PATIENT_S)
-    window.screenshot("train-film")
-    with window.page.expect_download(timeout=1e3 * PATIENT_S) as waiting:
-        window.press("Download the film")
-    waiting.value.save_as(tmp_path / "film.mp4")
-    (made,) = lab.services.exporter.files()
-    assert (tmp_path / "film.mp4").read_bytes() == (workspace.exports / made.name).read_bytes()
-
-
 def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Trainer, wait_for, count_like) -> None:
     mode = enter(window)
     window.page.get_by_text("Nothing trained yet").wait_for()
@@ -126,6 +95,38 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
     window.page.get_by_role("tab", name="Map").click()
     window.page.get_by_text("Inside of the box").first.wait_for()
     window.screenshot("train-map")
+
+
+def test_one_button_makes_a_film_of_the_training(
+    window, lab, workspace, trainer: Trainer, wait_for, tmp_path, monkeypatch
+) -> None:
+    make = film_panel.export_training_film
+
+    def once_cancelled(run, path, *, cancelled, **more):  # a fast machine is done before anybody could cancel
+        wait_for(cancelled, "the film to be cancelled")
+        return make(run, path, cancelled=cancelled, **more)
+
+    monkeypatch.setattr(film_panel, "export_training_film", once_cancelled)
+    mode = enter(window)
+    start(window, wait_for, "filmed", 30)
+    wait_for(lambda: shows(mode, "filmed"), "its curves, not those of the run before it", PATIENT_S)
+    wait_for(lambda: phase(trainer) == "finished", "the training to finish", PATIENT_S)
+    window.wait_until_still()  # what ended has other buttons than what ran
+    window.press("Film of this training")
+    window.page.get_by_role("button", name="Cancel the film").wait_for()
+    window.press("Cancel the film")
+    window.page.get_by_text("cancelled").first.wait_for()
+    assert not (workspace.exports / "filmed-film-1.mp4").exists()
+    wait_for(lambda: not lab.services.exporter._job.running, "the cancelled film to be gone")
+    monkeypatch.undo()
+    window.press("Film of this training")
+    window.page.get_by_role("button", name="Download the film").wait_for(timeout=1e3 * PATIENT_S)
+    window.screenshot("train-film")
+    with window.page.expect_download(timeout=1e3 * PATIENT_S) as waiting:
+        window.press("Download the film")
+    waiting.value.save_as(tmp_path / "film.mp4")
+    (made,) = lab.services.exporter.files()
+    assert (tmp_path / "film.mp4").read_bytes() == (workspace.exports / made.name).read_bytes()
 
 
 def test_a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer, wait_for) -> None:
