@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.learning.agents.agent import Losses, StageProgress
+from core.learning.agents.feature_actor import FEATURES, FeatureActor
 from core.learning.agents.policy import Policy
 from core.learning.agents.replay import ReplayBuffer
 from core.learning.agents.stroke_process import StrokeProcess, landings_of, stroke_inputs, velocities_after
 from core.learning.config import GoalConfig, RunConfig
 from core.learning.task.environment import draw_goals
-from core.learning.task.normalise import STATE_SCALE, normal_observations
-from core.learning.task.racket_table import racket_table
+from core.learning.task.normalise import STATE_SCALE
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,6 @@ FEWEST_BALLS: Final = 4
 """That came down behind the net, before anything is solved for."""
 MOST_BALLS: Final = 400
 """The newest; the process takes the cube of their number."""
-FEATURES: Final = 256
 FEATURE_SCALE: Final = 0.3
 """Standard deviation of the features' weights (choice, as all here on seeds 100 to 104): wide, so smooth."""
 RIDGE: Final = 1e-6
@@ -52,13 +51,11 @@ class ProcessAgent:
 
     def __init__(self, config: RunConfig, rng: np.random.Generator) -> None:
         self._run, self._goal = config, config.environment.goal
-        self._weights = rng.normal(0.0, FEATURE_SCALE, (9, FEATURES))
-        self._biases = rng.normal(0.0, 1.0, FEATURES)
-        self._outputs = np.zeros((FEATURES + 1, 3))
+        self._actor = FeatureActor(FEATURE_SCALE, rng)
 
     def act(self, states: Array, racket_speeds_mps: Array, goals_m: Array) -> Array:
         """mu(s, v_racket, g), (N, 3)."""
-        return np.clip(self._features(states, racket_speeds_mps, goals_m) @ self._outputs, -1.0, 1.0)
+        return self._actor.act(states, racket_speeds_mps, goals_m)
 
     def learn(self, buffer: ReplayBuffer, progress: StageProgress, rng: np.random.Generator) -> Losses:
         """Fit process and actor anew: after every ball early in a stage, less and less often later."""
@@ -90,26 +87,19 @@ class ProcessAgent:
         velocities, _ = process(stroke_inputs(states, speeds, actions))
         off_m = np.hypot(*(landings_of(states, velocities) - goals).T)
         solved = (off_m < CLOSE_M) & (np.abs(actions).max(axis=1) < LARGEST_ACTION)
-        features = self._features(states[solved], speeds[solved], goals[solved])
+        features = self._actor.features(states[solved], speeds[solved], goals[solved])
         normal = features.T @ features + RIDGE * np.eye(FEATURES + 1)
-        self._outputs = np.linalg.solve(normal, features.T @ actions[solved])
+        self._actor.outputs[...] = np.linalg.solve(normal, features.T @ actions[solved])
         velocities, _ = process(stroke_inputs(states, speeds, self.act(states, speeds, goals)))
         return float(np.hypot(*(landings_of(states, velocities) - goals).T).mean())
 
-    def _features(self, states: Array, speeds: Array, goals_m: Array) -> Array:
-        observations = normal_observations(states, goals_m, speeds).astype(np.float64)
-        return np.column_stack([np.tanh(observations @ self._weights + self._biases), np.ones(len(states))])
-
     def policy(self) -> Policy:
         """The actor by itself."""
-        incoming, racket = racket_table(self._run)
-        hidden = self._weights.astype(np.float32), self._biases.astype(np.float32)
-        output = self._outputs[:-1].astype(np.float32), self._outputs[-1].astype(np.float32)
-        return Policy((hidden, output), "tanh", "clip", True, incoming, racket)
+        return self._actor.policy(self._run)
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """The actor; the process is made of the buffer."""
-        return {"weights": self._weights, "biases": self._biases, "outputs": self._outputs}
+        return self._actor.to_arrays()
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
         """The opposite.
@@ -117,8 +107,7 @@ class ProcessAgent:
         Raises:
             KeyError, ValueError: if they are another agent's.
         """
-        for name, now in self.to_arrays().items():
-            now[...] = arrays[name]
+        self._actor.restore(arrays)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.learning.agents.agent import Losses, StageProgress
+from core.learning.agents.feature_actor import FeatureActor
 from core.learning.agents.policy import Policy
 from core.learning.agents.process_agent import draw_situations, known_balls, whole_box
 from core.learning.agents.replay import ReplayBuffer
@@ -23,14 +24,11 @@ from core.learning.agents.stroke_law import StrokeLaw
 from core.learning.agents.stroke_process import landings_of, velocities_after
 from core.learning.config import RunConfig
 from core.learning.task.environment import draw_goals
-from core.learning.task.normalise import normal_observations
-from core.learning.task.racket_table import racket_table
 
 Array = NDArray[np.float64]
 
 FEWEST_BALLS: Final = 4
 """That came down behind the net, before anything is solved for."""
-FEATURES: Final = 256
 FEATURE_SCALE: Final = 0.2
 """Standard deviation of the features' weights (choice, as all here on seeds 100 to 107): wide, so smooth."""
 SITUATIONS: Final = 1500
@@ -50,13 +48,11 @@ class ReflectionAgent:
 
     def __init__(self, config: RunConfig, rng: np.random.Generator) -> None:
         self._run, self._goal = config, config.environment.goal
-        self._weights = rng.normal(0.0, FEATURE_SCALE, (9, FEATURES))
-        self._biases = rng.normal(0.0, 1.0, FEATURES)
-        self._outputs = np.zeros((FEATURES + 1, 3))
+        self._actor = FeatureActor(FEATURE_SCALE, rng)
 
     def act(self, states: Array, racket_speeds_mps: Array, goals_m: Array) -> Array:
         """mu(s, v_racket, g), (N, 3)."""
-        return np.clip(self._features(states, racket_speeds_mps, goals_m) @ self._outputs, -1.0, 1.0)
+        return self._actor.act(states, racket_speeds_mps, goals_m)
 
     def learn(self, buffer: ReplayBuffer, progress: StageProgress, rng: np.random.Generator) -> Losses:
         """Fit the law and better the actor: after every ball early in a stage, less and less often later."""
@@ -68,7 +64,7 @@ class ReflectionAgent:
         if law is None:
             return Losses(math.nan, math.nan)
         off_m = math.nan
-        for _ in range(STEPS if self._outputs.any() else FIRST_STEPS):
+        for _ in range(STEPS if self._actor.outputs.any() else FIRST_STEPS):
             off_m = self._step(law, belief, buffer, rng)
         return Losses(law.scatter_mps, off_m)
 
@@ -86,8 +82,8 @@ class ReflectionAgent:
         """Better the actor on new situations; returns how far its strokes landed from their targets (m, mean)."""
         perceived, rackets = draw_situations(buffer, SITUATIONS, rng)
         goals = draw_goals(SITUATIONS, whole_box(self._goal), rng)
-        states, features = belief(perceived), self._features(perceived, rackets, goals)
-        wanted = features @ self._outputs
+        states, features = belief(perceived), self._actor.features(perceived, rackets, goals)
+        wanted = features @ self._actor.outputs
         actions = np.clip(wanted, -1.0, 1.0)
 
         def off_m(played: Array) -> Array:
@@ -101,23 +97,16 @@ class ReflectionAgent:
             slope[beyond * (slope * off).sum(axis=1) < 0] = 0.0
         distances = np.hypot(*off.T)
         counts = 1 / np.sqrt(distances**2 + NEAR_M**2)
-        self._outputs[:, 1:] -= _damped_step(features, slopes, off, counts)
+        self._actor.outputs[:, 1:] -= _damped_step(features, slopes, off, counts)
         return float(distances.mean())
-
-    def _features(self, states: Array, speeds: Array, goals_m: Array) -> Array:
-        observations = normal_observations(states, goals_m, speeds).astype(np.float64)
-        return np.column_stack([np.tanh(observations @ self._weights + self._biases), np.ones(len(states))])
 
     def policy(self) -> Policy:
         """The actor by itself."""
-        incoming, racket = racket_table(self._run)
-        hidden = self._weights.astype(np.float32), self._biases.astype(np.float32)
-        output = self._outputs[:-1].astype(np.float32), self._outputs[-1].astype(np.float32)
-        return Policy((hidden, output), "tanh", "clip", True, incoming, racket)
+        return self._actor.policy(self._run)
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
         """The actor; the law is made of the buffer."""
-        return {"weights": self._weights, "biases": self._biases, "outputs": self._outputs}
+        return self._actor.to_arrays()
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
         """The opposite.
@@ -125,8 +114,7 @@ class ReflectionAgent:
         Raises:
             KeyError, ValueError: if they are another agent's.
         """
-        for name, now in self.to_arrays().items():
-            now[...] = arrays[name]
+        self._actor.restore(arrays)
 
 
 def _slope(off_m: Callable[[Array], Array], actions: Array, off: Array, k: int) -> Array:

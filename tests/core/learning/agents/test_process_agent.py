@@ -7,8 +7,9 @@ import pytest
 
 from core.errors import ConfigError
 from core.learning.agents.agent import StageProgress
+from core.learning.agents.feature_actor import FEATURES
 from core.learning.agents.policy import read_policy, save_policy
-from core.learning.agents.process_agent import FEATURES, ProcessAgent, _process_of
+from core.learning.agents.process_agent import ProcessAgent, _process_of
 from core.learning.agents.replay import ReplayBuffer
 from core.learning.agents.stroke_process import StrokeProcess, landings_of, stroke_inputs, velocities_after
 from core.learning.config import EnvironmentConfig, LandingModelConfig, RunConfig, default_run
@@ -109,20 +110,8 @@ def test_forty_balls_are_enough_for_a_centimetre() -> None:
     assert error_mm(training) < 12  # 25 are aimed at; 4 to 5 mm in 20 seeds
 
 
-def test_a_training_goes_on_from_its_checkpoint_to_the_bit() -> None:
-    config = process_run()
-    whole = Training(config, 3)
-    for _ in range(18):
-        whole.play_episode()
-    arrays, about = whole.to_checkpoint()
-    copies = {name: array.copy() for name, array in arrays.items()}
-    again = Training.from_checkpoint(config, 3, copies, about)
-    for _ in range(6):
-        whole.play_episode()
-        again.play_episode()
-    for one, other in zip(whole.policy.layers, again.policy.layers, strict=True):
-        np.testing.assert_array_equal(one[0], other[0])
-        np.testing.assert_array_equal(one[1], other[1])
+def test_a_training_goes_on_from_its_checkpoint_to_the_bit(check_it_goes_on_to_the_bit) -> None:
+    check_it_goes_on_to_the_bit(process_run(), before=18, later=6)
 
 
 def test_its_policy_is_one_as_any_other(tmp_path) -> None:

@@ -101,20 +101,8 @@ def test_sixty_noisy_balls_are_enough_to_come_near_what_noise_alone_costs() -> N
     assert error_mm(training) < 78  # perfect knowledge that trusts the perceived states: 60 to 65
 
 
-def test_a_training_goes_on_from_its_checkpoint_to_the_bit() -> None:
-    config = reflection_run(NOISY, 9.0)
-    whole = Training(config, 3)
-    for _ in range(26):
-        whole.play_episode()
-    arrays, about = whole.to_checkpoint()
-    copies = {name: array.copy() for name, array in arrays.items()}
-    again = Training.from_checkpoint(config, 3, copies, about)
-    for _ in range(5):
-        whole.play_episode()
-        again.play_episode()
-    for one, other in zip(whole.policy.layers, again.policy.layers, strict=True):
-        np.testing.assert_array_equal(one[0], other[0])
-        np.testing.assert_array_equal(one[1], other[1])
+def test_a_training_goes_on_from_its_checkpoint_to_the_bit(check_it_goes_on_to_the_bit) -> None:
+    check_it_goes_on_to_the_bit(reflection_run(NOISY, 9.0), before=26, later=5)
 
 
 def test_its_policy_is_one_as_any_other(tmp_path) -> None:
