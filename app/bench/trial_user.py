@@ -45,7 +45,11 @@ COUNT_JS: Final = f"+({LINES_JS}.match(/times checked, (\\d+) labels?/) || [0, -
 SCORED_JS: Final = f"+({LINES_JS}.match(/against (\\d+) labels by/) || [0, 0])[1]"
 TIME_JS: Final = "+document.getElementById('rallyscope-time').value"
 PATIENCE_MS: Final = 2500
+HAND_MS: Final = 120
+"""From one field to the next: of what is changed within 50 ms viser sends only the last control's."""
 READ_WITHIN_S: Final = 60.0
+MOST_PASSED_OVER: Final = 10
+"""Times in a row that cannot be judged, before something is wrong with the page and not with the picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +179,9 @@ class _User:
         self._page.get_by_label("Time [µs]").press("Enter")
         label = self._page.locator("label").filter(has_text=re.compile("^Annotator$"))
         name = label.locator("xpath=ancestor::*[.//input][1]").locator("input").last
+        self._page.wait_for_timeout(HAND_MS)
         name.fill("")  # after the kill it is there already: that of the last annotator is offered
+        self._page.wait_for_timeout(HAND_MS)
         name.fill(ANNOTATOR)
         name.blur()  # keys do nothing while a field has the cursor
         while self._time() <= before:  # a press before the labels of that name are there is for nothing
@@ -185,7 +191,7 @@ class _User:
         self._page.get_by_text(re.compile(r"^[1-9]\d* proposals$")).wait_for(timeout=300_000)
 
     def _label_until(self, count: int) -> None:
-        begun_s, tried_us = time.perf_counter(), -1
+        begun_s, tried_us, passed = time.perf_counter(), -1, 0
         while (labels := self._count()) < count:
             t_us = self._time()
             proposed = self._page.evaluate(f"{LINES_JS}.includes('proposed: space accepts')")
@@ -205,8 +211,15 @@ class _User:
                     raise
                 if self._time() == t_us == tried_us:
                     self._key("u")  # what cannot be judged by now either is passed over
+                    passed += 1
+                    if passed == MOST_PASSED_OVER:
+                        said = self._page.evaluate("document.body.innerText")
+                        raise RuntimeError(
+                            f"{labels} labels at {t_us} us, and no more comes; the page says: {said}"
+                        ) from error
                 tried_us = t_us
                 continue
+            passed = 0
             if by_hand:
                 self._key("u")
                 self._page.wait_for_function(f"({TIME_JS}) != {t_us}", timeout=PATIENCE_MS, polling=15)

@@ -26,8 +26,9 @@ def test_a_blinking_board_is_found_live_and_the_parts_without_one_are_framed(
             page.get_by_text("does it blink").nth(1).wait_for()  # it looks for a chessboard of 6 x 9
             page.get_by_label("Pattern").click()
             page.get_by_role("option", name="dots").click()
+            wait_for(lambda: window.state.watch.board.board.kind == "dots", "dots to be chosen")
             for name, value in (("Rows", BOARD.rows), ("Columns", BOARD.columns)):
-                page.get_by_label(name, exact=True).fill(str(value))
+                window.fill(page.get_by_label(name, exact=True), str(value))
                 page.keyboard.press("Enter")
             wait_for(lambda: window.state.watch.board.board == BOARD, "the board to be chosen")
             reached = {cell for pose in POSES_M for cell in cells_of(points_px(pose), SENSOR).tolist()}

@@ -162,8 +162,8 @@ def begin(window, wait_for, request, suffix: str = "") -> Labelling:
     wait_for(lambda: found.mode._pictures.shown is not None, "the first picture")
     found.page.wait_for_timeout(600)  # the sheet has another shape: the camera is moved
     name = request.node.name[5:30].strip("_") + suffix  # a layer of its own for each test
-    window.field("Annotator").fill("")  # it may be the name already: that of the last annotator is offered
-    window.field("Annotator").fill(name)
+    window.fill(window.field("Annotator"), "")  # it may be the name already: that of the last annotator is offered
+    window.fill(window.field("Annotator"), name)
     wait_for(
         lambda: found.mode._named and found.work.view.annotator == name and "left" in found.work.saved, "the layer"
     )
@@ -355,7 +355,7 @@ def test_the_first_label_of_a_browser_asks_who_labels(window, wait_for, workspac
     window.page.get_by_text("too long a name").wait_for()
     for _ in range(8):
         if asked.count() and t_us not in mode._editor.labelling.here.labels:
-            field.fill("")
+            window.fill(field, "")
             field.fill("Carla K")
             field.press("Enter")  # at once: what was typed last is taken all the same
             window.page.wait_for_timeout(4000)

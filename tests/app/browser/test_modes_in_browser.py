@@ -99,8 +99,8 @@ def test_a_recording_is_streamed_to_the_viewer_of_the_command_line(
             with open_window(lab) as window:
                 window.press("Export")
                 window.page.get_by_text(address).wait_for()
-                window.field("From [s]").fill("0.2")
-                window.field("To [s]").fill("0.3")
+                window.fill(window.field("From [s]"), "0.2")
+                window.fill(window.field("To [s]"), "0.3")
                 window.page.keyboard.press("Enter")
                 plan = window.session._modes["Export"]._plan
                 wait_for(lambda: (plan.plan.start_us, plan.plan.end_us) == (200_000, 300_000), "the part")

@@ -47,8 +47,8 @@ def start(window, wait_for, name: str, balls: int) -> None:
     """A training of the landing model that can be watched, from the form."""
     form = window.session._modes["Train"]._form_panel
     window.page.get_by_text("A new training").click()
-    window.field("episodes").fill(str(balls))
-    window.field("Name").fill(name)
+    window.fill(window.field("episodes"), str(balls))
+    window.fill(window.field("Name"), name)
     # The page sends what is typed a little later.
     wait_for(
         lambda: (form._name.value, str(form._handles[("curriculum", "episodes")].value)) == (name, str(balls)),

@@ -84,8 +84,8 @@ def test_a_picture_of_the_3d_view_has_the_ball_where_the_view_has_it(window, wor
 def test_a_film_of_the_3d_view_shows_each_moment_and_the_cursor_stays(window, workspace, followed, wait_for) -> None:
     enter(window, "Film of the 3D view (.mp4)", wait_for)
     choose(window, "Film speed", "1/2")
-    window.field("From [s]").fill("0.3")
-    window.field("To [s]").fill("0.38")
+    window.fill(window.field("From [s]"), "0.3")
+    window.fill(window.field("To [s]"), "0.38")
     window.page.keyboard.press("Enter")
     plan = window.session._modes["Export"]._plan
     wait_for(lambda: (plan.plan.start_us, plan.plan.end_us) == (300_000, 380_000), "the part")
