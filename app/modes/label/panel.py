@@ -75,6 +75,8 @@ class LabelPanel:
         zooms = tuple("whole" if zoom == 1 else f"{zoom:g}x" for zoom in ZOOMS)
         self._zoom = Choice(gui, "Zoom", zooms, self._choose_zoom, hint="Keys 6 to 9")
         self._step = gui.add_dropdown("Label every", [step_label(step) for step in LABEL_STEPS_US])
+        self._named = DEFAULT_ANNOTATOR
+        """The annotator that the field was last told."""
         when_changed(self._annotator, lambda value: actions.name(str(value)))
         when_changed(self._step, lambda value: actions.step(_step_of(str(value))))
 
@@ -125,7 +127,8 @@ class LabelPanel:
 
     def show_view(self, view: LabelView, step_us: int) -> None:
         """Let the controls follow what was chosen."""
-        self._annotator.value = view.annotator
+        if view.annotator != self._named:  # else somebody may be typing another
+            self._annotator.value = self._named = view.annotator
         self._camera.show(view.camera)
         self._window.show(f"{view.window_us / 1e3:g}")
         self._zoom.show("whole" if view.zoom == 1 else f"{view.zoom:g}x")

@@ -10,6 +10,7 @@ from app.modes.label.commands.cursor import ChangeView, GoTo
 from app.modes.label.commands.hand import PlaceBall, SetState
 from app.modes.label.plan import plan_at
 from app.pictures.palette import Ink, palette
+from app.state.commands import Seek
 from app.views.image_view import FOV_RAD, UNIT
 from labels.conflicts import how_settled
 from labels.model import LabelState, PositionSource
@@ -329,6 +330,22 @@ def test_a_click_where_no_circle_fits_asks_and_stores_nothing_until_a_radius_is_
     labelling.keys("x")
     wait_for(lambda: labelling.label(BALL_US + 2000), "the key to arrive")
     assert labelling.label(BALL_US + 2000).state is LabelState.NO_BALL
+
+
+def test_what_happens_meanwhile_does_not_write_into_the_name_that_is_typed(window, wait_for) -> None:
+    window.press("Label")
+    mode = window.session._modes["Label"]
+    wait_for(lambda: mode._editor is not None and mode._editor.labelling.on_screen, "the picture")
+    name = mode._editor.labelling.view.annotator
+    field = window.field("Annotator")
+    window.fill(field, "")
+    wait_for(lambda: mode._panel._annotator.value == "", "the empty field")
+    there_us = mode._editor.labelling.t_us + 100_000
+    window.session.send(Seek(there_us))
+    wait_for(lambda: mode._status is not None and mode._status[0] == there_us, "the panel to follow")
+    assert mode._panel._annotator.value == field.input_value() == ""
+    window.fill(field, name)
+    wait_for(lambda: mode._named, "the name that was offered, to count as given once it is typed")
 
 
 def test_the_first_label_of_a_browser_asks_who_labels(window, wait_for, workspace) -> None:
