@@ -6,6 +6,7 @@ deterministic: the same balls evaluate every policy, and a resumed run meets the
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -159,12 +160,24 @@ def strokes_of(deliveries: Deliveries, actions: Array, config: EnvironmentConfig
 
 
 def evaluation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> Deliveries:
-    """The fixed balls of a speed that policies are compared on."""
-    rng = np.random.default_rng([EVALUATION_SEED, round(1000 * speed_mps)])
-    return deliver(speed_mps, count, config, rng, "test")
+    """The fixed balls of a speed that policies are compared on; nobody may change them."""
+    return _fixed_balls(EVALUATION_SEED, speed_mps, count, config, "test")
 
 
 def validation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> Deliveries:
-    """The fixed balls of a speed by which one of a run's policies is chosen."""
-    rng = np.random.default_rng([VALIDATION_SEED, round(1000 * speed_mps)])
-    return deliver(speed_mps, count, config, rng, "validation")
+    """The fixed balls of a speed by which one of a run's policies is chosen; nobody may change them."""
+    return _fixed_balls(VALIDATION_SEED, speed_mps, count, config, "validation")
+
+
+def _fixed_balls(seed: int, speed_mps: float, count: int, config: EnvironmentConfig, part: BallPart) -> Deliveries:
+    """Made once for all seeds that a process trains: to see 500 balls in time takes as long as to train on 500."""
+    made = _deal if config.recorded else _deal_once  # files of recorded balls may change
+    return made(seed, speed_mps, count, config, part)
+
+
+def _deal(seed: int, speed_mps: float, count: int, config: EnvironmentConfig, part: BallPart) -> Deliveries:
+    rng = np.random.default_rng([seed, round(1000 * speed_mps)])
+    return deliver(speed_mps, count, config, rng, part)
+
+
+_deal_once = functools.lru_cache(maxsize=16)(_deal)
