@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import viser
 
+from app.background.loaded import LoadedObjects
 from app.front import Admission, FrontDoor, open_front_door
 from app.modes.services import Services
 from app.panels.recording_info import gather_info
@@ -73,6 +74,7 @@ class App:
         self._lock = threading.Lock()
         self._awake = threading.Event()
         self._stopping = False
+        self._loaded = LoadedObjects()
         if live is not None:
             self.use_live(live)
         self._pool = ThreadPoolExecutor(POOL_THREADS, thread_name_prefix="rallyscope")
@@ -161,6 +163,7 @@ class App:
             due_s = max(due_s, started_s - TICK_S) + TICK_S  # a late tick is made up for, more of them are not
             sessions = self.sessions
             self.services.rallies.attend(bool(sessions), started_s)
+            self._loaded.tick(started_s, busy=bool(sessions))
             if sessions and started_s - rescanned_s > RESCAN_EVERY_S:
                 rescanned_s = started_s
                 self._rescan(sessions)

@@ -241,6 +241,11 @@ class Session:
         return self._state
 
     @property
+    def is_spared(self) -> bool:
+        """Whether the page is to be told less often of what moves by itself."""
+        return self._pace.spares(self._state)
+
+    @property
     def recording(self) -> Recording | None:
         """The one that is open."""
         return self._recording

@@ -37,18 +37,19 @@ SECOND_S: Final = 1.0
 
 @dataclass(slots=True)
 class PaceWatch:
-    """A listener of the rally: how far its clock goes in each second, and whether a ball flew all that second."""
+    """A listener of the rally: how far its clock goes in each second, and whether a ball flew in it."""
 
     clock: Callable[[], float] = time.monotonic
     seconds: list[tuple[float, bool]] = field(default_factory=list)
-    """Rally seconds per second of the wall clock, and whether a ball flew at its begin and its end."""
-    _since: tuple[float, int, bool] | None = None
+    """Rally seconds per second of the wall clock, and whether a ball flew at any time of it."""
+    _since: tuple[float, int] | None = None
+    _flew: bool = False
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def begin(self) -> None:
         """Forget what was seen."""
         with self._lock:
-            self.seconds, self._since = [], None
+            self.seconds, self._since, self._flew = [], None, False
 
     def on_session(self, welcome: m.Reply) -> None:
         """Another clock."""
@@ -62,15 +63,16 @@ class PaceWatch:
 
     def on_state(self, state: m.WorldState) -> None:
         """Time goes on."""
-        now_s, flies = self.clock(), state.phase in ("serve", "return")
+        now_s = self.clock()
         with self._lock:
+            self._flew |= state.phase in ("serve", "return")
             if self._since is None:
-                self._since = now_s, state.t_us, flies
+                self._since = now_s, state.t_us
                 return
-            since_s, since_us, flew = self._since
+            since_s, since_us = self._since
             if now_s - since_s >= SECOND_S:
-                self.seconds.append(((state.t_us - since_us) * 1e-6 / (now_s - since_s), flew and flies))
-                self._since = now_s, state.t_us, flies
+                self.seconds.append(((state.t_us - since_us) * 1e-6 / (now_s - since_s), self._flew))
+                self._since, self._flew = (now_s, state.t_us), False
 
 
 @dataclass(frozen=True, slots=True)

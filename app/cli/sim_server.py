@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -85,6 +86,7 @@ def run(arguments: SimServerArguments) -> None:
         keys=keys,
     )
     server.prepare()
+    gc.freeze()  # what is loaded stays: a look through it would make the rally stumble
     ended = end_event()
     say(f"The simulation is at {server.address}   (Ctrl-C ends it)")
     server.run(ended.is_set)

@@ -53,6 +53,11 @@ class ModeHost(Protocol):
         """Whether that says where the ball truly is."""
         ...
 
+    @property
+    def is_spared(self) -> bool:
+        """Whether the page is to be told less often of what moves by itself: it is drawn at the cost of the rally."""
+        ...
+
     def send(self, command: Command) -> None:
         """Enqueue a change of the state; from any thread."""
         ...

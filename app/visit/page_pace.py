@@ -1,8 +1,9 @@
 """How often a browser is shown what moves by itself.
 
-A page without a graphics card is drawn by the processor: every change anywhere on it costs 20 to 30 ms, one in space
-about 100 (Chromium at 1280x720). A live rally that runs on the same processor would have to wait for the pictures of
-it. So such a page gets few, and all that changed at once.
+A page without a graphics card is drawn by the processor: every change anywhere on it costs 20 to 40 ms (Chromium at
+1280x720), where a panel is drawn anew some times more. A live rally that runs on the same processor would have to wait
+for the pictures of it. So such a page gets few, and all that changed at once; what stands in panels changes less often
+still.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ class PagePace:
         """Somebody asked for something and waits; called from any thread."""
         self._hurried = True
 
+    def spares(self, state: ClientState | None) -> bool:
+        """Whether this is a live rally on a page that the processor draws."""
+        return self._by_software and state is not None and state.playhead.live and state.playhead.playing
+
     def is_due(self, state: ClientState | None, wall_s: float) -> bool:
         """Whether the browser gets its next picture now."""
-        waits = (
-            self._by_software and state is not None and state.playhead.live and state.playhead.playing
-            and wall_s - self._shown_s < FEW_EVERY_S
-        )  # fmt: skip
-        if waits and not self._hurried:
+        if self.spares(state) and wall_s - self._shown_s < FEW_EVERY_S and not self._hurried:
             return False
         self._hurried, self._shown_s = False, wall_s
         return True

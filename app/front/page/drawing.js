@@ -1,6 +1,7 @@
 // Who draws the pictures: where no graphics card does, the processor draws every one of them, with all the rest of the page,
 // and a live rally that runs on it, too, needs that time. The server then sends fewer; what moves by itself here does so less.
 {
+  const FEW_MS = 180, HAND_MS = 700;
   const drawer = () => {
     const context = document.createElement("canvas").getContext("webgl2");
     if (!context) return "software";
@@ -9,7 +10,43 @@
     context.getExtension("WEBGL_lose_context")?.loseContext();
     return name;
   };
+
+  // viser draws on for a quarter of a second after all that it is told, as often as it can: in a live rally without a rest.
+  // Frames keep apart there, unless a hand is at work.
+  const drawFewFrames = () => {
+    const next = requestAnimationFrame.bind(window), waiting = new Map();
+    let number = 0, due = false, timer = null, drawn = 0, touched = -Infinity;
+    const turn = (t) => {
+      due = false;
+      drawn = performance.now();
+      for (const id of [...waiting.keys()]) {
+        const act = waiting.get(id);
+        if (!act || !waiting.delete(id)) continue; // cancelled by one before it
+        try { act(t); } catch (error) { reportError(error); }
+      }
+    };
+    const go = () => { timer = null; next(turn); };
+    const goAlone = () => { timer = null; turn(performance.now()); }; // what React makes of it is in the same picture
+    window.requestAnimationFrame = (act) => {
+      waiting.set(++number, act);
+      if (!due) {
+        const now = performance.now(), rests = rallyscope.rallyRuns && !document.hidden && now - touched > HAND_MS;
+        due = true;
+        if (rests) timer = setTimeout(goAlone, Math.max(0, drawn + FEW_MS - now));
+        else go();
+      }
+      return number;
+    };
+    window.cancelAnimationFrame = (id) => { waiting.delete(id); };
+    const touch = () => {
+      touched = performance.now();
+      if (timer !== null) { clearTimeout(timer); go(); }
+    };
+    for (const kind of ["pointerdown", "pointermove", "wheel", "keydown"]) addEventListener(kind, touch, { capture: true, passive: true });
+  };
+
   rallyscope.bySoftware = /swiftshader|llvmpipe|softpipe|software|basic render/i.test(drawer());
+  if (rallyscope.bySoftware) drawFewFrames();
   const found = rallyscope.onFound;
   rallyscope.onFound = () => { found(); rallyscope.send("drawing", { software: rallyscope.bySoftware }); };
 }

@@ -168,10 +168,16 @@
   };
 
   rallyscope.handlers.bar = (message) => {
+    if (rallyscope.bySoftware && rallyscope.rallyRuns && message.live) requestAnimationFrame(() => show(message)); // with the picture
+    else show(message);
+  };
+
+  const show = (message) => {
     const first = !now;
     if (now && (message.end !== now.end || message.live !== now.live) && !message.live) view = null;
     now = message;
     heard = performance.now();
+    rallyscope.rallyRuns = message.live && message.playing;
     bar.hidden = !message.visible;
     document.body.classList.toggle("rallyscope-with-bar", message.visible);
     const play = button("play");

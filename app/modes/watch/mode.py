@@ -35,6 +35,8 @@ DRAW_EVERY_S = 1 / 120
 """Shorter than the loop's turn, so that every turn with news is drawn."""
 PICTURES_EVERY_S = 1 / 15
 STATUS_EVERY_S = 0.15
+SPARED_S = 0.5
+"""Pictures and figures on a page that is to be spared: together, so that the panel is drawn once."""
 CONTROLLERS_EVERY_S = 2.0
 LEAD_TIMES_EVERY_S = 2.0
 PICTURE_PX = (1280, 720)
@@ -136,7 +138,8 @@ class WatchMode:
         if state.playhead.following:
             now_us = min(now_us, history.followed_us)
         key = (now_us, state.watch, state.look, history.followed_us >= now_us, history.outcome_count)
-        status_is_due = wall_s - self._status_s >= STATUS_EVERY_S  # also while the clock stands: the link may be lost
+        status_every_s = SPARED_S if self._host.is_spared else STATUS_EVERY_S
+        status_is_due = wall_s - self._status_s >= status_every_s  # also while the clock stands: the link may be lost
         if key == self._drawn and not status_is_due:
             return
         moment = history.at(now_us, self._positions)
@@ -183,7 +186,8 @@ class WatchMode:
 
     def _request_pictures(self, state: ClientState, moment: RallyMoment, wall_s: float) -> None:
         recording = self._host.recording
-        if recording is None or (state.playhead.playing and wall_s - self._pictures_s < PICTURES_EVERY_S):
+        every_s = SPARED_S if self._host.is_spared else PICTURES_EVERY_S
+        if recording is None or (state.playhead.playing and wall_s - self._pictures_s < every_s):
             return
         self._pictures_s = wall_s
         circles = {} if moment.step is None or moment.step.t_us < moment.t_us - 10_000 else moment.step.circles

@@ -36,7 +36,7 @@ from core.simulation.sensor.readout import ReadoutCounts
 logger = logging.getLogger(__name__)
 
 HEARTBEAT_S: Final = 0.1
-LATE_S: Final = 0.1
+LATE_S: Final = 0.4
 """A simulation that is later than this gives up what it missed; it hurries after less."""
 AUTO_SERVE_PAUSE_US: Final = 300_000
 TRIES: Final = 50

@@ -44,6 +44,14 @@ def test_what_stands_still_and_a_recording_are_not_slowed(head: Playhead) -> Non
     assert turns(pace, state_of(head), 2) == turns(pace, None, 2) == 120
 
 
+def test_only_a_live_rally_that_the_processor_draws_is_spared() -> None:
+    pace = PagePace()
+    assert not pace.spares(state_of())
+    pace.hear({"software": True})
+    assert pace.spares(state_of()) and not pace.spares(None)
+    assert not pace.spares(state_of(replace(LIVE, playing=False, following=False)))
+
+
 def test_who_asks_for_something_does_not_wait() -> None:
     pace = PagePace()
     pace.hear({"software": True})
