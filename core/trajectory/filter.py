@@ -26,6 +26,8 @@ IMPOSSIBLE: Final = math.log(1e-6)
 """A kind of flight with less against another is no longer followed."""
 LEAST_SHARE: Final = 0.02
 """A kind of flight that is less probable is not in what is predicted."""
+SPIN_Y: Final = 20
+"""Of what is touched: the spin about y at the hitting plane."""
 NOTHING: Final = np.full((STATE, STATE), np.nan)
 
 
@@ -128,6 +130,7 @@ class FilterPredictor:
         if math.isfinite(found[13]):
             found[13] = self._hit_x_m
         _add_bias(spread, float(ball.state[5]), float(found[16]), self.config.bias_m)
+        spread[SPIN_Y, SPIN_Y] += self.config.spin_bias_radps**2
         self.latest = _describe(found, spread, ball.t_us, self.stage, paths)
         return self.latest
 

@@ -48,6 +48,9 @@ class FilterConfig:
     bias_m: float = setting(0.0, 0.0, 0.1, step=0.0001)
     """By which the observations of a flight may all be off along each axis (standard deviation): more do not make it
     less, so it is added to what is predicted."""
+    spin_bias_radps: float = setting(0.0, 0.0, 100.0, step=0.5)
+    """By which the spin about y, across the table, may be off (standard deviation): the observations' errors change
+    along a flight as a spin would have it. Added to what is predicted."""
     adapt_points: int = setting(8, 0, 10_000)
     """The scale of the noise is learnt from the innovations, as if so many points had spoken for what was said of it;
     0 takes it for granted."""

@@ -33,6 +33,9 @@ def refined_filter() -> FilterConfig:
     """The filter for the points of the method `refined`, by their errors on simulated serves of 3 to 9 m/s.
 
     From one to the next these hardly err; but a ball lit from above is seen up to a millimetre too high all the way.
-    How far they lie ahead follows from a sensor's delay, which is taken as known to 50 us.
+    How far they lie ahead follows from a sensor's delay, which is taken as known to 50 us. How that changes along the
+    flight looks like back or top spin: 2.6 and 3.3 rad/s in the mean of 20 spinning serves of 5 and of 7 m/s.
     """
-    return dataclasses.replace(chain_filter(), noise_m=0.0001, bias_m=0.00085, ahead_m=0.0003, air_noise=0.002)
+    return dataclasses.replace(
+        chain_filter(), noise_m=0.0001, bias_m=0.00085, spin_bias_radps=3.0, ahead_m=0.0003, air_noise=0.002
+    )

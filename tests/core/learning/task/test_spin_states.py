@@ -45,16 +45,16 @@ def test_noise_of_the_spin_is_as_large_as_each_ball_is_told() -> None:
     assert off[sure].std() < 0.3 * off[~sure].std()
 
 
-def test_a_spin_estimated_from_points_is_off_as_the_chain_s_is() -> None:
-    """About x and z it is as far off as it says. About y (top and back spin) the points' trend along the flight pulls
-    the filter: 24 balls of the chain were off by -2.7 of its sigmas in the median, 3 of them within 2.
+def test_a_spin_estimated_from_points_is_as_far_off_as_it_says() -> None:
+    """About y (top and back spin), too, where the points' trend along the flight pulls the filter: the chain was off
+    by -2.4 rad/s in the mean of 40 balls with a scatter of 1.0, which it is told.
     """
     balls = deliver(5.0, 40, spinning("timed", state="spin"), np.random.default_rng(0))
     seen = balls.states[balls.seen]
     assert len(seen) >= 35 and (seen[:, 9:] > 0).all()
-    off = (seen[:, 6:9] - balls.arrivals.states[balls.seen, 6:]) / seen[:, 9:]
-    assert np.mean(np.abs(off[:, [0, 2]]) < 2) > 0.75
-    assert np.median(off[:, 1]) == pytest.approx(-2.7, abs=1.0)
+    off_radps = seen[:, 6:9] - balls.arrivals.states[balls.seen, 6:]
+    assert (np.mean(np.abs(off_radps / seen[:, 9:]) < 2, axis=0) > 0.75).all()
+    assert -4 < off_radps[:, 1].mean() < -1 and off_radps[:, 1].std() < 2
 
 
 def test_normalised_numbers_are_of_the_order_of_one() -> None:
