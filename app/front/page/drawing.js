@@ -26,13 +26,12 @@
       }
     };
     const go = () => { timer = null; next(turn); };
-    const goAlone = () => { timer = null; turn(performance.now()); }; // what React makes of it is in the same picture
     window.requestAnimationFrame = (act) => {
       waiting.set(++number, act);
       if (!due) {
-        const now = performance.now(), rests = rallyscope.rallyRuns && !document.hidden && now - touched > HAND_MS;
+        const now = performance.now(), rests = rallyscope.rallyRuns && now - touched > HAND_MS;
         due = true;
-        if (rests) timer = setTimeout(goAlone, Math.max(0, drawn + FEW_MS - now));
+        if (rests && drawn + FEW_MS > now) timer = setTimeout(go, drawn + FEW_MS - now);
         else go();
       }
       return number;

@@ -168,11 +168,6 @@
   };
 
   rallyscope.handlers.bar = (message) => {
-    if (rallyscope.bySoftware && rallyscope.rallyRuns && message.live) requestAnimationFrame(() => show(message)); // with the picture
-    else show(message);
-  };
-
-  const show = (message) => {
     const first = !now;
     if (now && (message.end !== now.end || message.live !== now.live) && !message.live) view = null;
     now = message;
