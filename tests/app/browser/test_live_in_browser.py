@@ -72,6 +72,16 @@ def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for,
     assert len(spots) >= 2
 
 
+def test_a_page_that_the_processor_draws_is_spared_while_the_rally_runs(live_window, wait_for) -> None:
+    live_window.page.wait_for_function("rallyscope.rallyRuns")
+    wait_for(lambda: live_window.session.is_spared, "the page to have told who draws it")
+    live_window.press("Pause")
+    live_window.page.wait_for_function("!rallyscope.rallyRuns")
+    assert not live_window.session.is_spared
+    live_window.press("Play")
+    live_window.page.wait_for_function("rallyscope.rallyRuns")
+
+
 def test_the_time_line_goes_on_with_the_bounces_and_hits_of_the_live_rally(live_window, wait_for) -> None:
     opened_us = live_window.state.playhead.duration_us
     for kind in ("bounce", "hit"):
