@@ -155,7 +155,10 @@ def test_a_disk_that_refuses_is_one_line_and_the_run_is_failed(run: Path) -> Non
     assert status is not None and status.state == "failed" and "cannot be written" in status.message
 
 
-def test_a_run_that_fails_on_the_way_says_how_far_it_was(run: Path) -> None:
+def test_a_run_that_fails_on_the_way_says_how_far_it_was(tmp_path: Path) -> None:
+    run = tmp_path / "long"  # else it may be over before anybody has looked
+    create_run(run, replace(CONFIG, curriculum=CurriculumConfig(speeds_mps=(3.0, 5.0), episodes=(2000, 2000))))
+
     def fail() -> bool:
         status = read_status(run)
         if status is not None and status.share > 0.05:
