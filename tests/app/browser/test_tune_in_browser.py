@@ -208,7 +208,7 @@ def test_a_config_is_scored_over_the_recording(tune) -> None:
 
 def test_thresholds_are_tuned_and_the_result_is_b_beside_a(tune, wait_for) -> None:
     tune.page.get_by_text("Auto-tune", exact=True).first.click()
-    tune.field("Trials").fill("12")
+    tune.field("Trials").fill("64")
     tune.screenshot("auto-tune-form")
     geometry = tune.page.get_by_text("Geometry", exact=True).last
     for _ in range(8):  # a click on a form that still unfolds may miss
@@ -219,7 +219,7 @@ def test_thresholds_are_tuned_and_the_result_is_b_beside_a(tune, wait_for) -> No
     tune.screenshot("auto-tune-thresholds")
     start = tune.state.configs.present.a
     tune.press("Tune automatically")
-    tune.page.get_by_text("of 12 trials").wait_for()
+    tune.page.get_by_text("of 64 trials").wait_for()
     tune.screenshot("auto-tune-running")
     wait_for(lambda: tune.state.tune.compare, "the result", timeout_s=120)
     configs = tune.state.configs.present
