@@ -270,8 +270,13 @@ def open_window(chromium: Browser) -> Callable:
     @contextmanager
     def open_one(lab: App, *, in_space: bool = False, first_time: bool = False) -> Iterator[Window]:
         page = chromium.new_page(viewport={"width": 1280, "height": 720})
+        window = None
         try:
-            yield Window(page, lab, in_space=in_space, first_time=first_time)
+            yield (window := Window(page, lab, in_space=in_space, first_time=first_time))
+        except Exception as error:
+            if window is not None:
+                error.add_note(window.describe())  # while it is still open
+            raise
         finally:
             page.close()
 

@@ -14,8 +14,9 @@ from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally, join_simulation
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
+from app.state.client_state import ClientState
 from app.state.commands import SetMethod
-from app.visit.opening_moment import SLOWEST
+from app.visit.opening_moment import SLOW, SLOWEST, OpeningMoment
 from app.visit.page_pace import FEW_EVERY_S
 from app.visit.tour import TOUR
 from core.learning.runs.run_files import create_run
@@ -108,17 +109,28 @@ def test_a_page_that_the_processor_draws_is_told_a_few_times_a_second_how_the_ra
 
 
 def test_a_browser_that_was_never_here_sees_a_bounce_in_slow_motion_and_then_the_rally(
-    live_lab, open_window, wait_for
+    live_lab, open_window, wait_for, monkeypatch
 ) -> None:
+    follow, speeds = OpeningMoment.follow, []
+
+    def follow_and_note(opening: OpeningMoment, *args: object) -> ClientState:
+        state = follow(opening, *args)
+        if not speeds or speeds[-1] != state.playhead.speed:
+            speeds.append(state.playhead.speed)
+        return state
+
+    monkeypatch.setattr(OpeningMoment, "follow", follow_and_note)  # it may be over before the window has come to rest
     with open_window(live_lab, in_space=True, first_time=True) as window:
         opening, history = window.session._opening, rally_of(live_lab).history
-        wait_for(lambda: window.state.playhead.speed == SLOWEST, "the first bounce", 400.0)
+        wait_for(lambda: opening._bounce or opening.over, "the first bounce", 400.0)
         bounce = opening._bounce
+        assert bounce is not None, f"ended before a bounce, at {window.state.playhead}"
         window.screenshot("opening")  # to look at: how far it is by then is up to the machine
         picture = history.at(bounce.begin_us, {}).picture
         assert picture.ball is not None and len(picture.tube) and picture.racket is not None
         wait_for(lambda: opening.over, "the return to be over")
         wait_for(lambda: window.state.playhead.following and window.state.playhead.speed == 1.0, "it to go on live")
+        assert speeds == [1.0, SLOWEST, SLOW, 1.0]
         card = window.page.get_by_role("dialog", name="A rally, seen by two event cameras")
         card.wait_for()
         window.page.keyboard.press("Escape")
