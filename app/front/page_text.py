@@ -17,6 +17,7 @@ SCRIPTS: Final = (
     "sky.js",
     "reconnect.js",
     "link.js",
+    "clicks.js",
     "windows.js",
     "keyboard.js",
     "notes.js",

@@ -1,7 +1,6 @@
 // viser's windows over the page close by their buttons only. Enter in a field is the first of them, Escape the last: each
 // window of ours has what it asks for first, and the way out last.
 {
-  const SENT_MS = 150; // viser sends what is typed up to 50 ms later, and a click within those would replace it
   let pressing = null;
 
   const buttonsOf = (over) => [...over.querySelectorAll("button")].filter((button) => button.offsetParent && !button.disabled);
@@ -33,6 +32,6 @@
     event.preventDefault();
     event.stopImmediatePropagation();
     clearTimeout(pressing);
-    pressing = setTimeout(press, number === 0 ? SENT_MS : 0, button);
+    pressing = setTimeout(press, 0, button);
   }, true);
 }

@@ -193,7 +193,7 @@ def test_a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer: Tra
     count = len(trainer.runs())
     start(window, wait_for, "../../nothing", 0)
     window.page.get_by_text("not a number of episodes").wait_for()
-    window.field("episodes").fill("all of them")
+    window.fill(window.field("episodes"), "all of them")
     form = window.session._modes["Train"]._form_panel
     wait_for(lambda: form._handles[("curriculum", "episodes")].value == "all of them", "the form")
     window.press("Start")
