@@ -222,7 +222,7 @@ class _User:
             passed = 0
             if by_hand:
                 self._key("u")
-                self._page.wait_for_function(f"({TIME_JS}) != {t_us}", timeout=PATIENCE_MS, polling=15)
+                self._page.wait_for_function(f"({TIME_JS}) != {t_us}", timeout=1e3 * READ_WITHIN_S, polling=15)
         self.seconds += time.perf_counter() - begun_s
 
     def _count(self) -> int:

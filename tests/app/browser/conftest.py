@@ -116,6 +116,18 @@ class Window:
             before = places
             self.page.wait_for_timeout(200)
 
+    def wait_until_camera_stands(self) -> None:
+        """Return once the camera of the 3D view is where the window's shape wants it."""
+        seen: list[tuple[float, ...]] = []
+
+        def still() -> bool:
+            camera = self.session.client.camera
+            seen.append((*camera.position.tolist(), camera.aspect))
+            self.page.wait_for_timeout(300)
+            return len(seen) > 6 and len(set(seen[-6:])) == 1
+
+        wait_for(still, "the camera to stand still")
+
     def describe(self) -> str:
         """How things stand, for whoever reads why a test failed."""
         if self.page.is_closed():

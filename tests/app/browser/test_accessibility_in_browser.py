@@ -39,7 +39,7 @@ def test_nothing_serious_is_found_in_any_mode(window, wait_for) -> None:
             return not found
 
         try:
-            wait_for(none_left, "names for all controls", 15)
+            wait_for(none_left, "names for all controls", 60)
         except AssertionError:
             raise AssertionError(f"{mode}: {found}") from None
 

@@ -201,8 +201,9 @@ COVERED = """title => {
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (1000, 700)])
-def test_a_note_covers_no_caption_nor_bar_nor_panel_in_any_mode(window, size) -> None:
+def test_a_note_covers_no_caption_nor_bar_nor_panel_in_any_mode(window, size, monkeypatch) -> None:
     page = window.page
+    monkeypatch.setattr("app.session.NOTE_SECONDS", 120.0)  # not gone before a slow page is looked at
     page.set_viewport_size({"width": size[0], "height": size[1]})
     window.screenshot("front-note-before")  # takes away the note of the browser about its graphics
     for mode in MODES:
@@ -214,7 +215,7 @@ def test_a_note_covers_no_caption_nor_bar_nor_panel_in_any_mode(window, size) ->
         window.session.later(note)
         page.get_by_text(title).first.wait_for()
         covers = functools.partial(page.evaluate, COVERED, title)
-        wait_for(lambda covers=covers: covers() == "", f"{title} to have slid to where it covers nothing", 20)
+        wait_for(lambda covers=covers: covers() == "", f"{title} to have slid to where it covers nothing")
         save_screenshot(page, f"front-note-{mode}-{size[0]}")
         page.evaluate(f"document.querySelectorAll('{NOTE}').forEach(note => note.style.display = 'none')")
 

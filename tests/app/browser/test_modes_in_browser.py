@@ -108,7 +108,7 @@ def test_a_recording_is_streamed_to_the_viewer_of_the_command_line(
                 window.page.get_by_text("serve: all of it was sent").wait_for(timeout=90_000)
                 window.screenshot("export-stream")
                 wait_for(
-                    lambda: "world/ball/triangulated" in entities(tmp_path / "seen.rrd"), "the viewer to write", 60
+                    lambda: "world/ball/triangulated" in entities(tmp_path / "seen.rrd"), "the viewer to write", 200
                 )
         finally:
             lab.stop()

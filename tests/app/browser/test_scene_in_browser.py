@@ -72,19 +72,6 @@ def pixel_of(window, p_world_m: np.ndarray) -> tuple[float, float]:
     return left + width / 2 + f * x / z, top + height / 2 + f * y / z
 
 
-def at_rest(window, wait_for) -> None:
-    """Until the camera stands where the window's shape wants it."""
-    seen: list[tuple[float, ...]] = []
-
-    def still() -> bool:
-        camera = window.session.client.camera
-        seen.append((*camera.position.tolist(), camera.aspect))
-        window.page.wait_for_timeout(300)
-        return len(seen) > 6 and len(set(seen[-6:])) == 1
-
-    wait_for(still, "the camera to stand still")
-
-
 def is_like(image: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 14) -> np.ndarray:
     return np.abs(image.astype(int) - rgb).max(axis=-1) < tolerance
 
@@ -92,7 +79,7 @@ def is_like(image: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 14) -
 @pytest.mark.parametrize("size", SIZES)
 def test_the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for) -> None:
     space.page.set_viewport_size({"width": size[0], "height": size[1]})
-    at_rest(space, wait_for)
+    space.wait_until_camera_stands()
     _, _, width, height = canvas_of(space)
     assert width >= 0.45 * size[0], "the middle is no slit"
     ball = space.rally.history.at(BALL_US, {}).picture.ball
@@ -123,16 +110,21 @@ def test_the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for)
     assert core > float(np.quantile(round_it, 0.99))
 
 
-def test_legs_stand_out_from_the_ground(space, wait_for) -> None:
-    at_rest(space, wait_for)
-    image = space.screenshot("scene-legs")
-    for x, y in ((-1.1, -0.62), (1.1, -0.62)):
+def test_legs_stand_out_from_the_ground(space) -> None:
+    space.wait_until_camera_stands()
+
+    def leg_stands_out(image: np.ndarray, x: float, y: float) -> bool:
         u, v = (round(value) for value in pixel_of(space, np.array([x, y, -0.5])))
         leg = float(np.median(luminance(image[v - 3 : v + 4, u - 1 : u + 2])))
         beside = luminance(
             np.concatenate([image[v - 3 : v + 4, u - 30 : u - 20], image[v - 3 : v + 4, u + 20 : u + 30]])
         )
-        assert contrast(leg, float(np.median(beside))) > LEG_CONTRAST
+        return contrast(leg, float(np.median(beside))) > LEG_CONTRAST
+
+    def both_do(image: np.ndarray) -> bool:
+        return all(leg_stands_out(image, x, y) for x, y in ((-1.1, -0.62), (1.1, -0.62)))
+
+    image = space.wait_for_pixels("scene-legs", both_do, (slice(None), slice(None)))
     floor = luminance(image[-120:-90, 330:860])  # above the time bar
     assert floor.mean() > 0.08, "the ground is not black"
 
@@ -141,7 +133,7 @@ def test_persons_are_drawn_where_the_simulation_has_them(space, wait_for) -> Non
     space.rally.following.bodies = PlayedBodies().then(0, "person", 3)
     space.session.send(Seek(BALL_US + 1_000))
     wait_for(lambda: space.session.world._people._handles is not None, "the person")
-    at_rest(space, wait_for)
+    space.wait_until_camera_stands()
     people = space.rally.following.bodies.at(BALL_US + 1_000)
     u, v = (round(value) for value in pixel_of(space, people.ends_m[2].mean(axis=0)))  # the trunk
     patch = (slice(v - 2, v + 3), slice(u - 2, u + 3))
@@ -180,15 +172,15 @@ def test_a_double_click_makes_a_picture_large_and_another_one_gives_the_scene_ba
 
 
 def test_a_view_that_a_person_turned_stays_when_the_window_changes(space, wait_for) -> None:
-    at_rest(space, wait_for)
+    space.wait_until_camera_stands()
     left, top, width, height = canvas_of(space)
     space.page.mouse.move(left + width / 2, top + height / 2)
     space.page.mouse.down()
     space.page.mouse.move(left + width / 2 + 120, top + height / 2 + 10, steps=6)
     space.page.mouse.up()
-    space.page.wait_for_timeout(2_000)
+    space.wait_until_camera_stands()
     turned = space.session.client.camera.position.copy()
     space.page.set_viewport_size({"width": 1500, "height": 720})
     wait_for(lambda: canvas_of(space)[2] > width + 100, "a wider middle")
-    space.page.wait_for_timeout(2_000)
+    space.wait_until_camera_stands()
     np.testing.assert_allclose(space.session.client.camera.position, turned, atol=0.05)

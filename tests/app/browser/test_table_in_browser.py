@@ -59,9 +59,12 @@ def test_corners_that_are_clicked_place_the_cameras_of_a_live_source(
             wait_for(lambda: len(window.state.watch.swept.missing("left")) < 48, "the ball to be counted")
             window.screenshot("table-clicked")
             window.press("Use these poses")
-            wait_for(lambda: live.cameras["left"].position_world_m[0] > -2.0, "the source to go on with them")
+
+            def watched_anew() -> bool:  # before the note is waited for: some seconds later it has what it needs
+                return live.cameras["left"].position_world_m[0] > -2.0 and 0 < live.drift.points <= live.drift.needed
+
+            wait_for(watched_anew, "the source to go on with the new poses, watched from anew")
             page.get_by_text("Calibration written").first.wait_for()
-            wait_for(lambda: 0 < live.drift.points <= live.drift.needed, "the new poses to be watched from anew")
             window.press("3D")
             page.get_by_text("points of the ball").first.wait_for()
         (path,) = workspace.cameras.glob("table-*.toml")

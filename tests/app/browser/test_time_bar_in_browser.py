@@ -2,6 +2,8 @@
 
 import pytest
 
+from app.state.commands import SetPlaybackSpeed
+
 pytestmark = pytest.mark.browser
 
 
@@ -50,6 +52,8 @@ def test_the_keys_of_editing_tables_and_the_arrows_work(window, wait_for) -> Non
     wait_for(lambda: window.state.playhead.anchor_us == 101_000, "a step on")
     press("Shift+ArrowLeft")
     wait_for(lambda: window.state.playhead.anchor_us == 91_000, "ten steps back")
+    window.session.send(SetPlaybackSpeed(0.01))  # so that it does not come to the end meanwhile
+    wait_for(lambda: window.state.playhead.speed == 0.01, "the speed")
     speed = window.state.playhead.speed
     press("l")
     wait_for(lambda: window.state.playhead.playing, "L to play")
@@ -63,15 +67,22 @@ def test_the_keys_of_editing_tables_and_the_arrows_work(window, wait_for) -> Non
     wait_for(lambda: window.state.playhead.anchor_us == 0, "the start")
 
 
+def stands_at(window) -> int | None:
+    """Where the cursor stands, µs; None until the page knows it, too."""
+    told = window.page.evaluate("document.getElementById('rallyscope-line').getAttribute('aria-valuenow')")
+    return int(told) if int(told) == window.state.playhead.anchor_us else None
+
+
 def test_marks_and_bounces_are_gone_to(window, wait_for) -> None:
     window.seek(123_000)
     window.page.keyboard.press("'")
     wait_for(lambda: window.state.marks_us == (123_000,), "the mark")
     window.page.keyboard.press("End")
-    wait_for(lambda: window.state.playhead.anchor_us == window.state.playhead.duration_us, "the end")
+    wait_for(lambda: stands_at(window) == window.state.playhead.duration_us, "the end")
     for _ in range(30):
+        before_us = window.state.playhead.anchor_us
         window.page.keyboard.press("[")
-        window.page.wait_for_timeout(250)
+        wait_for(lambda before_us=before_us: stands_at(window) not in (None, before_us), "the one before")
         if window.state.playhead.anchor_us == 123_000:
             break
     assert window.state.playhead.anchor_us == 123_000

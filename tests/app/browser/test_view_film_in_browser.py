@@ -31,6 +31,7 @@ def enter(window, title: str, wait_for) -> None:
     choose(window, "Format", title)
     choose(window, "Size", "960 x 540")
     wait_for(lambda: window.session.world.visible, "the 3D view in Export")
+    window.wait_until_camera_stands()
 
 
 def place(eye: Eye, p_world_m: np.ndarray, width: int, height: int) -> tuple[int, int]:

@@ -62,7 +62,9 @@ def test_buttons_can_be_pressed_without_a_mouse(window, wait_for) -> None:
 def test_an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window, workspace, wait_for) -> None:
     rows = "\n".join(f"{10 * k},{k % 300},{k % 200},{k % 2}" for k in range(5000))
     (workspace.recordings / "clip.csv").write_text(f"t,x,y,p\n{rows}\n")
-    window.page.wait_for_timeout(2500)  # the folder is looked at every two seconds
+    offered = window.session._interface._recording._dropdown
+    wait_for(lambda: any(name.startswith("clip.csv") for name in offered.options), "the folder to be looked at")
+    window.page.wait_for_timeout(500)  # and the page to be told
     window.page.get_by_label("Recording").first.click()
     window.page.get_by_role("option", name="clip.csv (CSV, imported when opened)").click()
     wait_for(lambda: window.state.recording == "clip", "the imported recording")

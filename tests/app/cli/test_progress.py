@@ -18,12 +18,21 @@ def test_without_a_terminal_work_that_lasts_says_how_far_it_is(
     monkeypatch.setattr(progress, "QUIET_S", 0.05)
     monkeypatch.setattr(progress, "SAY_EVERY_S", 0.05)
     with progress_bar("Measuring simulation") as show:
-        time.sleep(0.12)  # nothing is known yet, and yet it says something
+        said = read_until(capsys, "so far")  # nothing is known yet, and yet it says something
         show(0.25)
-        time.sleep(0.12)
-    said = capsys.readouterr().err.splitlines()
-    assert said[0] == "Measuring simulation: 0 s so far"
-    assert said[-1].startswith("Measuring simulation: 25 %, about ") and said[-1].endswith(" left")
+        later = read_until(capsys, " left")
+    assert said.splitlines()[0] == "Measuring simulation: 0 s so far"
+    assert later.splitlines()[-1].startswith("Measuring simulation: 25 %, about ") and later.endswith(" left\n")
+
+
+def read_until(capsys: pytest.CaptureFixture[str], there: str) -> str:
+    """What was said on standard error until these words were among it."""
+    said, deadline = "", time.monotonic() + 30
+    while there not in said or not said.endswith("\n"):
+        assert time.monotonic() < deadline, said
+        time.sleep(0.01)
+        said += capsys.readouterr().err
+    return said
 
 
 def test_what_is_done_soon_says_nothing_without_a_terminal(capsys: pytest.CaptureFixture[str]) -> None:

@@ -138,9 +138,9 @@ def test_an_end_by_force_leaves_no_half_recording_and_no_process_and_the_next_ru
             os.killpg(run.pid, how)  # Ctrl-C reaches the whole group
         else:
             run.send_signal(how)
-        _, error = run.communicate(timeout=20)
+        _, error = run.communicate(timeout=120)
         assert run.returncode == code
-        assert wait_until(lambda: not any(alive(helper) for helper in helpers), 10), "no orphans"
+        assert wait_until(lambda: not any(alive(helper) for helper in helpers), 60), "no orphans"
     finally:
         if run.poll() is None:
             os.killpg(run.pid, signal.SIGKILL)

@@ -144,8 +144,8 @@ def test_a_polite_end_leaves_the_best_so_far(serve_recording: Path, tmp_path: Pa
         assert line, "it ended by itself"
     child.send_signal(signal.SIGINT)
     ended_s = time.monotonic()
-    *_, last = child.communicate(timeout=30)[0].splitlines()
-    assert child.returncode == 0 and time.monotonic() - ended_s < 10
+    *_, last = child.communicate(timeout=120)[0].splitlines()
+    assert child.returncode == 0 and time.monotonic() - ended_s < 60
     report = json.loads(last)
     assert report["stopped"] and 1 <= report["trials"] < report["asked"]
     assert load_config(DetectorConfig, out)

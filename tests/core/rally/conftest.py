@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from core.rally.robot import RobotClient, RobotWatchConfig
+from tests.core.rally.robot.starting import start_until_answered
 
 ROOT = Path(__file__).parents[3]
 LATE_ROBOT = Path(__file__).with_name("robot") / "late_robot.py"
@@ -33,9 +34,9 @@ def _late_robot(late_s: float) -> Iterator[RobotClient]:
     try:
         assert process.stdout is not None
         address = process.stdout.readline().strip()
-        client = RobotClient(address, config=RobotWatchConfig(lost_ms=3000.0, slow_ms=400.0))
+        client = RobotClient(address, config=RobotWatchConfig(lost_ms=8000.0, slow_ms=3000.0))
         _wait_for(lambda: client.status.connection == "ready", "the robot")
-        client.start()
+        start_until_answered(client)
         _wait_for(lambda: client.status.ready, "the start")
         yield client
     finally:

@@ -44,7 +44,7 @@ def test_a_killed_training_is_reported_and_goes_on_to_the_same_end(
     trainer: Trainer, trained: Workspace, wait_until, state_of
 ) -> None:
     config = small_run(episodes=(40,))
-    trainer.start("killed", config, SLOW)
+    trainer.start("killed", config, 5.0)  # two checkpoints are far from its end
     run = trainer._workspace.run_path("killed")
     reader = MetricsReader(run, 0)
     wait_until(lambda: len(reader.read().evaluations) >= 2, "two checkpoints")

@@ -79,7 +79,7 @@ def test_a_killed_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
     whole = train(tmp_path / "whole")
     killed = tmp_path / "killed"
     create_run(killed, CONFIG)
-    write_control(killed, Control(episodes_per_s=150))
+    write_control(killed, Control(episodes_per_s=40))
     for episode in (30, 75):
         process = subprocess.Popen([sys.executable, "-c", TRAIN, str(killed)])
         wait_for_episode(killed, episode)
@@ -111,7 +111,7 @@ def test_a_stopped_run_goes_on_bit_for_bit(tmp_path: Path) -> None:
 def test_another_process_pauses_slows_and_stops_a_run(tmp_path: Path) -> None:
     run = tmp_path / "run"
     create_run(run, CONFIG)
-    write_control(run, Control(episodes_per_s=100))
+    write_control(run, Control(episodes_per_s=40))
     process = subprocess.Popen([sys.executable, "-c", TRAIN, str(run)], stdout=subprocess.PIPE, text=True)
     wait_for_episode(run, 5)
     write_control(run, Control("pause"))

@@ -47,10 +47,10 @@ def test_a_stroke_in_a_server_is_judged_by_its_events(server: SimulationServer) 
 
 
 def test_a_court_that_began_anew_says_so(server: SimulationServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("core.rally.link.event_court.PATIENCE_S", 2.0)
     court = LinkedCourt(server.address)
     try:
         first = court.advance()
+        monkeypatch.setattr("core.rally.link.event_court.PATIENCE_S", 2.0)
         assert first.events.keys() == court.cameras.keys() and court.now_us == first.end_us
         court._client.reset(5)
         with pytest.raises(LinkError, match="no events of a block"):

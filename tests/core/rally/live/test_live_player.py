@@ -186,7 +186,7 @@ def test_nobody_says_how_balls_fly_unless_asked(rally) -> None:
 
 def test_a_server_that_is_killed_and_started_again_is_played_on() -> None:
     with serving(seed=1, width=320, height=240) as address:
-        client = SimulationClient(address, timeout_s=0.5)
+        client = SimulationClient(address, timeout_s=3.0)
         player = LivePlayer(client, config=LivePlayerConfig(told=True))
         wait_for(lambda: player.snapshot.t_us > 100_000)
         first = player.snapshot.session

@@ -316,7 +316,7 @@ def test_every_block_that_the_player_cannot_follow_is_counted_once(serve_recordi
         player.add_step_listener(hold)
         wait_for(lambda: player.snapshot.session)
         play(source, 60)
-        assert held.is_set()
+        assert held.wait(60)
         go_on.set()
         wait_for(lambda: player.snapshot.t_us == 600_000)
         meter = player._meter  # what `health` shows ten times a second

@@ -22,6 +22,7 @@ from core.rally.live.replay_source import ReplaySource
 from core.rally.robot import RobotClient, RobotWatchConfig, SourceWithRobot
 from core.rally.robot.robot_client import host_us
 from core.recordings import open_recording
+from tests.core.rally.robot.starting import start_until_answered
 
 ROOT = Path(__file__).parents[4]
 EXAMPLE = ROOT / "docs" / "examples" / "example_robot.py"
@@ -104,7 +105,7 @@ def test_it_plays_balls_that_cameras_saw_is_stopped_killed_and_brought_back(exam
 
     def start() -> None:
         wait_for(lambda: client.status.connection == "ready", f"the robot; {client.status}")
-        client.start()
+        start_until_answered(client)
         wait_for(lambda: client.status.stop is None, "the start")
 
     try:
@@ -166,7 +167,7 @@ def test_a_source_that_is_not_in_real_time_moves_no_robot(example, serve_recordi
     source.add_listener(RacketNotes())
     try:
         wait_for(lambda: client.status.connection == "ready", "the robot")
-        client.start()
+        start_until_answered(client)
         wait_for(lambda: source.state is not None, "the source")
         with pytest.raises(TargetRefusedError, match="real time"):
             source.aim_racket((-1.42, 0.1, 0.3), (1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0), source.state.t_us + 500_000)

@@ -22,6 +22,7 @@ from core.rally.robot.motion_check import FaceMotion, find_fault
 from core.rally.robot.robot_client import host_us
 from core.rally.robot.robot_messages import TO_ROBOT, HelloRobot, PingRobot, StartRobot, decode_robot, encode_robot
 from tests.core.rally.robot.limits import LIMITS
+from tests.core.rally.robot.starting import start_until_answered
 
 PATIENCE_S = 60.0
 HOME, UPRIGHT, STILL = (-1.6, 0.0, 0.25), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -47,12 +48,14 @@ class RestingRobot:
         )
         self.address, self.carried_out = self.server.address, []
         self.stop_for, self._ended, self.hold = "", threading.Event(), threading.Event()
+        self.turns = 0
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
     def _run(self) -> None:
         while not self._ended.is_set():
             time.sleep(0.002)
+            self.turns += 1
             if self.hold.is_set():
                 continue
             if self.stop_for:
@@ -60,6 +63,11 @@ class RestingRobot:
             target = self.server.turn(HOME, UPRIGHT, STILL)
             if target is not None and target not in self.carried_out[-1:]:
                 self.carried_out.append(target)
+
+    def wait_until_it_has_looked(self) -> None:
+        """Until it knows of a change of `hold` or `stop_for`."""
+        seen = self.turns
+        wait_for(lambda: self.turns > seen + 1)
 
     def close(self) -> None:
         self._ended.set()
@@ -72,7 +80,7 @@ def playing(robot: RestingRobot, config: RobotWatchConfig = PATIENT, **options) 
     client = RobotClient(robot.address, config=config, **options)
     try:
         wait_for(lambda: client.status.connection == "ready", client.status)
-        client.start()
+        start_until_answered(client)
         wait_for(lambda: client.status.ready)
         yield client
     finally:
@@ -105,7 +113,7 @@ def test_nothing_is_sent_before_a_person_has_started_it(robot: RestingRobot) -> 
         with pytest.raises(TargetRefusedError, match="not started yet"):
             client.aim(*STROKE, host_us() + 500_000)
         assert client.status.counts.sent == 0 and client.status.limits == LIMITS and client.status.name == "resting"
-        client.start()
+        start_until_answered(client)
         aim_until_taken(client)
         wait_for(lambda: robot.carried_out)
         (first, *_) = robot.carried_out
@@ -126,7 +134,7 @@ def test_a_stop_from_here_is_told_to_the_robot_and_nothing_leaves_until_a_person
             client.aim(*STROKE, host_us() + 500_000)
         assert refused.value.why == "stopped" and client.status.counts.sent == sent
         assert client.status.counts.not_ready == 1 and client.status.counts.stops == 1
-        client.start()
+        start_until_answered(client)
         wait_for(lambda: not robot.server.stopped and client.status.ready)
         aim_until_taken(client)
 
@@ -139,18 +147,18 @@ def test_a_stop_of_the_robot_is_told_here_with_its_reason(robot: RestingRobot) -
         assert stop is not None and (stop.by, stop.reason) == ("robot", "the door is open")
         with pytest.raises(TargetRefusedError, match="the door is open"):
             client.aim(*STROKE, host_us() + 500_000)
-        client.start()  # it is still open
+        start_until_answered(client)  # it is still open
         wait_for(lambda: client.status.stop is not None and client.status.counts.stops >= 2)
         robot.stop_for = ""
-        time.sleep(0.05)
-        client.start()
+        robot.wait_until_it_has_looked()
+        start_until_answered(client)
         wait_for(lambda: client.status.ready)
 
 
 def test_a_target_that_was_held_up_on_the_way_is_not_carried_out(robot: RestingRobot) -> None:
     with playing(robot) as client:
         robot.hold.set()
-        time.sleep(0.05)
+        robot.wait_until_it_has_looked()
         with pytest.raises(NoAnswerError):
             client.aim(*STROKE, host_us() + 900_000)
         robot.hold.clear()
@@ -189,8 +197,8 @@ def test_a_robot_that_answers_late_is_slow_and_sent_nothing(robot: RestingRobot)
         pass
     client = RobotClient(robot.address, config=RobotWatchConfig(slow_ms=1.0))
     try:  # its states are up to 5 ms old, and come every 5
-        wait_for(lambda: client.status.connection == "slow")
-        assert client.status.counts.slow >= 1 and "later than 1 ms" in client.status.problem
+        wait_for(lambda: "later than 1 ms" in client.status.problem)
+        assert client.status.counts.slow >= 1
     finally:
         client.close()
 
@@ -220,7 +228,7 @@ def test_a_program_that_is_started_anew_waits_for_a_person(robot: RestingRobot) 
             assert stop is not None and "started anew" in stop.reason
             with pytest.raises(TargetRefusedError, match="started anew"):
                 client.aim(*STROKE, host_us() + 500_000)
-            client.start()
+            start_until_answered(client)
             aim_until_taken(client)
             wait_for(lambda: again.carried_out)
         finally:
@@ -255,7 +263,7 @@ def test_who_comes_after_one_that_vanished_finds_it_stopped_and_is_counted_from_
     try:
         wait_for(lambda: client.status.connection == "ready")
         assert robot.server.stopped == "robot: not started yet: a person has to"
-        client.start()
+        start_until_answered(client)
         aim_until_taken(client)
     finally:
         client.close()
@@ -360,7 +368,7 @@ def bare() -> Iterator[tuple[BareRobot, RobotClient]]:
     robot = BareRobot()
     client = RobotClient(robot.address, config=PATIENT)
     wait_for(lambda: client.status.connection == "ready", client.status)
-    client.start()
+    start_until_answered(client)
     yield robot, client
     client.close()
     robot.close()
