@@ -138,6 +138,7 @@ def address(page: Page) -> str:
 
 
 NOTE = "[class*=mantine-Notification]"
+JUST_GONE_MS = 600
 CLICKS_AFTER_A_NOTE = """async ([x, y]) => {
   const canvas = document.querySelector("#root canvas"), heard = [];
   const notes = () => [...document.querySelectorAll("[class*=mantine-Notification-root]")];
@@ -150,25 +151,36 @@ CLICKS_AFTER_A_NOTE = """async ([x, y]) => {
   const click = () => canvas.dispatchEvent(new PointerEvent("pointerdown", at));
   canvas.addEventListener("pointerdown", () => heard.push("heard"));
   const wait = (ms) => new Promise(act => setTimeout(act, ms));
-  await until(() => !notes().some(lies));
+  let there_ms = -Infinity;
+  await until(() => {
+    const is_there = notes().some(lies);
+    if (is_there) there_ms = performance.now();
+    return !is_there;
+  });
+  const gone_for_ms = performance.now() - there_ms;
   click();
   const at_once = heard.length;
   await wait(1600);
   click();
-  return [at_once, heard.length];
+  return [gone_for_ms, at_once, heard.length];
 }"""
 
 
 def test_a_click_on_a_note_that_has_just_gone_is_not_one_on_the_picture(window) -> None:
     # The windows of these tests let clicks through; a note that does was never clicked on.
     window.page.add_style_tag(content=f"{NOTE} {{ pointer-events: auto !important; }}")
-    window.session.later(lambda: window.session.note("Mind", "It goes away by itself.", "yellow"))
-    note = window.page.get_by_text("It goes away by itself.")
-    note.wait_for()
-    window.page.wait_for_timeout(500)  # it slides in
-    box = note.bounding_box()
-    spot = [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2]
-    assert window.page.evaluate(CLICKS_AFTER_A_NOTE, spot) == [0, 1]
+    for number in range(5):
+        text = f"It goes away by itself, for the time {number}."
+        window.session.later(lambda text=text: window.session.note("Mind", text, "yellow"))
+        note = window.page.get_by_text(text)
+        note.wait_for()
+        window.page.wait_for_timeout(500)  # it slides in
+        box = note.bounding_box()
+        spot = [box["x"] + box["width"] / 2, box["y"] + box["height"] / 2]
+        gone_for_ms, *heard = window.page.evaluate(CLICKS_AFTER_A_NOTE, spot)
+        if gone_for_ms < JUST_GONE_MS:  # a busy page looks later
+            break
+    assert gone_for_ms < JUST_GONE_MS and heard == [0, 1]
 
 
 def test_a_panel_below_the_picture_leaves_the_controls_free(window, wait_for) -> None:
