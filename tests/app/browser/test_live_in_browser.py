@@ -130,7 +130,7 @@ def test_a_browser_that_was_never_here_sees_a_bounce_in_slow_motion_and_then_the
         assert picture.ball is not None and len(picture.tube) and picture.racket is not None
         wait_for(lambda: window.session._opening is None, "the return to be over")
         wait_for(lambda: window.state.playhead.following and window.state.playhead.speed == 1.0, "it to go on live")
-        assert speeds == [1.0, SLOWEST, SLOW, 1.0]
+        assert speeds in ([1.0, SLOWEST, SLOW, 1.0], [SLOWEST, SLOW, 1.0])  # a bounce may be near at once
         card = window.page.get_by_role("dialog", name="A rally, seen by two event cameras")
         card.wait_for()
         window.page.keyboard.press("Escape")
