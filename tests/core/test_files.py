@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from core import files
+from tests.processes import is_alive
 
 STARTS_A_CHILD = """
 import multiprocessing, subprocess, sys, time
@@ -258,14 +259,6 @@ def test_a_child_ends_when_its_parent_is_killed(kind: str, tmp_path: Path) -> No
     while is_alive(child) and time.monotonic() < deadline_s:
         time.sleep(0.02)
     assert not is_alive(child)
-
-
-def is_alive(pid: int) -> bool:
-    """Whether it runs; one that nobody waits for does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        return False
 
 
 def test_saving_a_config_does_not_load_the_library_of_locks() -> None:

@@ -16,6 +16,7 @@ import pytest
 from app.cli import main, serve
 from app.cli.arguments import Parser, add_arguments, read_arguments
 from app.cli.replay import read_replay
+from tests.processes import is_alive
 
 SERVE = [sys.executable, "-c", "import sys; from app.cli import main; sys.exit(main(sys.argv[1:]))", "serve"]
 
@@ -72,17 +73,9 @@ def test_without_a_recording_it_shows_a_live_rally_whose_simulation_ends_with_it
     process.wait(30)
     deadline = time.monotonic() + 120
     for child in children:
-        while is_alive(child):
+        while is_alive(int(child)):
             assert time.monotonic() < deadline, "what the app had started outlived it"
             time.sleep(0.1)
-
-
-def is_alive(process_id: str) -> bool:
-    """Whether it does more than wait for its end to be noticed."""
-    try:
-        return bool(Path(f"/proc/{process_id}/cmdline").read_bytes())
-    except (FileNotFoundError, ProcessLookupError):
-        return False
 
 
 def test_a_recording_is_replayed_as_live_and_starts_nothing_else(serve_recording, tmp_path) -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from app.cli import main
 from core.rally.data_sets import CARD, MANIFEST
+from tests.processes import is_alive
 
 SMALL = ("--sensor", "48x32", "--serves", "1")
 
@@ -43,13 +44,6 @@ def wait_until(condition, seconds: float) -> bool:
             return True
         time.sleep(0.02)
     return False
-
-
-def alive(process: int) -> bool:
-    try:
-        return (Path("/proc") / str(process) / "stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 def test_lists_make_a_folder_of_recordings_with_a_card_and_a_second_run_finds_them(tmp_path: Path, capsys) -> None:
@@ -140,7 +134,7 @@ def test_an_end_by_force_leaves_no_half_recording_and_no_process_and_the_next_ru
             run.send_signal(how)
         _, error = run.communicate(timeout=120)
         assert run.returncode == code
-        assert wait_until(lambda: not any(alive(helper) for helper in helpers), 60), "no orphans"
+        assert wait_until(lambda: not any(is_alive(helper) for helper in helpers), 60), "no orphans"
     finally:
         if run.poll() is None:
             os.killpg(run.pid, signal.SIGKILL)
