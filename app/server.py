@@ -11,18 +11,18 @@ from concurrent.futures import ThreadPoolExecutor
 
 import viser
 
-from app.background.loaded import LoadedObjects
-from app.front import Admission, FrontDoor, open_front_door
+from app.background.gc_freeze import GcFreeze
 from app.modes.services import Services
 from app.panels.recording_info import gather_info
-from app.preparation.steps import Preparation
 from app.scene.painted import floor_picture
 from app.session import Session
 from app.shared.files import incoming_folder
+from app.shared.job_backends import HERE_ONLY, JobBackends
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
-from app.shared.work_places import HERE_ONLY, WorkPlaces
 from app.shared.workspace import Workspace
+from app.startup.steps import Preparation
+from app.web import Admission, Gateway, open_gateway
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
 from core.detection.fast.cluster import grid_labels
 from core.errors import CommandError, RallyscopeError
@@ -53,9 +53,9 @@ class App:
         live: LiveRally | None = None,
         preparation: Preparation | None = None,
         admission: Admission | None = None,
-        front: FrontDoor | None = None,
+        front: Gateway | None = None,
         viewer_address: str | None = None,
-        places: WorkPlaces = HERE_ONLY,
+        places: JobBackends = HERE_ONLY,
     ) -> None:
         """`config` is what every browser's detector starts with; `live` is closed with the app.
 
@@ -75,11 +75,11 @@ class App:
         self._lock = threading.Lock()
         self._awake = threading.Event()
         self._stopping = False
-        self._loaded = LoadedObjects()
+        self._loaded = GcFreeze()
         if live is not None:
             self.use_live(live)
         self._pool = ThreadPoolExecutor(POOL_THREADS, thread_name_prefix="rallyscope")
-        self._front = front or open_front_door(host, port, admission)
+        self._front = front or open_gateway(host, port, admission)
         self._front.pages.uploads.new_folder = functools.partial(incoming_folder, workspace)
         self._server = self._front.server
         self._server.on_client_connect(self._connect)
@@ -174,8 +174,8 @@ class App:
                     session.client.flush()  # viser by itself rests for a 60th of a second after each sending
                 except Exception:
                     logger.exception("a browser's update failed")
-            restless = any(session.restless for session in sessions)
-            if restless:
+            needs_tick = any(session.needs_tick for session in sessions)
+            if needs_tick:
                 time.sleep(max(0.0, due_s - time.monotonic()))
             else:
                 self._awake.wait(IDLE_S)

@@ -11,19 +11,24 @@ from dataclasses import replace
 import viser
 
 from app.background.worker import LatestWins
+from app.client_session import SessionPage
+from app.client_session.files import FileOpening
+from app.client_session.frame_throttle import FrameThrottle
+from app.client_session.opening_moment import OpeningMoment
+from app.client_session.tour import Tour
 from app.control_panel import ControlPanel
-from app.front.pages import Pages, Visit
+from app.formatting.notices import notice_of
 from app.modes.factories import FACTORIES
 from app.modes.mode import Middle, Mode
 from app.modes.services import Services
 from app.modes.watch.commands import EnlargePicture
 from app.panels.recording_info import RecordingInfo, gather_info
 from app.panels.time_bar import Runs, TimeBar, Tracks, moments_of, opening_us, same_moments, tracks_of
-from app.preparation.awaited import AwaitedRecording
-from app.preparation.panel import PreparationPanel
-from app.preparation.steps import Preparation
 from app.scene.world import World
-from app.shared.source_news import SourceNews
+from app.shared.source_notifications import SourceNotifications
+from app.startup.awaited import AwaitedRecording
+from app.startup.panel import PreparationPanel
+from app.startup.steps import Preparation
 from app.state.client_state import MODES, ClientState, ModeName
 from app.state.commands import Command, SetMode, TogglePlay
 from app.state.playback import Playhead
@@ -31,16 +36,11 @@ from app.state.table_clicks import TableClicks
 from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
 from app.views.requests import WatchRequest, render_watch
-from app.visit import SessionPage
-from app.visit.files import FileOpening
-from app.visit.opening_moment import OpeningMoment
-from app.visit.page_pace import PagePace
-from app.visit.tour import Tour
-from app.words.notices import notice_of
+from app.web.pages import PageConnection, Pages
 from core.detection import DetectorConfig
 from core.errors import RallyscopeError, RecordingError
-from core.rally.history.following import is_stereo
-from core.rally.live.ring_recording import RingRecording
+from core.history.following import is_stereo
+from core.live.ring_recording import RingRecording
 from core.recordings import Recording, knows_ball
 
 logger = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ class Session:
         config: DetectorConfig,
         preparation: Preparation | None = None,
         *,
-        visit: Visit,
+        visit: PageConnection,
         pages: Pages,
     ) -> None:
         self.client = client
@@ -71,7 +71,7 @@ class Session:
         self._wake = wake
         self._first_config = config
         self._awaited = AwaitedRecording(services.library, preparation, lambda: PreparationPanel(client.gui))
-        self._pace = PagePace()
+        self._pace = FrameThrottle()
         self._inbox: queue.SimpleQueue[Command | Callable[[], None]] = queue.SimpleQueue()
         self._pictures = LatestWins(pool, render_watch, self._picture_done, self._failed)
         self._openings = LatestWins(pool, self._open, self._opened, self._failed)
@@ -83,7 +83,7 @@ class Session:
         self._autoplay = False
         self._tracks = Tracks(0)
         self._live_uuid = ""
-        self._source_news = SourceNews()
+        self._source_news = SourceNotifications()
         self._moments_s = float("-inf")
         self.plane = ImageView(client, self._clicked)
         self.world = World(client)
@@ -166,7 +166,7 @@ class Session:
             if self._awaited.waiting:  # a table that waits for its ball
                 self.plane.set_visible(False)
                 self.world.show(True)
-                self.world.turn_to_eye()
+                self.world.billboard_wxyz()
             return
         if isinstance(self._recording, RingRecording):
             self._grow(self._recording, wall_s)
@@ -197,7 +197,7 @@ class Session:
         if middle == "events":
             self._request_picture(self._state, self._recording, now_us)
         mode.tick(self._state, now_us, wall_s)
-        self.world.turn_to_eye()
+        self.world.billboard_wxyz()
 
     def _open_slowly(self, opening: OpeningMoment, recording: Recording, wall_s: float) -> None:
         """The first thing that a new browser sees."""
@@ -241,7 +241,7 @@ class Session:
         return self._state
 
     @property
-    def is_spared(self) -> bool:
+    def is_throttled(self) -> bool:
         """Whether the page is to be told less often of what moves by itself."""
         return self._pace.spares(self._state)
 
@@ -270,11 +270,11 @@ class Session:
         self.tracks = replace(self._tracks, runs={**self._tracks.runs, name: runs})
 
     @property
-    def restless(self) -> bool:
+    def needs_tick(self) -> bool:
         """Something moves by itself: the loop must not sleep long."""
         if self._state is None:
             return False
-        return self._modes[self._state.mode].restless or self._state.playhead.playing
+        return self._modes[self._state.mode].needs_tick or self._state.playhead.playing
 
     def offer(self, recordings: tuple[str, ...]) -> None:
         """What can be opened now; called by the loop."""

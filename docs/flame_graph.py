@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from core.bench.charts import INK, STYLE
+from benchmarks.charts import INK, STYLE
 
 WAITS: Final = (
     "_worker (concurrent",
@@ -26,7 +26,7 @@ WAITS: Final = (
     "_do_waitpid ",
     "ChildProcess._read ",
     "App._run (app/server",
-    "_run (app/bench",
+    "_run (benchmarks/app",
 )
 """Innermost frames of a thread that does nothing."""
 BEGINNINGS: Final = re.compile(
@@ -36,7 +36,7 @@ BEGINNINGS: Final = re.compile(
 COLOURS: Final = {
     "core/simulation": "#d98f4e",
     "core/cameras": "#c9b458",
-    "core/rally": "#6f9fd8",
+    "core/chain": "#6f9fd8",
     "core/": "#8fb996",
     "app/": "#b48ac2",
     "numpy": "#b8b8b8",

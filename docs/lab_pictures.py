@@ -27,13 +27,13 @@ from app.state.commands import SetMode, SetOverlay, SetWindow, SetZoom, StopAt
 from core.cameras import stereo_preset
 from core.cameras.calibration.table_corners import CORNERS
 from core.cameras.presets import SENSOR_720
+from core.devices.neuromorphic import open_camera
+from core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.events import Events
-from core.rally.devices.neuromorphic import open_camera
-from core.rally.devices.replayed_hardware import Replayed, ReplayedLibrary
-from core.rally.live.camera_source import CameraSource
-from core.rally.live.replay_source import ReplaySource
-from core.rally.robot import RobotClient, RobotWatchConfig
+from core.live.camera_source import CameraSource
+from core.live.replay_source import ReplaySource
 from core.recordings import CameraStream, open_recording
+from core.robot import RobotClient, RobotWatchConfig
 from docs.headless_app import show_app, still_picture, wait_for
 from docs.lab_events import write_noise, write_stripes
 

@@ -26,14 +26,14 @@ from app.session import Session
 from app.shared.workspace import Workspace
 from app.state.commands import Seek
 from core.cameras import stereo_preset
+from core.chain import ChainConfig, RallyChain
+from core.chain.block_windows import block_windows
+from core.chain.control.controller import BuiltInController
+from core.chain.control.player import Player
+from core.chain.physics import chain_for_physics
 from core.errors import CommandError
-from core.rally import ChainConfig, RallyChain
-from core.rally.chain.block_windows import block_windows
-from core.rally.chain.physics import chain_for_physics
-from core.rally.control.controller import BuiltInController
-from core.rally.control.player import Player
-from core.rally.history.recorded_rally import RACKET, TARGETS, racket_rows, target_rows
-from core.rally.simulated.world import Block, SimulatedWorld, WorldConfig
+from core.history.recorded_rally import RACKET, TARGETS, racket_rows, target_rows
+from core.live.worlds.world import Block, SimulatedWorld, WorldConfig
 from core.recordings import RecordingWriter
 from docs.headless_app import show_app, still_picture, wait_for, wait_for_chain
 

@@ -42,7 +42,7 @@ class MergedStores:
 
 
 @dataclass(slots=True)
-class _Pile:
+class _Accumulator:
     """Labels of all stores by layer and time."""
 
     labels: dict[Layer, dict[int, Label]] = field(default_factory=lambda: defaultdict(dict))
@@ -71,7 +71,7 @@ def merge_stores(
     """
     if out.exists():
         raise LabelError("there is a file already", where=out, remedy="name another one with --out")
-    pile, uuids = _Pile(), {}
+    pile, uuids = _Accumulator(), {}
     for source in sources:
         uuids[source] = _add_source(source, pile)
     if len(set(uuids.values())) != 1:
@@ -98,7 +98,7 @@ def merge_stores(
     )
 
 
-def _add_source(source: Path, pile: _Pile) -> str:
+def _add_source(source: Path, pile: _Accumulator) -> str:
     """Add the labels of a store to the pile; the recording that they are of."""
     found = read_store(source)
     for layer, labels in found.layers.items():

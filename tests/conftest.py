@@ -8,9 +8,9 @@ import pytest
 from core.cameras import stereo_preset
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import evaluation_balls
-from core.rally.outcomes.perceived_backend import PerceivedBackend
-from core.rally.simulated.event_court import SimulatedCourt
-from core.rally.simulated.world import Block
+from core.live.worlds.simulated_backend import SimulatedBackend
+from core.live.worlds.world import Block
+from core.outcomes.perceived_backend import PerceivedBackend
 from core.recordings import RecordingWriter
 from core.simulation import (
     LaunchConfig,
@@ -21,7 +21,7 @@ from core.simulation import (
     simulate_stereo,
     truth_times,
 )
-from core.simulation.episodes.judge import BallOutcome
+from core.simulation.episodes.ball_outcome import BallOutcome
 
 HERE = Path(__file__).parent
 SHARED = HERE.parents[1] / "shared" / "data"
@@ -34,8 +34,8 @@ SLOW = (
     "app/modes/label/keyboard/test_held_keys.py",
     "app/modes/train",
     "app/modes/tune/auto/test_run.py",
-    "app/preparation",
-    "core/bench",
+    "app/startup",
+    "benchmarks",
     "core/cameras/calibration",
     "core/detection/fast/test_detector.py",
     "core/detection/test_contract.py",
@@ -43,7 +43,7 @@ SLOW = (
     "core/jobs",
     "core/learning",
     "core/physics/test_fit_flights.py",
-    "core/rally",
+    "core/chain",
     "core/recordings/test_contract.py",
     "core/recordings/test_damage.py",
     "core/recordings/test_importing.py",
@@ -54,7 +54,7 @@ SLOW = (
     "docs/test_examples.py",
     "docs/test_film.py",
     "docs/test_site.py",
-    "labels/trials",
+    "benchmarks/labels",
     "mutation",
     "test_files_of_earlier_versions.py",
     "test_reference_outputs.py",
@@ -66,14 +66,14 @@ LONGEST = (
     "app/browser/test_live_in_browser.py",
     "app/browser/test_cold_start.py",
     "app/browser/test_train_in_browser.py",
-    "core/rally/link/test_server_and_client.py",
+    "core/live/link/test_server_and_client.py",
     "core/learning/agents/test_agents.py",
-    "core/rally/data_sets/test_run.py",
+    "core/data_sets/test_run.py",
     "app/browser",
     "app/cli",
     "app/modes/train",
-    "core/bench",
-    "core/rally",
+    "benchmarks",
+    "core/chain",
     "core/jobs",
     "core/learning",
     "core/cameras/calibration",
@@ -132,18 +132,18 @@ def stroke_recording(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ba
     """
     environment = EnvironmentConfig(state_source="events", outcomes="events")
     blocks: list[Block] = []
-    court = SimulatedCourt(environment.task, seed=4, told=blocks.append)
-    backend = PerceivedBackend(environment, court)
+    world_backend = SimulatedBackend(environment.task, seed=4, told=blocks.append)
+    backend = PerceivedBackend(environment, world_backend)
     try:
-        ball = backend.meet(evaluation_balls(6.0, 1, environment))
+        ball = backend.observe(evaluation_balls(6.0, 1, environment))
         backend.play(ball, np.array([[0.0, 0.4, 0.0]]))
         while not any(block.outcomes for block in blocks[:-20]):
-            court.advance()
+            world_backend.advance()
     finally:
         backend.close()
     file = tmp_path_factory.mktemp("recordings") / "stroke.h5"
-    sensors = {name: camera.sensor for name, camera in court.cameras.items()}
-    with RecordingWriter(file, sensors, calibration=court.cameras) as writer:
+    sensors = {name: camera.sensor for name, camera in world_backend.cameras.items()}
+    with RecordingWriter(file, sensors, calibration=world_backend.cameras) as writer:
         for block in blocks:
             for name, events in block.events.items():
                 writer.append(name, events)

@@ -23,16 +23,16 @@ from app.pictures.canvas import Canvas, Region
 from app.pictures.event_picture import event_picture
 from app.views.stage_picture import draw_stages
 from core.cameras import load_calibration
+from core.chain.control.player import PlayerState
 from core.detection import DetectorConfig, FastDetector, ReferenceDetector, TrackState, trace_window
 from core.events import Window
+from core.history.following import Following
+from core.live.link import messages
+from core.live.worlds.closed_loop import ClosedLoop
+from core.live.worlds.world import Block, SimulatedWorld, WorldConfig
 from core.physics import strokes_from_actions
 from core.physics.config import Profile
 from core.physics.task import task_profile
-from core.rally.control.player import PlayerState
-from core.rally.history.following import Following
-from core.rally.link import messages
-from core.rally.simulated.closed_loop import ClosedLoop
-from core.rally.simulated.world import Block, SimulatedWorld, WorldConfig
 from core.recordings import open_recording
 from core.simulation import ensure_demo
 from core.simulation.episodes import draw_serves, fly_serves, return_balls

@@ -12,16 +12,16 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
+from app.client_session.view_link import commands_of, link_of, values_of
 from app.state.client_state import ClientState, Configs
 from app.state.playback import Playhead
 from app.state.undo import History
-from app.visit.view_link import commands_of, link_of, values_of
 from core.config import config_from_mapping, config_to_mapping
 from core.detection import DetectorConfig
 from core.errors import ConfigError, LinkError, RecordingError
 from core.events import SensorSize
 from core.learning.config import RunConfig
-from core.rally.link.messages import COMMANDS, KINDS, decode, encode
+from core.live.link.messages import COMMANDS, KINDS, decode, encode
 from core.recordings.sources.recognise import open_sources
 from core.recordings.sources.source import DecodeReport
 from core.text.json_text import parse_json

@@ -18,9 +18,9 @@ OURS: Final = ("app", "core", "labels")
 PROJECT: Final = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 DISTRIBUTIONS: Final = packages_distributions()
 EXTRAS_OF: Final = {
-    "app/bench/": ("bench", "dev"),
+    "benchmarks/app/": ("bench", "dev"),
     "app/export/onnx_actor.py": ("onnx",),
-    "core/bench/": ("bench",),
+    "benchmarks/": ("bench",),
     "core/jobs/cluster.py": ("cluster",),
     "core/learning/runs/sb3_baselines.py": ("baselines",),
     "core/tuning/search.py": ("tune",),

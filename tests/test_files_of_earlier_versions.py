@@ -23,11 +23,11 @@ from app.cli.main import main
 from app.shared.workspace import Workspace
 from core.cameras import load_calibration
 from core.config import config_to_mapping, load_config
+from core.data_sets import read_manifest
 from core.detection import DetectorConfig
 from core.events import SensorSize
 from core.learning import Control, RunConfig, load_policy, read_run, read_status
 from core.learning.runs.control import read_control
-from core.rally.data_sets import read_manifest
 from core.recordings import open_recording
 from labels.model import LabelState, PositionSource
 from labels.store import LabelStore, Layer, find_layers

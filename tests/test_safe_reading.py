@@ -16,13 +16,13 @@ import pytest
 
 from core.cameras import load_calibration
 from core.config import load_config
+from core.data_sets.card import read_manifest
 from core.detection import DetectorConfig
 from core.errors import RallyscopeError
 from core.files import read_json
 from core.learning.agents.policy import read_policy
 from core.learning.config import RunConfig
 from core.physics.ball_states import read_ball_states
-from core.rally.data_sets.card import read_manifest
 from core.recordings import open_recording
 from core.text.json_text import parse_json
 from labels.formats.safe_xml import XmlError, parse_xml

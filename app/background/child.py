@@ -85,7 +85,7 @@ def give_way() -> None:
         os.nice(NICENESS)
 
 
-def tell_parent(line: str) -> None:
+def send_to_parent(line: str) -> None:
     """In the child: say a line at once."""
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()

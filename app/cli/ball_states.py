@@ -13,12 +13,12 @@ from app.cli.arguments import PositiveInt, flag, setting_flag
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table
 from app.cli.terminal import say
-from core.bench.rally.ball_states_report import PlayedFile, losses, report_rows, write_ball_states_report
+from benchmarks.rally.ball_states_report import PlayedFile, losses, report_rows, write_ball_states_report
 from core.errors import CommandError
+from core.live.worlds.simulated_returns import SimulatedReturnsConfig, play_known_balls
 from core.physics.ball_states import read_ball_states
 from core.physics.config import Profile
 from core.physics.task import task_profile
-from core.rally.simulated.simulated_returns import SimulatedReturnsConfig, play_known_balls
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 from app.cli.arguments import DATA, Numbers, PositiveFloat, PositiveInt, flag, given, positional
-from app.cli.engine_arguments import EngineArguments
+from app.cli.backend_arguments import BackendArguments
 from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.cli.tables import format_row, format_table
@@ -20,37 +20,37 @@ from app.cli.terminal import say
 from core.errors import CommandError, NotBuiltError
 
 BENCHES = {
-    "import": "core.bench.recordings.bench_import",
-    "record": "core.bench.recordings.bench_record",
-    "detection": "core.bench.detection.bench_detection",
-    "drawn-scenes": "core.bench.detection.bench_drawn_scenes",
-    "rivals": "core.bench.detection.bench_rivals",
-    "simulation": "core.bench.simulation.bench_simulation",
-    "sensor": "core.bench.simulation.bench_sensor",
-    "calibration": "core.bench.calibration.bench_calibration",
-    "drift": "core.bench.calibration.bench_drift",
-    "physics": "core.bench.physics.bench_physics",
-    "prediction": "core.bench.prediction.bench_prediction",
-    "perceived-prediction": "core.bench.prediction.bench_perceived_prediction",
-    "rally": "core.bench.rally.bench_rally",
-    "outcomes": "core.bench.rally.bench_outcomes",
-    "ignorance": "core.bench.ignorance.bench_ignorance",
-    "paper-perception": "core.bench.perception.bench_paper_perception",
-    "scenes": "core.bench.rally.bench_scenes",
-    "learning": "core.bench.learning.bench_learning",
-    "paper-settings": "core.bench.learning.paper_settings.bench_paper_settings",
-    "state-errors": "core.bench.learning.bench_state_errors",
-    "jobs": "core.bench.jobs.bench_jobs",
-    "labels": "labels.bench_labels",
-    "label-mode": "app.bench.bench_label_mode",
-    "export": "app.bench.bench_export",
-    "app": "app.bench.bench_app",
-    "long": "app.bench.bench_long",
-    "damage": "app.bench.bench_damage",
-    "faults": "app.bench.bench_faults",
+    "import": "benchmarks.recordings.bench_import",
+    "record": "benchmarks.recordings.bench_record",
+    "detection": "benchmarks.detection.bench_detection",
+    "drawn-scenes": "benchmarks.detection.bench_drawn_scenes",
+    "rivals": "benchmarks.detection.bench_rivals",
+    "simulation": "benchmarks.simulation.bench_simulation",
+    "sensor": "benchmarks.simulation.bench_sensor",
+    "calibration": "benchmarks.calibration.bench_calibration",
+    "drift": "benchmarks.calibration.bench_drift",
+    "physics": "benchmarks.physics.bench_physics",
+    "prediction": "benchmarks.prediction.bench_prediction",
+    "perceived-prediction": "benchmarks.prediction.bench_perceived_prediction",
+    "rally": "benchmarks.rally.bench_rally",
+    "outcomes": "benchmarks.rally.bench_outcomes",
+    "ignorance": "benchmarks.ignorance.bench_ignorance",
+    "paper-perception": "benchmarks.perception.bench_paper_perception",
+    "scenes": "benchmarks.rally.bench_scenes",
+    "learning": "benchmarks.learning.bench_learning",
+    "paper-settings": "benchmarks.learning.paper_settings.bench_paper_settings",
+    "state-errors": "benchmarks.learning.bench_state_errors",
+    "jobs": "benchmarks.jobs.bench_jobs",
+    "labels": "benchmarks.labels.bench_labels",
+    "label-mode": "benchmarks.app.bench_label_mode",
+    "export": "benchmarks.app.bench_export",
+    "app": "benchmarks.app.bench_app",
+    "long": "benchmarks.app.bench_long",
+    "damage": "benchmarks.app.bench_damage",
+    "faults": "benchmarks.app.bench_faults",
 }
 """The module that measures each."""
-OWN_RECORDINGS = {"paper-perception": "app.bench.own_balls.bench_own_balls"}
+OWN_RECORDINGS = {"paper-perception": "benchmarks.app.own_balls.bench_own_balls"}
 """The module that measures instead, with `--recorded`: against labels, what is otherwise held against the truth."""
 
 
@@ -101,7 +101,7 @@ class BenchArguments:
     )
     data: Path | None = flag("workspace with the labels (paper-perception with --recorded)", "DIR", str(DATA))
     annotator: str | None = flag("whose labels (paper-perception with --recorded)", "NAME", "everybody's, apart")
-    engine: EngineArguments
+    engine: BackendArguments
     json: bool = flag("print the figures as JSON")
 
 

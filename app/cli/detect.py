@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from app.cli.arguments import flag, given, positional
+from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.detector_arguments import AnyMethodArguments
-from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.files import csv_text
 from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
@@ -18,7 +18,7 @@ from core.detection import DetectorConfig, RefinedDetection, make_detector
 from core.detection.methods import FRAME_METHODS, Method
 from core.detection.refined.sensor_delay import estimate_delay
 from core.errors import CommandError
-from core.jobs import PieceControl
+from core.jobs import TaskControl
 from core.metrics import WindowAnswers, run_detector, score_answers
 from core.metrics.run import run_on_frames
 from core.recordings import CameraStream, PixelTruth, Recording, open_recording
@@ -34,7 +34,7 @@ class DetectArguments:
     camera: str | None = flag("which camera; needed if there are several", "NAME")
     detector: AnyMethodArguments
     out: Path = flag("columns t_us,u_px,v_px,r_px; of several recordings a folder with a CSV of each", "CSV|DIR")
-    engine: SharedEngineArguments
+    engine: SharedBackendArguments
     json: bool = flag("print a summary as JSON")
 
 
@@ -76,7 +76,7 @@ class DetectInEvents:
     config: DetectorConfig
     window_us: int
 
-    def __call__(self, path: Path, control: PieceControl) -> RecordingTable:
+    def __call__(self, path: Path, control: TaskControl) -> RecordingTable:
         """Detect."""
         with closing(open_recording(path)) as recording:
             stream = choose_camera(recording, self.camera)
@@ -93,7 +93,7 @@ class DetectInFrames:
     method: str
     weights: Path | None
 
-    def __call__(self, path: Path, control: PieceControl) -> RecordingTable:
+    def __call__(self, path: Path, control: TaskControl) -> RecordingTable:
         """Detect; raises CommandError if there are no pictures."""
         with closing(open_recording(path)) as recording:
             name, frames = choose_pictures(recording, self.camera)

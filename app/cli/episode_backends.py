@@ -25,12 +25,12 @@ def open_backend(config: RunConfig, source: str | None, keys: Path | None = None
         backend = _perceived_backend(config, source, keys)
     elif source is not None:
         # late: the chain and its compiled loops are for those who ask
-        from core.rally.link.episode_backend import LinkBackend
-        from core.rally.link.keys import read_client_keys
+        from core.live.link.episode_backend import LinkBackend
+        from core.live.link.keys import read_client_keys
 
         backend = LinkBackend(config.environment, source, None if keys is None else read_client_keys(keys))
     elif config.environment.state_source == "events":
-        from core.rally.simulated.event_environment import EventCameraBackend
+        from core.live.worlds.event_environment import EventCameraBackend
 
         backend = EventCameraBackend(config.environment, seed=config.first_seed)
     else:
@@ -42,15 +42,15 @@ def open_backend(config: RunConfig, source: str | None, keys: Path | None = None
 
 def _perceived_backend(config: RunConfig, source: str | None, keys: Path | None) -> EpisodeBackend:
     """A court of which only events are known: that of a server, or one simulated here."""
-    from core.rally.outcomes.perceived_backend import PerceivedBackend  # late: the chain and its compiled loops
+    from core.outcomes.perceived_backend import PerceivedBackend  # late: the chain and its compiled loops
 
     if source is not None:
-        from core.rally.link.event_court import LinkedCourt
-        from core.rally.link.keys import read_client_keys
+        from core.live.link.keys import read_client_keys
+        from core.live.link.linked_backend import LinkedBackend
 
-        court = LinkedCourt(source, None if keys is None else read_client_keys(keys))
+        world_backend = LinkedBackend(source, None if keys is None else read_client_keys(keys))
     else:
-        from core.rally.simulated.event_court import SimulatedCourt
+        from core.live.worlds.simulated_backend import SimulatedBackend
 
-        court = SimulatedCourt(config.environment.task, seed=config.first_seed)
-    return PerceivedBackend(config.environment, court)
+        world_backend = SimulatedBackend(config.environment.task, seed=config.first_seed)
+    return PerceivedBackend(config.environment, world_backend)

@@ -13,8 +13,8 @@ from core.cameras import Camera, load_calibration
 from core.errors import CommandError
 
 if TYPE_CHECKING:
-    from core.rally.devices.neuromorphic import DriverCamera
-    from core.rally.live.camera_source import CameraSource
+    from core.devices.neuromorphic import DriverCamera
+    from core.live.camera_source import CameraSource
 
 CAMERA: Final = "camera:"
 FORM: Final = "camera:SERIAL or camera:SERIAL,SERIAL, for example camera:00050421,00050423"
@@ -77,7 +77,7 @@ def read_camera_order(source: str | None, arguments: CameraArguments) -> CameraO
     for name in calibration:
         check_camera_name(name)
     names = list(calibration) or list(PAIR if len(serials) == 2 else ("camera",))
-    from core.rally.devices.bias_file import read_biases
+    from core.devices.bias_file import read_biases
 
     biases = {} if arguments.biases is None else read_biases(arguments.biases)
     return CameraOrder(dict(zip(names, serials, strict=True)), calibration, biases, arguments.sync_cable)
@@ -91,7 +91,7 @@ def open_cameras(order: CameraOrder, *, raw: bool = False) -> dict[str, DriverCa
         CommandError: if the calibration is of another sensor.
         ConfigError: if biases are out of the bounds of a camera.
     """
-    from core.rally.devices.neuromorphic import open_camera
+    from core.devices.neuromorphic import open_camera
 
     found: dict[str, DriverCamera] = {}
     names = list(order.serials)
@@ -116,12 +116,12 @@ def open_camera_source(order: CameraOrder) -> CameraSource:
     Raises:
         DeviceError: as `open_cameras`.
     """
-    from core.rally.live.camera_source import CameraSource
+    from core.live.camera_source import CameraSource
 
     return CameraSource(open_cameras(order), calibration=order.calibration, cable=order.cable)
 
 
 def _listed() -> str:
-    from core.rally.devices.neuromorphic import describe_cameras, list_cameras
+    from core.devices.neuromorphic import describe_cameras, list_cameras
 
     return describe_cameras(list_cameras())

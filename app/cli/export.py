@@ -14,8 +14,8 @@ from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.cli.terminal import say
 from app.export.formats import FORMATS, ExportRequest, export, is_run
+from core.chain import ChainConfig
 from core.errors import CommandError
-from core.rally import ChainConfig
 from core.recordings import open_recording
 from labels.arrays import LabelArrays
 from labels.store import LabelStore, find_layers

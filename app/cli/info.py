@@ -11,7 +11,7 @@ import numpy as np
 
 from app.cli.arguments import flag, positional
 from app.cli.progress import progress_bar
-from app.cli.terminal import say, say_each
+from app.cli.terminal import print_lines, say
 from core.recordings import CameraStream, open_recording
 from core.recordings.reader import FileRecording
 
@@ -36,7 +36,7 @@ def run(arguments: InfoArguments) -> None:
         if arguments.json:
             say(json.dumps({"path": lines[0], **facts}))
         else:
-            say_each(lines)
+            print_lines(lines)
 
 
 def recording_facts(recording: FileRecording) -> Facts:

@@ -11,7 +11,7 @@ from pathlib import Path
 from app.cli.arguments import DATA, flag, positional
 from app.cli.detect import choose_camera
 from app.cli.tables import json_ready
-from app.cli.terminal import say, say_each
+from app.cli.terminal import print_lines, say
 from app.modes.label.sources import LabelSource, sources_of
 from core.errors import CommandError
 from core.recordings import CameraStream, Recording, open_recording
@@ -49,7 +49,7 @@ class LayerArguments:
         if self.json:
             say(json.dumps(json_ready(report)))
         else:
-            say_each(lines)
+            print_lines(lines)
 
 
 def read_layers(

@@ -9,7 +9,7 @@ from typing import Annotated, Final
 
 from app.cli.arguments import flag, positional
 from app.cli.tables import json_ready
-from app.cli.terminal import say, say_each
+from app.cli.terminal import print_lines, say
 from labels.conflicts import WITHIN_PX, LabelConflict
 from labels.merging import MergedStores, merge_stores
 
@@ -41,7 +41,7 @@ def run_merge(arguments: LabelMergeArguments) -> None:
     if arguments.json:
         say(json.dumps(json_ready({**asdict(merged), "out": str(arguments.out)})))
     else:
-        say_each(_lines(merged, arguments))
+        print_lines(_lines(merged, arguments))
 
 
 def _lines(merged: MergedStores, arguments: LabelMergeArguments) -> list[str]:

@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import Final
 
 from app.cli.arguments import DATA, PositiveInt, flag, positional
+from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.detector_arguments import MethodArguments
-from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.labels_layer import LayerArguments, read_layer
 from app.cli.progress import progress_bar
 from app.modes.label.sources import LabelSource
 from core.detection import DetectorConfig, make_detector
 from core.detection.methods import Method
 from core.errors import CommandError
-from core.jobs import PieceControl, open_jobs
+from core.jobs import TaskControl, open_jobs
 from core.metrics import WindowAnswers
 from core.recordings import open_recording
 from labels.agreement import Agreement, measure_agreement
@@ -44,7 +44,7 @@ class LabelScoreArguments:
     detector: MethodArguments
     window_us: PositiveInt | None = flag("length of a window", "N", "the config's")
     picture: Path | None = flag("precision, recall and errors as a picture", "FILE.svg")
-    engine: SharedEngineArguments
+    engine: SharedBackendArguments
 
     def layer(self, recording: Path) -> LayerArguments:
         """The labels that are meant of one of them."""
@@ -78,7 +78,7 @@ class AnswerLabels:
     config: DetectorConfig
     window_us: int
 
-    def __call__(self, piece: LabelledRecording, control: PieceControl) -> WindowAnswers:
+    def __call__(self, piece: LabelledRecording, control: TaskControl) -> WindowAnswers:
         """Detect where there are labels."""
         with closing(open_recording(piece.path)) as recording:
             stream = recording.cameras[piece.camera]

@@ -27,8 +27,8 @@ from app.cli.terminal import say
 from core.errors import CommandError, RallyscopeError
 
 if TYPE_CHECKING:
-    from core.rally.devices.raw_recorder import RawRecorder, RawTake
-    from core.rally.link.live_source import LiveSource
+    from core.devices.raw_recorder import RawRecorder, RawTake
+    from core.live.link.live_source import LiveSource
 
 LOOK_S: Final = 0.2
 SAY_S: Final = 5.0
@@ -72,8 +72,8 @@ def run(arguments: RecordArguments) -> None:
 
 
 def _say_cameras(*, as_json: bool) -> None:
-    from core.rally.devices.models import MODELS
-    from core.rally.devices.neuromorphic import list_cameras
+    from core.devices.models import MODELS
+    from core.devices.neuromorphic import list_cameras
 
     rows: list[dict[str, object]] = [
         {
@@ -92,8 +92,8 @@ def _say_cameras(*, as_json: bool) -> None:
 
 
 def _all_evt3(order: CameraOrder) -> bool:
-    from core.rally.devices.models import MODELS
-    from core.rally.devices.neuromorphic import list_cameras
+    from core.devices.models import MODELS
+    from core.devices.neuromorphic import list_cameras
 
     models = [MODELS.get(one.name) for one in list_cameras() if one.serial in order.serials.values()]
     return all(model is None or model.evt3 for model in models)
@@ -105,7 +105,7 @@ def _open_source(source: str, order: CameraOrder | None) -> LiveSource:
     replay = read_replay(source)
     if replay is not None:
         return open_replay(replay)
-    from core.rally.link.client import SimulationClient
+    from core.live.link.client import SimulationClient
 
     return SimulationClient(source)
 
@@ -124,7 +124,7 @@ def _wait(ended: threading.Event, seconds: float | None, over: Callable[[], bool
 
 def _record_blocks(source: LiveSource, out: Path, arguments: RecordArguments) -> dict[str, object]:
     """By the blocks that a live source tells."""
-    from core.rally.history.record_live import LiveRecorder
+    from core.history.record_live import LiveRecorder
     from core.recordings import open_recording
 
     ended = end_event()
@@ -142,7 +142,7 @@ def _record_blocks(source: LiveSource, out: Path, arguments: RecordArguments) ->
 
 def _record_raw(order: CameraOrder, out: Path, arguments: RecordArguments) -> dict[str, object]:
     """The bytes of the cameras as they come; then the recording is made of them."""
-    from core.rally.devices.raw_recorder import RawRecorder
+    from core.devices.raw_recorder import RawRecorder
 
     recorder = RawRecorder(open_cameras(order, raw=True), out, cable=order.cable, overwrite=arguments.force)
     ended = end_event()

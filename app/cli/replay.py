@@ -11,7 +11,7 @@ from app.cli.progress import progress_bar
 from core.errors import CommandError
 
 if TYPE_CHECKING:
-    from core.rally.live.replay_source import ReplaySource
+    from core.live.replay_source import ReplaySource
 
 REPLAY: Final = "replay:"
 FORM: Final = "replay:FILE[@SPEED], for example replay:pair.h5@0.5"
@@ -54,7 +54,7 @@ def open_replay(order: ReplayOrder) -> ReplaySource:
         ConfigError: if the speed is out of bounds.
         RecordingError: if it is no recording, or one without cameras or events.
     """
-    from core.rally.live.replay_source import ReplaySource, check_speed
+    from core.live.replay_source import ReplaySource, check_speed
     from core.recordings import open_recording
 
     check_speed(order.speed)  # before a file is decoded

@@ -19,22 +19,22 @@ from app.cli.quiet_viser import silence_viser
 from app.cli.replay import REPLAY, ReplayOrder, open_replay, read_replay
 from app.cli.terminal import say
 from app.export.viewer_streamer import check_viewer_address
-from app.front import Admission, FrontDoor, open_front_door
-from app.front.address import check_address
+from app.shared.job_backends import JobBackends
 from app.shared.library import Library
-from app.shared.work_places import WorkPlaces
 from app.shared.workspace import Workspace
+from app.web import Admission, Gateway, open_gateway
+from app.web.address import check_address
 from core.config import load_config
 from core.detection import DetectorConfig
 from core.errors import CommandError
+from core.live.link.address import split_address
+from core.live.link.guard import check_reach
+from core.live.link.keys import ClientKeys, read_client_keys
 from core.physics.config import Profile
-from core.rally.link.address import split_address
-from core.rally.link.guard import check_reach
-from core.rally.link.keys import ClientKeys, read_client_keys
 
 if TYPE_CHECKING:
-    from app.preparation.startup import Startup
     from app.server import App
+    from app.startup.startup import Startup
 
 LIVE = "live"
 
@@ -79,7 +79,7 @@ def run(arguments: ServeArguments) -> None:
     robot_keys = read_robot_keys(arguments.robot, arguments.robot_keys, source)
     if arguments.rerun is not None:
         check_viewer_address(arguments.rerun)
-    places = WorkPlaces(arguments.cluster)
+    places = JobBackends(arguments.cluster)
     config = load_config(DetectorConfig, arguments.config) if arguments.config else DetectorConfig()
     workspace = Workspace(arguments.data)
     library = Library(workspace, _check_folders(arguments.folder or ()))
@@ -98,7 +98,7 @@ def run(arguments: ServeArguments) -> None:
         if source not in (None, LIVE):  # it may not be there, which is said before there is a page
             startup = start()
             if startup.remote:
-                startup.wait_for_news()
+                startup.wait_for_change()
                 if startup.problem is not None:
                     raise startup.problem
         first = LIVE if arguments.recording is None else _open_recording(arguments.recording, library)
@@ -135,11 +135,11 @@ def _app_class() -> type[App]:
     return App
 
 
-def _open_page(arguments: ServeArguments, admission: Admission, first: str) -> FrontDoor:
+def _open_page(arguments: ServeArguments, admission: Admission, first: str) -> Gateway:
     """What browsers may come to from now on, while the app behind it is still being loaded."""
     silence_viser()
     logging.getLogger("websockets").setLevel(logging.CRITICAL)  # broken connections of browsers are not our news
-    front = open_front_door(arguments.host, arguments.port, admission)
+    front = open_gateway(arguments.host, arguments.port, admission)
     port = front.server.get_port()
     url = page_url(arguments.host, port, admission)
     if not admission.local:
@@ -159,8 +159,8 @@ def _start(
     robot: tuple[str, ClientKeys | None] | None,
 ) -> Startup:
     """What brings up the live rally while the app is loaded; `robot`: its address and the keys for it."""
-    from app.preparation.startup import Startup  # takes a while: a mistake in the arguments is answered before
-    from core.rally.robot import RobotClient
+    from app.startup.startup import Startup  # takes a while: a mistake in the arguments is answered before
+    from core.robot import RobotClient
 
     if told is not None:
         opened = open_camera_source(told) if isinstance(told, CameraOrder) else open_replay(told)
@@ -273,7 +273,7 @@ def own_simulation(arguments: ServeArguments, source: str | None) -> list[str]:
 
 def _open_recording(path: Path, library: Library) -> str:
     """Name of the recording to begin with; imported first if need be."""
-    name = library.add_guest(path)
+    name = library.add_external(path)
     with progress_bar(f"Opening {path.name}") as progress:
         library.open(name)
         progress(1.0)

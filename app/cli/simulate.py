@@ -11,11 +11,11 @@ from app.cli.progress import Progress, progress_bar
 from app.cli.simulate_arguments import SERVES, SimulateArguments
 from app.cli.simulate_data_set import refuse_data_set_arguments, run_data_sets
 from app.cli.terminal import say
+from core.data_sets.robot_recording import record_robot
 from core.errors import CommandError
+from core.live.worlds.world import WorldConfig
 from core.physics.config import physics_profile
 from core.physics.task import task_profile
-from core.rally.data_sets.robot_recording import record_robot
-from core.rally.simulated.world import WorldConfig
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
 from core.simulation.recording import SimulatedRecording
 

@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import ClassVar
 
 from app.cli.arguments import Names, Numbers, PositiveInt, flag, given, setting_flag
+from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.cameras import Sensor
-from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.scenes import SceneArguments
 from core.cameras.presets import PLACEMENTS, SENSOR_720
+from core.data_sets import PRESETS
+from core.data_sets.plan import PAPER_SPEEDS_MPS
 from core.errors import CommandError
 from core.physics.config import Profile
-from core.rally.data_sets import PRESETS
-from core.rally.data_sets.plan import PAPER_SPEEDS_MPS
 from core.simulation import LaunchConfig, SensorConfig
 from core.simulation.frames.frames import FrameConfig
 
@@ -61,7 +61,7 @@ class SimulateArguments:
     force: bool = flag("replace what is there")
     json: bool = flag("print what was made as JSON")
     data_set: DataSetArguments
-    engine: SharedEngineArguments
+    engine: SharedBackendArguments
 
     def frames(self) -> FrameConfig | None:
         """The pictures that were asked for, if any.

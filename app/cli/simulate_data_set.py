@@ -7,17 +7,17 @@ import json
 from collections.abc import Mapping
 
 from app.cli.arguments import given
-from app.cli.engine_arguments import SharedEngineArguments
+from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.progress import progress_bar
 from app.cli.simulate_arguments import SERVES, DataSetArguments, SimulateArguments
 from app.cli.terminal import say
 from core.cameras.presets import PLACEMENTS, SENSOR_720
+from core.data_sets import CARD, PRESETS, DataSetPlan, DataSetRun, plan_data_set, preset_plan, run_data_set
+from core.data_sets.plan import PAPER_SPEEDS_MPS, Making
 from core.errors import CommandError
-from core.rally.data_sets import CARD, PRESETS, DataSetPlan, DataSetRun, plan_data_set, preset_plan, run_data_set
-from core.rally.data_sets.plan import PAPER_SPEEDS_MPS, Making
 
 
-def refuse_data_set_arguments(asked: DataSetArguments, engine: SharedEngineArguments) -> None:
+def refuse_data_set_arguments(asked: DataSetArguments, engine: SharedBackendArguments) -> None:
     """For a single recording.
 
     Raises:

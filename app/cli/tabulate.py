@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.cli.engine_arguments import EngineArguments
+from app.cli.backend_arguments import BackendArguments
 from app.cli.files import table_paths, write_text
 from app.cli.progress import progress_bar
 from app.cli.terminal import say
 from core.errors import RecordingError
-from core.jobs import PieceControl, open_jobs
+from core.jobs import TaskControl, open_jobs
 
 Summary = dict[str, object]
 
@@ -30,8 +30,8 @@ class RecordingTable:
 def tabulate(
     recordings: Sequence[Path],
     out: Path,
-    work: Callable[[Path, PieceControl], RecordingTable],
-    engine: EngineArguments,
+    work: Callable[[Path, TaskControl], RecordingTable],
+    engine: BackendArguments,
     title: str,
     as_json: bool,
     describe: Callable[[Summary], None],

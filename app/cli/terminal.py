@@ -20,7 +20,7 @@ def say(text: str = "", *, error: bool = False) -> None:
     print("\n".join(plain(line, None) for line in text.split("\n")), file=sys.stderr if error else None, flush=True)
 
 
-def say_each(lines: Iterable[str]) -> None:
+def print_lines(lines: Iterable[str]) -> None:
     """Lines that may hold text from files: each is one line, whatever is in it."""
     for line in lines:
         say(plain(line, LONGEST_LINE))

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.cli.arguments import flag, positional
+from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.detector_arguments import DetectorArguments
-from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.files import csv_text
 from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
+from core.chain import ChainConfig
+from core.chain.follow import Track, follow_recording, true_positions
 from core.detection import DetectorConfig
 from core.detection.methods import Method
-from core.jobs import PieceControl
-from core.rally import ChainConfig
-from core.rally.chain.follow import Track, follow_recording, true_positions
+from core.jobs import TaskControl
 from core.recordings import BallTruth, open_recording
 
 
@@ -30,7 +30,7 @@ class TrackArguments:
     recordings: tuple[Path, ...] = positional("recordings with two or more calibrated cameras", "REC")
     detector: DetectorArguments
     out: Path = flag("columns t_us,x_m,y_m,z_m (world); of several recordings a folder with a CSV of each", "CSV|DIR")
-    engine: SharedEngineArguments
+    engine: SharedBackendArguments
     json: bool = flag("print a summary as JSON")
 
 
@@ -48,7 +48,7 @@ class TrackRecording:
     detector: DetectorConfig
     window_us: int
 
-    def __call__(self, path: Path, control: PieceControl) -> RecordingTable:
+    def __call__(self, path: Path, control: TaskControl) -> RecordingTable:
         """Track."""
         config = ChainConfig.of_method(self.method, self.detector)
         with closing(open_recording(path)) as recording:

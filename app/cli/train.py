@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Literal
 
 from app.cli.arguments import Counts, Numbers, PositiveInt, flag, given, setting_flag
+from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.ending import end_event
-from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.episode_backends import open_backend
 from app.cli.progress import progress_bar
 from app.cli.terminal import say
 from core.config import load_config
 from core.errors import CommandError
-from core.jobs import ALONE, Engine
+from core.jobs import ALONE, JobBackend
 from core.learning.config import (
     AgentName,
     CurriculumConfig,
@@ -95,7 +95,7 @@ class TrainArguments:
         "tcp://HOST:PORT",
     )
     keys: Path | None = flag("for a source beyond this machine: a client's keys", "DIR")
-    engine: SharedEngineArguments
+    engine: SharedBackendArguments
     json: bool = flag("print a summary as JSON")
 
 
@@ -128,7 +128,7 @@ def _tell_bounds(config: RunConfig) -> None:
         say(words)
 
 
-def _engine(arguments: TrainArguments) -> Engine:
+def _engine(arguments: TrainArguments) -> JobBackend:
     """Where seeds are trained; those that share a simulation server take turns."""
     asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
     if arguments.source is None:

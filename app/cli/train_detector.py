@@ -61,7 +61,7 @@ def run(arguments: TrainDetectorArguments) -> None:
         raise CommandError("the file exists", where=arguments.out, remedy="choose another name, or --force")
     if arguments.data is not None and not arguments.data.is_dir():
         raise CommandError("no such folder", got=arguments.data, where="--data")
-    from core.detection.yolo.weights import LEAST_RECALL, load_weights  # late: torch takes a second
+    from core.detection.yolo.weights import MIN_RECALL, load_weights  # late: torch takes a second
     from core.learning.detector_training.run import train_detector
 
     ended = end_event()
@@ -89,7 +89,7 @@ def run(arguments: TrainDetectorArguments) -> None:
         f"{score.precision:.3f} at 8 px, median error {score.median_error_px:.2f} px"
     )
     if not score.is_rival:
-        say(f"with a recall below {LEAST_RECALL:g} it is no rival: train longer, or on more rooms")
+        say(f"with a recall below {MIN_RECALL:g} it is no rival: train longer, or on more rooms")
 
 
 def requested_training(arguments: TrainDetectorArguments) -> DetectorTrainingConfig:

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from app.background.child import give_way, tell_parent
+from app.background.child import give_way, send_to_parent
 from app.cli.arguments import DATA, Names, PositiveInt, flag, positional, setting_flag
+from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.detect import choose_camera
 from app.cli.detector_arguments import MethodArguments
 from app.cli.ending import end_event
-from app.cli.engine_arguments import SharedEngineArguments
 from app.cli.files import check_folder
 from app.cli.labels_layer import read_layers
 from app.cli.progress import progress_bar
@@ -59,7 +59,7 @@ class TuneArguments:
     )
     trials: PositiveInt = setting_flag(TuningConfig, "trials", "N")
     seed: int = setting_flag(TuningConfig, "seed", "N")
-    engine: SharedEngineArguments
+    engine: SharedBackendArguments
     out: Path = flag("the config that was found, for --config of the verbs that detect", "FILE.toml")
     until_eof: bool = flag("end when standard input ends, as a child process should, and say each batch in a line")
     json: bool = flag("print what was found as JSON")
@@ -130,7 +130,7 @@ def _objective(
 def _told(in_lines: bool) -> Iterator[Callable[[TuningProgress], None]]:
     """A bar for a person, or lines for a parent process."""
     if in_lines:
-        yield lambda state: tell_parent(_line(state))
+        yield lambda state: send_to_parent(_line(state))
         return
     with progress_bar("Tuning") as show:
         yield lambda state: show(state.done / state.trials)

@@ -9,8 +9,8 @@ from typing import Final, Literal
 
 from app.export.selection import DEFAULT_STRIDE_US, Span, span_of
 from app.export.unfinished import Cancelled, Progress
+from core.chain import ChainConfig
 from core.errors import CommandError
-from core.rally import ChainConfig
 from core.recordings import Recording
 from core.recordings.layout import Rows
 from labels.arrays import LabelArrays

@@ -10,12 +10,14 @@ import numpy as np
 from isal import isal_zlib
 from numpy.typing import NDArray
 
-from app.pictures.palette import Ink, palette
+from app.pictures.palette import PaletteIndex, palette
 
 _SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 _INDEXED: Final = 3
 _PIXELS_PER_BYTE: Final = 4
-_COLOURS: Final = palette("orange / blue")[[Ink.BACKGROUND, Ink.OFF, Ink.ON, Ink.OUTSIDE]].tobytes()
+_COLOURS: Final = palette("orange / blue")[
+    [PaletteIndex.BACKGROUND, PaletteIndex.OFF, PaletteIndex.ON, PaletteIndex.OUTSIDE]
+].tobytes()
 LEVEL: Final = 1
 
 

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from app.export.selection import Span
+from core.chain import ChainConfig, ChainState, RallyChain
 from core.detection import Detection, Detector, TrackState, make_detector
 from core.detection.methods import method_config, states_of
 from core.detection.window import windows_side_by_side
 from core.events import Window
-from core.rally import ChainConfig, ChainState, RallyChain
-from core.rally.history.following import is_stereo
+from core.history.following import is_stereo
 from core.recordings import Recording
 
 

@@ -15,7 +15,7 @@ from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, check_cancelled, unfinished_file
 from core.errors import CommandError
 
-MOST_FRAMES: Final = 20_000
+MAX_FRAMES: Final = 20_000
 """Of a film; a browser draws some ten a second."""
 
 
@@ -38,9 +38,9 @@ class ViewFilmPlan:
         """
         step_us = 1e6 * self.speed / self.frames_per_s
         count = max(1, int(self.span.length_us / step_us))
-        if count > MOST_FRAMES:
+        if count > MAX_FRAMES:
             remedy = "take a shorter part, a higher speed, or fewer frames a second"
-            raise CommandError("too long a film", expected=f"up to {MOST_FRAMES} frames", got=count, remedy=remedy)
+            raise CommandError("too long a film", expected=f"up to {MAX_FRAMES} frames", got=count, remedy=remedy)
         return tuple(self.span.start_us + round(number * step_us) for number in range(count))
 
 

@@ -6,9 +6,9 @@ from typing import Final
 
 from app import theme
 from app.export.exporter import ExportState
+from app.formatting.file_text import html_text
+from app.formatting.percent import percent
 from app.modes.mode import ModeHost
-from app.words.file_text import html_text
-from app.words.percent import percent
 from core.errors import CommandError
 
 LARGEST_DOWNLOAD: Final = 1_000_000_000

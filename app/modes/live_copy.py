@@ -12,7 +12,7 @@ from app.export.frozen import freeze, write_frozen
 from app.export.selection import Span
 from app.modes.mode import ModeHost
 from core.errors import RecordingError
-from core.rally.live.ring_recording import RingRecording
+from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 
 NEXT_BLOCK_S: Final = 5.0

@@ -54,7 +54,7 @@ class ModeHost(Protocol):
         ...
 
     @property
-    def is_spared(self) -> bool:
+    def is_throttled(self) -> bool:
         """Whether the page is to be told less often of what moves by itself: it is drawn at the cost of the rally."""
         ...
 
@@ -97,7 +97,7 @@ class Mode(Protocol):
         ...
 
     @property
-    def restless(self) -> bool:
+    def needs_tick(self) -> bool:
         """Something moves by itself: `tick` should come at 60 Hz instead of when something happened."""
         ...
 

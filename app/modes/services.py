@@ -10,15 +10,15 @@ from app.background.shared_work import SharedWork
 from app.export.exporter import Exporter
 from app.export.viewer_streamer import ViewerStreamer
 from app.shared.files import OfferedFiles
+from app.shared.job_backends import HERE_ONLY, JobBackends
 from app.shared.library import Library
 from app.shared.rallies import Rallies
 from app.shared.training.metrics import MetricsStore
 from app.shared.training.trainer import Trainer
-from app.shared.work_places import HERE_ONLY, WorkPlaces
 from app.shared.workspace import Workspace
 from app.state.browser_memory import BrowserMemory
 from app.views.camera_pictures import CameraPicturesRequest, render_camera_pictures
-from core.rally.history.missed_balls import MissedBall, MissedBallRequest, find_missed_ball
+from core.history.missed_balls import MissedBall, MissedBallRequest, find_missed_ball
 from labels.store_registry import LabelStoreRegistry
 
 LABEL_TOOL: Final = f"rallyscope {version('rallyscope')} label mode"
@@ -42,7 +42,7 @@ class Services:
     """The settings of each browser."""
     files: OfferedFiles
     """What can be opened beside the recordings."""
-    places: WorkPlaces
+    places: JobBackends
     """Where trainings and searches can be done."""
     camera_pictures: SharedWork[CameraPicturesRequest, dict[str, bytes]]
     missed_balls: SharedWork[MissedBallRequest, MissedBall | None]
@@ -54,7 +54,7 @@ class Services:
         workspace: Workspace,
         library: Library,
         viewer_address: str | None = None,
-        places: WorkPlaces = HERE_ONLY,
+        places: JobBackends = HERE_ONLY,
     ) -> Services:
         """Those of a workspace; `viewer_address` is that of a Rerun viewer which may be streamed to."""
         label_stores = LabelStoreRegistry(workspace.labels, tool=LABEL_TOOL)

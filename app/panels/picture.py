@@ -8,7 +8,7 @@ import viser
 
 from app import theme
 from app.pictures.event_picture import RENDERINGS
-from app.pictures.palette import POLARITY_COLOURS, Ink, PolarityColours, palette
+from app.pictures.palette import POLARITY_COLOURS, PaletteIndex, PolarityColours, palette
 from app.state.client_state import ARRANGEMENTS, ClientState
 from app.state.commands import WINDOW_RANGE_US, Command, SetArrangement, SetColours, SetRendering, SetWindow, ShowTruth
 from app.widgets import when_changed
@@ -51,9 +51,14 @@ class PicturePanel:
 def event_legend_html(colours: PolarityColours, *, with_truth: bool) -> str:
     """What the colours of circles and events mean."""
     rgb = palette(colours)
-    inks = [("found", Ink.CIRCLE), ("ROI", Ink.ROI), ("ON", Ink.ON), ("OFF", Ink.OFF)]
+    inks = [
+        ("found", PaletteIndex.CIRCLE),
+        ("ROI", PaletteIndex.ROI),
+        ("ON", PaletteIndex.ON),
+        ("OFF", PaletteIndex.OFF),
+    ]
     if with_truth:
-        inks.insert(1, ("truth", Ink.TRUTH))
+        inks.insert(1, ("truth", PaletteIndex.TRUTH))
     spots = "".join(
         f"<span style='color:rgb({red},{green},{blue})'>&#9632;</span> {name} &nbsp; "
         for name, (red, green, blue) in ((name, rgb[ink]) for name, ink in inks)

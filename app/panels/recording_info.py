@@ -9,8 +9,8 @@ import numpy as np
 import viser
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.shared.library import Library
-from app.words.file_text import html_text
 from core.events import Health, RateCurve, rate_curve
 from core.recordings import Recording
 

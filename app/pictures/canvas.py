@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from core.events import SensorSize
 
 SUB_PIXEL_BITS = 5
@@ -64,7 +64,7 @@ class Canvas:
         self.across = across
         self.scale: float = max(1, round(width_px / region.width))
         """Picture pixels per sensor pixel."""
-        self.image = np.full((region.height * self.scale, region.width * self.scale), Ink.OUTSIDE, np.uint8)
+        self.image = np.full((region.height * self.scale, region.width * self.scale), PaletteIndex.OUTSIDE, np.uint8)
         self.texts: list[PictureText] = []
 
     @staticmethod
@@ -130,7 +130,7 @@ class Canvas:
         x, y = (self._fixed([(u_px, v_px)])[0] / 2**SUB_PIXEL_BITS).round().astype(int).tolist()
         self.texts.append(PictureText(x, y, text, int(ink), is_title=False))
 
-    def caption(self, text: str, ink: int = Ink.TEXT) -> None:
+    def caption(self, text: str, ink: int = PaletteIndex.TEXT) -> None:
         """A title in the upper left corner."""
         size = self._text_size()
         self.texts.append(PictureText(round(16 * size), round(36 * size), text, int(ink), is_title=True))
@@ -143,7 +143,9 @@ class Canvas:
             (width, height), below = cv2.getTextSize(one.text, cv2.FONT_HERSHEY_SIMPLEX, size, thickness)
             x = int(np.clip(one.x, 2, max(2, self.image.shape[1] - width - 2)))
             y = int(np.clip(one.y, height + 2, max(height + 2, self.image.shape[0] - below)))
-            cv2.rectangle(self.image, (x - 2, y - height - 2), (x + width + 1, y + below - 1), int(Ink.BACKGROUND), -1)
+            cv2.rectangle(
+                self.image, (x - 2, y - height - 2), (x + width + 1, y + below - 1), int(PaletteIndex.BACKGROUND), -1
+            )
             cv2.putText(self.image, one.text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, one.ink, thickness, cv2.LINE_8)
         self.texts.clear()
 

@@ -7,7 +7,7 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from app.pictures.palette import RAMP_COLOURS, Ink
+from app.pictures.palette import RAMP_COLOURS, PaletteIndex
 from core.events import Window, count_image, polarity_image, time_surface
 
 Rendering = Literal["polarity", "count", "time surface"]
@@ -31,5 +31,5 @@ def event_picture(window: Window, rendering: Rendering, *, binning: int = 1) -> 
 def _ramp(strength: NDArray) -> NDArray[np.uint8]:
     """0 as background, (0, 1] along the ramp's brighter two thirds so that a single event is seen."""
     floor = RAMP_COLOURS // 3
-    steps = Ink.RAMP + floor + strength * (RAMP_COLOURS - 1 - floor)
-    return np.where(strength > 0, steps, Ink.BACKGROUND).astype(np.uint8)
+    steps = PaletteIndex.RAMP + floor + strength * (RAMP_COLOURS - 1 - floor)
+    return np.where(strength > 0, steps, PaletteIndex.BACKGROUND).astype(np.uint8)

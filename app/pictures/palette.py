@@ -15,7 +15,7 @@ POLARITY_COLOURS: Final[tuple[PolarityColours, ...]] = get_args(PolarityColours)
 """Colours of ON / OFF events."""
 
 
-class Ink(IntEnum):
+class PaletteIndex(IntEnum):
     """Palette entries with a name."""
 
     BACKGROUND = 0
@@ -50,7 +50,7 @@ class Ink(IntEnum):
     THEIRS = 50
     """Two people's labels of one time."""
     METHOD = 36
-    """First of one entry for each method, see `method_ink`."""
+    """First of one entry for each method, see `method_colour_index`."""
     RAMP = 64
     """First of RAMP_COLOURS entries, dark to bright."""
 
@@ -75,29 +75,29 @@ _POLARITY_RGB: Final = {
     "white / grey": ((245, 245, 245), (120, 124, 132)),
 }
 _NAMED_RGB: Final = {
-    Ink.BACKGROUND: (20, 21, 25),
-    Ink.OUTSIDE: (11, 12, 14),
-    Ink.TEXT: (235, 235, 235),
-    Ink.SHADE: (34, 36, 42),
-    Ink.HULL: (165, 225, 40),
-    Ink.HULL_REJECTED: (255, 70, 70),
-    Ink.CIRCLE: (255, 225, 60),
-    Ink.ROI: (200, 120, 255),
-    Ink.TRUTH: (60, 230, 230),
-    Ink.NOISE: (90, 92, 98),
-    Ink.LABEL: (91, 255, 182),
-    Ink.DRAFT: (255, 255, 70),
-    Ink.EPIPOLAR: (205, 130, 255),
-    Ink.SIGMA: (255, 255, 255),
-    Ink.PARTLY: (220, 214, 83),
-    Ink.OCCLUDED: (217, 112, 59),
-    Ink.OUT_OF_FRAME: (90, 150, 230),
-    Ink.NO_BALL: (150, 152, 160),
-    Ink.UNCHECKED: (44, 47, 55),
-    Ink.CURSOR: (250, 250, 250),
-    Ink.ASKS: (234, 156, 31),
-    Ink.MINE: (153, 255, 204),
-    Ink.THEIRS: (230, 55, 115),
+    PaletteIndex.BACKGROUND: (20, 21, 25),
+    PaletteIndex.OUTSIDE: (11, 12, 14),
+    PaletteIndex.TEXT: (235, 235, 235),
+    PaletteIndex.SHADE: (34, 36, 42),
+    PaletteIndex.HULL: (165, 225, 40),
+    PaletteIndex.HULL_REJECTED: (255, 70, 70),
+    PaletteIndex.CIRCLE: (255, 225, 60),
+    PaletteIndex.ROI: (200, 120, 255),
+    PaletteIndex.TRUTH: (60, 230, 230),
+    PaletteIndex.NOISE: (90, 92, 98),
+    PaletteIndex.LABEL: (91, 255, 182),
+    PaletteIndex.DRAFT: (255, 255, 70),
+    PaletteIndex.EPIPOLAR: (205, 130, 255),
+    PaletteIndex.SIGMA: (255, 255, 255),
+    PaletteIndex.PARTLY: (220, 214, 83),
+    PaletteIndex.OCCLUDED: (217, 112, 59),
+    PaletteIndex.OUT_OF_FRAME: (90, 150, 230),
+    PaletteIndex.NO_BALL: (150, 152, 160),
+    PaletteIndex.UNCHECKED: (44, 47, 55),
+    PaletteIndex.CURSOR: (250, 250, 250),
+    PaletteIndex.ASKS: (234, 156, 31),
+    PaletteIndex.MINE: (153, 255, 204),
+    PaletteIndex.THEIRS: (230, 55, 115),
 }
 _CLUSTER_RGB: Final = (
     (255, 120, 90), (90, 200, 255), (170, 255, 110), (255, 120, 220), (255, 200, 80), (130, 150, 255),
@@ -105,9 +105,9 @@ _CLUSTER_RGB: Final = (
 )  # fmt: skip
 
 
-def method_ink(method: Method) -> int:
+def method_colour_index(method: Method) -> int:
     """The colour of a method."""
-    return Ink.METHOD + list(METHODS).index(method)
+    return PaletteIndex.METHOD + list(METHODS).index(method)
 
 
 def palette(colours: PolarityColours) -> NDArray[np.uint8]:
@@ -116,15 +116,15 @@ def palette(colours: PolarityColours) -> NDArray[np.uint8]:
     for ink, colour in _NAMED_RGB.items():
         rgb[ink] = colour
     on, off = _POLARITY_RGB[colours]
-    background = np.array(_NAMED_RGB[Ink.BACKGROUND])
-    rgb[Ink.ON], rgb[Ink.OFF] = on, off
-    rgb[Ink.ON_DIM] = background + 0.5 * (np.array(on) - background)
-    rgb[Ink.OFF_DIM] = background + 0.5 * (np.array(off) - background)
-    rgb[Ink.CLUSTER : Ink.CLUSTER + CLUSTER_COLOURS] = _CLUSTER_RGB
+    background = np.array(_NAMED_RGB[PaletteIndex.BACKGROUND])
+    rgb[PaletteIndex.ON], rgb[PaletteIndex.OFF] = on, off
+    rgb[PaletteIndex.ON_DIM] = background + 0.5 * (np.array(on) - background)
+    rgb[PaletteIndex.OFF_DIM] = background + 0.5 * (np.array(off) - background)
+    rgb[PaletteIndex.CLUSTER : PaletteIndex.CLUSTER + CLUSTER_COLOURS] = _CLUSTER_RGB
     for method in METHODS:
-        rgb[method_ink(method)] = METHOD_RGB[method]
+        rgb[method_colour_index(method)] = METHOD_RGB[method]
     steps = np.linspace(0.0, 1.0, RAMP_COLOURS)[:, None]
-    stops = np.array([_NAMED_RGB[Ink.BACKGROUND], (150, 45, 90), (255, 140, 40), (255, 250, 210)], np.float64)
+    stops = np.array([_NAMED_RGB[PaletteIndex.BACKGROUND], (150, 45, 90), (255, 140, 40), (255, 250, 210)], np.float64)
     ramp = [np.interp(steps[:, 0], np.linspace(0, 1, len(stops)), stops[:, channel]) for channel in range(3)]
-    rgb[Ink.RAMP : Ink.RAMP + RAMP_COLOURS] = np.stack(ramp, axis=1)
+    rgb[PaletteIndex.RAMP : PaletteIndex.RAMP + RAMP_COLOURS] = np.stack(ramp, axis=1)
     return rgb

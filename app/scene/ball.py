@@ -9,9 +9,9 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.scene.eye import FLOOR_MIDDLE, LIFT_M, Eye, drawn_radius_m, lift_before_floor_m, sprite_pose
 from app.scene.painted import BALL_CORE_RGB, BALL_RIM_RGB, BALL_RING_RGB, GLOW_TO, ball_picture, ring_picture
 from app.scene.shadow import Shadow, ShadowActor, shadow_of
+from app.scene.view_camera import FLOOR_MIDDLE, LIFT_M, ViewCamera, drawn_radius_m, lift_before_floor_m, sprite_pose
 from core.table import BALL_RADIUS_M
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ class BallActors:
             f"{root}/rays", rays, RAY_RGB, thickness=RAY_PX, thickness_units="screen", visible=False
         )
 
-    def show(self, ball: Array | None, truth: Array | None, eye: Eye | None) -> None:
+    def show(self, ball: Array | None, truth: Array | None, eye: ViewCamera | None) -> None:
         """The ball (3,) as it was measured and the true one, seen from an eye; None hides them.
 
         The measured ball covers the true one where the two agree.
@@ -94,7 +94,7 @@ class _Sprite:
     def hide(self) -> None:
         self._image.visible = False
 
-    def show(self, p_world_m: Array, eye: Eye, radius_m: float, lift_m: float) -> None:
+    def show(self, p_world_m: Array, eye: ViewCamera, radius_m: float, lift_m: float) -> None:
         """Stand before a point (3,), as large as `radius_m` is there."""
         pose = sprite_pose(eye, p_world_m, radius_m, lift_m)
         self._image.position = pose.p_world_m
@@ -106,7 +106,7 @@ class _Sprite:
         self._image.visible = True
 
 
-def _behind_floor(shadow: Shadow, eye: Eye | None) -> bool:
+def _behind_floor(shadow: Shadow, eye: ViewCamera | None) -> bool:
     """Lies on the floor beyond its middle, where it would be drawn with dark corners: see `lift_before_floor_m`."""
     p = np.array([shadow.x_m, shadow.y_m, shadow.z_m])
     return eye is not None and shadow.z_m < 0 and eye.depth_m(p) > eye.depth_m(FLOOR_MIDDLE)

@@ -9,8 +9,8 @@ import viser
 from numpy.typing import NDArray
 
 from app.scene.prediction import ABOVE_M, ring
+from core.history.rally_picture import LandingSpot
 from core.physics.episode import Case
-from core.rally.history.rally_picture import LandingSpot
 
 CASE_RGB: Final[dict[Case, tuple[int, int, int]]] = {
     Case.OWN_HALF: (255, 170, 0),

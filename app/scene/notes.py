@@ -9,8 +9,8 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.scene.eye import Eye
-from core.rally.history.rally_picture import RallyPicture
+from app.scene.view_camera import ViewCamera
+from core.history.rally_picture import RallyPicture
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ class NoteActors:
         self._hit = scene.add_label(f"{name}/hit", "", anchor="bottom-center", font_screen_scale=SIZE, visible=False)
         self._places: dict[str, Array] = {}
 
-    def show(self, picture: RallyPicture, eye: Eye | None) -> None:
+    def show(self, picture: RallyPicture, eye: ViewCamera | None) -> None:
         """What is still to come of a moment."""
         notes = (
             (self._bounce, "bounce", picture.bounce, picture.bounce_in_s, BESIDE_M),
@@ -57,7 +57,7 @@ def note_text(word: str, left_s: float) -> str:
     return f"{word} in {ROUNDED_MS * round(1e3 * left_s / ROUNDED_MS)} ms"
 
 
-def apart(eye: Eye, first_m: Array, second_m: Array) -> float:
+def apart(eye: ViewCamera, first_m: Array, second_m: Array) -> float:
     """How far from each other two points (3,) are seen, as a share of the picture's height."""
     first, second = first_m - eye.p_world_m, second_m - eye.p_world_m
     lengths = math.sqrt(float(first @ first) * float(second @ second))
@@ -65,5 +65,5 @@ def apart(eye: Eye, first_m: Array, second_m: Array) -> float:
     return math.tan(min(angle, 1.5)) / (2 * math.tan(eye.fov_rad / 2))
 
 
-def _is_clear(eye: Eye | None, place: Array, ball: Array | None) -> bool:
+def _is_clear(eye: ViewCamera | None, place: Array, ball: Array | None) -> bool:
     return eye is None or ball is None or apart(eye, place, ball) > CLEAR

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from core.rally.history.rally_picture import People
+from core.history.rally_picture import People
 from core.simulation.bodies.parts import BLADE, KIND, RADIUS_A, RADIUS_B, REFLECTANCE
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from core.geometry import quaternion_from_matrix
-from core.rally.history.rally_picture import Pose
+from core.history.rally_picture import Pose
 
 BLADE_RADIUS_M: Final = 0.08
 """As the simulated one."""

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from core.rally.history.rally_picture import UncertaintyEllipse
+from core.history.rally_picture import UncertaintyEllipse
 
 Array = NDArray[np.float64]
 TUBE_RGB: Final = (0, 190, 255)

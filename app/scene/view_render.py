@@ -8,7 +8,7 @@ import numpy as np
 import viser
 from numpy.typing import NDArray
 
-from app.scene.eye import Eye
+from app.scene.view_camera import ViewCamera
 from core.errors import CommandError
 
 WITHIN_S: Final = 60.0
@@ -17,7 +17,7 @@ BEHIND_RGB: Final = (20, 20, 20)
 GONE: Final = "the browser that draws the picture is gone"
 
 
-def render_view(client: viser.ClientHandle, width_px: int, height_px: int, eye: Eye) -> NDArray[np.uint8]:
+def render_view(client: viser.ClientHandle, width_px: int, height_px: int, eye: ViewCamera) -> NDArray[np.uint8]:
     """(height, width, 3) RGB of what the scene shows now, seen by `eye`. Not to be called by the loop: it waits.
 
     Raises:

@@ -14,7 +14,7 @@ from app.scene.framing import MARGIN, framed
 from app.scene.rig import vertical_fov_rad
 from app.views.viewpoint import Viewpoint
 from core.cameras import Camera
-from core.rally.history.rally_picture import People
+from core.history.rally_picture import People
 from core.table import NET_HEIGHT_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
 Array = NDArray[np.float64]

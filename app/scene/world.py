@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from app.scene.arena import add_arena
 from app.scene.ball import BallActors
-from app.scene.eye import Eye, eye_of
 from app.scene.landing import LandingActors
 from app.scene.notes import NoteActors
 from app.scene.people import PeopleActor
@@ -19,6 +18,7 @@ from app.scene.racket import RacketActor
 from app.scene.rig import RigActors
 from app.scene.trail import TrailActor
 from app.scene.uncertainty import UncertaintyActor
+from app.scene.view_camera import ViewCamera, view_camera_of
 from app.scene.viewpoints import (
     FRAMED,
     STAGE,
@@ -30,8 +30,8 @@ from app.scene.viewpoints import (
 )
 from app.views.viewpoint import Viewpoint, look
 from core.cameras import Camera
+from core.history.rally_picture import People, RallyPicture
 from core.physics import TaskConfig
-from core.rally.history.rally_picture import People, RallyPicture
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ LAYERS: Final = (
     "Cameras",
 )
 FOLLOW_SHARE: Final = 0.15
-LEAST_RESHAPE: Final = 0.03
+MIN_RESHAPE: Final = 0.03
 """Of width over height of the view: less is not followed."""
 SAME_PLACE_M: Final = 0.02
 NOTHING: Final = RallyPicture()
@@ -70,14 +70,14 @@ class World:
         self._rig: RigActors | None = None
         self._rig_number = 0
         self._view = "Broadcast"
-        self._eye: Eye | None = None
+        self._eye: ViewCamera | None = None
         self._stands: Viewpoint | None = None
         self._aspect = 1.0
         self._stage = STAGE
         self._parts: Array | None = None
         self._touched = False
         self._drawn = RallyPicture()
-        self._held: Eye | None = None
+        self._held: ViewCamera | None = None
         self.layers: frozenset[str] = frozenset(LAYERS)
         """Those that are drawn."""
 
@@ -157,22 +157,22 @@ class World:
         if self._held is None and self._view == "Follow ball" and picture.ball is not None and self.visible:
             follow_viewpoint(self._client, picture.ball, FOLLOW_SHARE)
 
-    def hold(self, eye: Eye | None) -> None:
+    def hold(self, eye: ViewCamera | None) -> None:
         """Draw for this eye, wherever the browser's camera is, until None lets it go: for pictures that are kept."""
         self._held = eye
 
     @property
-    def eye(self) -> Eye:
+    def eye(self) -> ViewCamera:
         """From where it is drawn now."""
-        return self._held or eye_of(self._client)
+        return self._held or view_camera_of(self._client)
 
-    def turn_to_eye(self) -> None:
+    def billboard_wxyz(self) -> None:
         """What faces the eye follows it, also while nothing else moves; to be called by the loop."""
         if self._held is not None:
             return
         if self.visible:
             self._stand_again()
-        if self.visible and not eye_of(self._client).same_as(self._eye):
+        if self.visible and not view_camera_of(self._client).same_as(self._eye):
             with self._client.atomic():
                 self._show_ball(self._drawn)
 
@@ -199,7 +199,7 @@ class World:
             return
         if self._touched and not np.allclose(camera.position, stands.position, atol=SAME_PLACE_M):
             self._stands = None
-        elif self._view in FRAMED and abs(camera.aspect - self._aspect) > LEAST_RESHAPE:
+        elif self._view in FRAMED and abs(camera.aspect - self._aspect) > MIN_RESHAPE:
             self.look_from(self._view)
 
     def _make_room_for(self, people: People | None) -> None:

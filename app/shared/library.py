@@ -29,7 +29,7 @@ class Library:
     """Names of recordings -> open recordings. Safe to use from several threads."""
 
     def __init__(self, workspace: Workspace, folders: Sequence[Path] = ()) -> None:
-        """Of files in `folders` it is told by `add_guest`, one by one, when they are opened."""
+        """Of files in `folders` it is told by `add_external`, one by one, when they are opened."""
         self.folders = tuple(folders)
         self._workspace = workspace
         self._guests: dict[str, Path] = {}
@@ -40,7 +40,7 @@ class Library:
         self._lock = threading.Lock()
         self._health_lock = threading.Lock()
 
-    def add_guest(self, path: Path) -> str:
+    def add_external(self, path: Path) -> str:
         """Offer a recording from outside the workspace for as long as this process lives; returns its name."""
         for name, known in self._guests.items():
             if known == path:

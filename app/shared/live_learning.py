@@ -6,13 +6,13 @@ import threading
 from pathlib import Path
 from typing import Final
 
+from core.chain.control.controller import BuiltInController, LiveController
 from core.errors import CommandError
-from core.rally.control.controller import BuiltInController, LiveController
-from core.rally.live.live_player import LivePlayer
-from core.rally.online_learning.controller import LearningController
-from core.rally.online_learning.learner import OnlineLearner
-from core.rally.online_learning.progress import LearningProgress
-from core.rally.online_learning.start import LearningStart, start_from_nothing
+from core.live.live_player import LivePlayer
+from core.online_learning.controller import LearningController
+from core.online_learning.learner import OnlineLearner
+from core.online_learning.progress import LearningProgress
+from core.online_learning.start import LearningStart, start_from_nothing
 
 NO_ROBOT: Final = "Nothing to learn with: this source has no robot."
 NO_OUTCOMES: Final = "Nothing to learn from: this source does not tell what became of the strokes."

@@ -15,27 +15,27 @@ from numpy.typing import NDArray
 from app.shared.live_learning import LiveLearning
 from app.shared.simulation_process import SimulationProcess
 from core.cameras import Camera
+from core.chain.calibration_drift import CalibrationDrift, DriftReport
+from core.chain.control.decision import RacketDecision
+from core.chain.control.player import PlayerState
 from core.errors import LinkError, RecordingError
+from core.history.live_rows import LiveRows
+from core.history.played_bodies import PlayedBodies
+from core.history.rally_history import Outcome, RallyHistory
+from core.history.rally_picture import LandingSpot
+from core.history.record_live import LiveRecorder
+from core.history.return_counts import BallConditions, ReturnCounts
+from core.history.seen_outcomes import SeenOutcomes
+from core.live.link import messages as m
+from core.live.link.client import SimulationClient
+from core.live.link.keys import ClientKeys
+from core.live.link.live_source import LiveSource, RecalibratedSource
+from core.live.live_player import LivePlayer
+from core.live.ring_recording import LiveConfig, RingRecording
+from core.live.stream_watch import StreamWatch
 from core.physics.episode import Case
-from core.rally.chain.calibration_drift import CalibrationDrift, DriftReport
-from core.rally.control.decision import RacketDecision
-from core.rally.control.player import PlayerState
-from core.rally.history.live_rows import LiveRows
-from core.rally.history.played_bodies import PlayedBodies
-from core.rally.history.rally_history import Outcome, RallyHistory
-from core.rally.history.rally_picture import LandingSpot
-from core.rally.history.record_live import LiveRecorder
-from core.rally.history.return_counts import BallConditions, ReturnCounts
-from core.rally.history.seen_outcomes import SeenOutcomes
-from core.rally.link import messages as m
-from core.rally.link.client import SimulationClient
-from core.rally.link.keys import ClientKeys
-from core.rally.link.live_source import LiveSource, RecalibratedSource
-from core.rally.live.live_player import LivePlayer
-from core.rally.live.ring_recording import LiveConfig, RingRecording
-from core.rally.live.robot_step_test import RobotStepTest
-from core.rally.live.stream_watch import StreamWatch
-from core.rally.robot import RobotClient, SourceWithRobot
+from core.robot import RobotClient, SourceWithRobot
+from core.robot.robot_step_test import RobotStepTest
 
 LIVE: Final = "live"
 """Its name in the list of recordings."""
@@ -71,7 +71,7 @@ class LiveRally:
         self.watch = StreamWatch()
         """What is missing of it."""
         self._drift: CalibrationDrift | None = None
-        self._umpire = None if source.tells_outcomes else SeenOutcomes(self.history)
+        self._outcome_classifier = None if source.has_outcomes else SeenOutcomes(self.history)
         self._scene: str | None = None
         self._session = ""
         self._recorder: LiveRecorder | None = None
@@ -84,7 +84,7 @@ class LiveRally:
         self.player = LivePlayer(self._heard)
         self.step_test = None if robot is None else RobotStepTest(self.player, robot)
         """Measures how late the robot of the lab's own is."""
-        self.learning = LiveLearning(self.player, robot=self.has_robot, outcomes=source.tells_outcomes)
+        self.learning = LiveLearning(self.player, robot=self.has_robot, outcomes=source.has_outcomes)
         """The policy that learns while it plays."""
         self._heard.add_listener(self)
         self.player.add_step_listener(self._on_step)
@@ -175,8 +175,8 @@ class LiveRally:
         self.stop_recording()
         self.player.close()
         self.learning.close()
-        if self._umpire is not None:
-            self._umpire.close()
+        if self._outcome_classifier is not None:
+            self._outcome_classifier.close()
         self._heard.close()
         if self.step_test is not None:
             self.step_test.close()
@@ -188,8 +188,8 @@ class LiveRally:
     def on_session(self, welcome: m.Reply) -> None:
         """Begin anew with another session."""
         self.history.clear()
-        if self._umpire is not None:
-            self._umpire.begin_anew()
+        if self._outcome_classifier is not None:
+            self._outcome_classifier.begin_anew()
         self.rows.clear()
         self.returns.drop_ball()
         self._session, self._forgotten_us = welcome.session, 0
@@ -236,8 +236,8 @@ class LiveRally:
                 state, decision = replace(state, decision=None), None
             self.history.add_step(state)
             self._watch_calibration(state)
-            if self._umpire is not None:
-                self._umpire.add_step(state.chain)
+            if self._outcome_classifier is not None:
+                self._outcome_classifier.add_step(state.chain)
             self.rows.add_step(state, decision)
 
     def _watch_calibration(self, state: PlayerState) -> None:

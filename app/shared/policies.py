@@ -7,11 +7,11 @@ from typing import Final, Literal, get_args
 
 from app.shared.live_rally import LiveRally
 from app.shared.workspace import Workspace
+from core.chain.control.controller import BuiltInController
+from core.chain.control.policy_controller import load_controller
 from core.errors import CommandError
-from core.rally.control.controller import BuiltInController
-from core.rally.control.policy_controller import load_controller
-from core.rally.online_learning.controller import NAME
-from core.rally.online_learning.start import NOTHING, LearningStart, can_start_from, start_from_nothing, start_from_run
+from core.online_learning.controller import NAME
+from core.online_learning.start import NOTHING, LearningStart, can_start_from, start_from_nothing, start_from_run
 
 Player = Literal["training ball", "current policy", "best so far"]
 PLAYERS: Final[tuple[Player, ...]] = get_args(Player)
@@ -50,7 +50,7 @@ def let_play(live: LiveRally, workspace: Workspace, name: str) -> None:
         live.learning.begin()
     elif name in run_choices(workspace):  # never a path made from what a browser sent
         controller = load_controller(workspace.run_path(name), goal_m=goal)
-        if controller.needs_spin and not live.player.config.chain.tells_spin:
+        if controller.needs_spin and not live.player.config.chain.estimates_spin:
             remedy = "follow the ball with the filter, or let a policy play that was trained without --state spin"
             raise CommandError("this policy needs the ball's spin, and the chain does not tell it", remedy=remedy)
         live.player.use(controller)

@@ -7,10 +7,10 @@ from typing import Final
 
 from app.shared.live_rally import LiveRally, positions
 from core.cameras import Camera
-from core.rally.chain.calibration_drift import DriftReport
-from core.rally.history.following import Following, Followings, is_stereo
-from core.rally.history.rally_history import RallyHistory, RallyMoment
-from core.rally.history.rally_picture import People, RallyPicture
+from core.chain.calibration_drift import DriftReport
+from core.history.following import Following, Followings, is_stereo
+from core.history.rally_history import RallyHistory, RallyMoment
+from core.history.rally_picture import People, RallyPicture
 from core.recordings import Recording
 
 GRACE_S: Final = 3.0

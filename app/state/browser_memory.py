@@ -28,8 +28,8 @@ MAX_STEPS: Final = 50
 """Of undo and of redo that are kept."""
 MAX_BROWSERS: Final = 500
 MAX_FILE_BYTES: Final = 2_000_000
-MOST_SEEN: Final = 32
-MOST_SEEN_BYTES: Final = 4096
+MAX_SEEN: Final = 32
+MAX_SEEN_BYTES: Final = 4096
 KINDS: Final = ("json", "seen")
 """One file a browser of each."""
 _BROWSER: Final = re.compile(r"[0-9a-f]{32}")
@@ -91,7 +91,7 @@ class BrowserMemory:
         try:
             with self._path(browser, "seen").open("rb") as file:
                 lines = file.read(MAX_FILE_BYTES).decode("utf-8", "replace").splitlines()
-                return frozenset([line for line in lines if line][:MOST_SEEN])
+                return frozenset([line for line in lines if line][:MAX_SEEN])
         except (OSError, CommandError):
             return frozenset()
 
@@ -104,7 +104,7 @@ class BrowserMemory:
             try:
                 if what not in known:
                     with self._path(browser, "seen").open("ab") as file:  # added to what another server writes, too
-                        if file.tell() > MOST_SEEN_BYTES:
+                        if file.tell() > MAX_SEEN_BYTES:
                             file.truncate(0)
                         file.write(f"\n{what}\n".encode())
                     self._forget_the_oldest()

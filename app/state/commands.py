@@ -31,7 +31,7 @@ from core.detection.methods import METHODS, STAGED, Method, method_config
 
 WINDOW_RANGE_US = (100, 100_000)
 ZOOM_RANGE = (1.0, 20.0)
-MOST_MARKS = 100
+MAX_MARKS = 100
 
 
 class Command(Protocol):
@@ -124,7 +124,7 @@ class ToggleMark:
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
         marks = set(state.marks_us) ^ {min(max(self.t_us, 0), state.playhead.duration_us)}
-        return replace(state, marks_us=tuple(sorted(marks))) if len(marks) <= MOST_MARKS else state
+        return replace(state, marks_us=tuple(sorted(marks))) if len(marks) <= MAX_MARKS else state
 
 
 @dataclass(frozen=True, slots=True)

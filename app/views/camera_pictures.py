@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from app.pictures.canvas import Canvas
 from app.pictures.event_picture import event_picture
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from app.pictures.png import encode_png
 from app.state.client_state import RenderSettings
 from app.views.requests import window_before
@@ -48,6 +48,6 @@ def render_camera_pictures(request: CameraPicturesRequest) -> dict[str, bytes]:
         if request.show_truth:
             draw_truth(canvas, stream.truth, window.end_us)
         if name in request.circles:
-            canvas.draw_circle(*request.circles[name], Ink.CIRCLE)
+            canvas.draw_circle(*request.circles[name], PaletteIndex.CIRCLE)
         pngs[name] = encode_png(canvas.image, request.look.colours)
     return pngs

@@ -10,9 +10,9 @@ from typing import Final, Literal
 import numpy as np
 import viser
 
-from app.front.pages import Json
 from app.views.mosaic import Mosaic
 from app.views.viewpoint import Viewpoint, look
+from app.web.pages import Json
 
 Point = tuple[float, float]
 DragPhase = Literal["start", "update", "end"]

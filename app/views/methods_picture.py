@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from app.pictures.canvas import Canvas, Region
-from app.pictures.palette import Ink, method_ink
+from app.pictures.palette import PaletteIndex, method_colour_index
 from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
 from app.views.mosaic import Mosaic, lay_out_grid
@@ -61,7 +61,7 @@ def render_methods(
     canvases: list[Canvas] = []
     for answer in found:
         canvas = Canvas(region, across=columns, width_px=TILE_WIDTH_PX)
-        ink = method_ink(answer.method)
+        ink = method_colour_index(answer.method)
         draw_answer(canvas, answer, request.look.rendering, ink)
         if reference is not None and (request.view.show_truth or request.stream.truth is None):
             _draw_reference(canvas, reference, answer.valid_us)
@@ -94,7 +94,7 @@ def _place(reference: PixelReference | None, t_us: int) -> tuple[float, float] |
 def _draw_reference(canvas: Canvas, reference: PixelReference, t_us: int) -> None:
     there, _ = reference.at(np.array([t_us]))
     if there.visible[0] and np.isfinite(there.r_px[0]):
-        canvas.draw_circle(float(there.u_px[0]), float(there.v_px[0]), float(there.r_px[0]), Ink.TRUTH)
+        canvas.draw_circle(float(there.u_px[0]), float(there.v_px[0]), float(there.r_px[0]), PaletteIndex.TRUTH)
 
 
 def _region(request: MethodsRequest, found: tuple[WindowAnswer, ...], reference: PixelReference | None) -> Region:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from app.pictures.canvas import Canvas, Region
 from app.pictures.event_picture import event_picture
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from app.state.client_state import RenderSettings, TuneView
 from app.state.swept_cells import SweptCells
 from app.state.table_clicks import TableClicks
@@ -119,7 +119,11 @@ def render_watch(request: WatchRequest) -> Mosaic:
             for cell in request.swept.missing(name):
                 left, top, right, bottom = cell_box(cell, stream.sensor)
                 canvas.draw_box(
-                    left + CELL_GAP_PX, top + CELL_GAP_PX, right - CELL_GAP_PX, bottom - CELL_GAP_PX, Ink.NO_BALL
+                    left + CELL_GAP_PX,
+                    top + CELL_GAP_PX,
+                    right - CELL_GAP_PX,
+                    bottom - CELL_GAP_PX,
+                    PaletteIndex.NO_BALL,
                 )
         draw_table_clicks(canvas, name, stream.calibration, request.table)
         canvas.caption(f"{name}: {len(window.events)} events")

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from app.pictures.canvas import Canvas
 from app.pictures.event_picture import Rendering, event_picture
-from app.pictures.palette import CLUSTER_COLOURS, Ink
+from app.pictures.palette import CLUSTER_COLOURS, PaletteIndex
 from app.state.client_state import Overlay
 from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
 from core.events import Events, Window, polarity_image
@@ -40,18 +40,20 @@ def draw_stages(canvas: Canvas, window: Window, trace: PipelineTrace, overlay: O
     lost = rejected_up_to(trace, overlay)
     for candidate in trace.candidates:
         if candidate in lost:
-            canvas.draw_polygon(_outline(candidate), Ink.HULL_REJECTED, thickness=2 if canvas.scale >= 2 else 1)
+            canvas.draw_polygon(
+                _outline(candidate), PaletteIndex.HULL_REJECTED, thickness=2 if canvas.scale >= 2 else 1
+            )
         elif overlay == "geometry" and candidate.shape is not None and len(candidate.shape.hull_px) > 1:
-            canvas.draw_polygon(candidate.shape.hull_px, Ink.HULL)
+            canvas.draw_polygon(candidate.shape.hull_px, PaletteIndex.HULL)
     if trace.roi is not None:
         roi = trace.roi
-        canvas.draw_box(roi.x_min - 0.5, roi.y_min - 0.5, roi.x_max + 0.5, roi.y_max + 0.5, Ink.ROI)
+        canvas.draw_box(roi.x_min - 0.5, roi.y_min - 0.5, roi.x_max + 0.5, roi.y_max + 0.5, PaletteIndex.ROI)
     if trace.detection is not None:
         draw_detection(canvas, trace.detection)
     for candidate in sorted(trace.candidates, key=lambda one: -one.size)[:LABELLED_CANDIDATES]:
         xs, ys = candidate.events.x_px, candidate.events.y_px
         if text := _figures(candidate, overlay, candidate in lost):
-            canvas.write(float(xs.max()) + 2, float(ys.min()) - 1, text, Ink.TEXT)
+            canvas.write(float(xs.max()) + 2, float(ys.min()) - 1, text, PaletteIndex.TEXT)
 
 
 def rejected_up_to(trace: PipelineTrace, overlay: Overlay) -> tuple[Candidate, ...]:
@@ -62,7 +64,7 @@ def rejected_up_to(trace: PipelineTrace, overlay: Overlay) -> tuple[Candidate, .
     return tuple(one for one in trace.candidates if one.rejected_by in stages)
 
 
-def draw_answer(canvas: Canvas, answer: WindowAnswer, rendering: Rendering, ink: int = Ink.CIRCLE) -> None:
+def draw_answer(canvas: Canvas, answer: WindowAnswer, rendering: Rendering, ink: int = PaletteIndex.CIRCLE) -> None:
     """A window's events, the ball that a method found in it, and how it moves if the method says so."""
     canvas.paint_pixels(event_picture(answer.window, rendering))
     ball = answer.detection
@@ -74,7 +76,7 @@ def draw_answer(canvas: Canvas, answer: WindowAnswer, rendering: Rendering, ink:
         canvas.draw_polygon([(ball.u_px, ball.v_px), ahead], ink, thickness=2, closed=False)
 
 
-def draw_detection(canvas: Canvas, detection: Detection, ink: int = Ink.CIRCLE) -> None:
+def draw_detection(canvas: Canvas, detection: Detection, ink: int = PaletteIndex.CIRCLE) -> None:
     """The circle of a ball that was found."""
     thickness = 2 if canvas.scale >= 1 else 1  # a binned picture's ball is only a few pixels wide
     canvas.draw_circle(detection.u_px, detection.v_px, detection.r_px, ink, thickness=thickness)
@@ -85,24 +87,24 @@ def draw_truth(canvas: Canvas, truth: PixelTruth | None, t_us: int) -> None:
     if truth is not None:
         now = truth.at(t_us)
         if now.visible[0]:
-            canvas.draw_circle(float(now.u_px[0]), float(now.v_px[0]), float(now.r_px[0]), Ink.TRUTH)
+            canvas.draw_circle(float(now.u_px[0]), float(now.v_px[0]), float(now.r_px[0]), PaletteIndex.TRUTH)
 
 
-def cluster_ink(label: int) -> int:
+def cluster_colour_index(label: int) -> int:
     """The colour of a cluster; neighbours in number differ."""
-    return Ink.CLUSTER + label % CLUSTER_COLOURS
+    return PaletteIndex.CLUSTER + label % CLUSTER_COLOURS
 
 
 def _pixels(window: Window, trace: PipelineTrace, overlay: Overlay, rendering: Rendering) -> NDArray[np.uint8]:
     if overlay in ("raw", "result"):
         return event_picture(window, rendering)
     raw = polarity_image(window.events)
-    pixels = np.where(raw > 0, raw + (Ink.OFF_DIM - Ink.OFF), raw).astype(np.uint8)
+    pixels = np.where(raw > 0, raw + (PaletteIndex.OFF_DIM - PaletteIndex.OFF), raw).astype(np.uint8)
     denoised = trace.stage("denoise").events
     if overlay == "denoised":
         _paint_polarity(pixels, denoised)
     elif overlay == "clusters":
-        inks = np.where(trace.labels >= 0, Ink.CLUSTER + trace.labels % CLUSTER_COLOURS, Ink.NOISE)
+        inks = np.where(trace.labels >= 0, PaletteIndex.CLUSTER + trace.labels % CLUSTER_COLOURS, PaletteIndex.NOISE)
         pixels[denoised.y_px, denoised.x_px] = inks
     elif overlay == "polarity":
         for candidate in trace.candidates:
@@ -110,12 +112,12 @@ def _pixels(window: Window, trace: PipelineTrace, overlay: Overlay, rendering: R
     else:
         for candidate in trace.candidates:
             events = candidate.leading_events
-            pixels[events.y_px, events.x_px] = cluster_ink(candidate.label)
+            pixels[events.y_px, events.x_px] = cluster_colour_index(candidate.label)
     return pixels
 
 
 def _paint_polarity(pixels: NDArray[np.uint8], events: Events) -> None:
-    pixels[events.y_px, events.x_px] = np.where(events.on, Ink.ON, Ink.OFF)
+    pixels[events.y_px, events.x_px] = np.where(events.on, PaletteIndex.ON, PaletteIndex.OFF)
 
 
 def _outline(candidate: Candidate) -> NDArray[np.float64]:

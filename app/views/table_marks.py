@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from app.pictures.canvas import Canvas
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from app.state.table_clicks import TableClicks
 from core.cameras import Camera
 from core.cameras.calibration.table_corners import CORNERS
@@ -33,11 +33,13 @@ def draw_table_clicks(canvas: Canvas, name: str, lens: Camera | None, clicks: Ta
             for corners, closed in ((OUTLINE, True), (NET, False)):
                 points = pose.camera.project(_edges(corners, closed=closed))
                 if np.isfinite(points).all():
-                    canvas.draw_polygon(points, Ink.EPIPOLAR, closed=closed)
+                    canvas.draw_polygon(points, PaletteIndex.EPIPOLAR, closed=closed)
     for mark in marks:
-        canvas.draw_broken_ring(mark.u_px, mark.v_px, RADIUS_PX * canvas.across, Ink.LABEL, thickness=canvas.across)
+        canvas.draw_broken_ring(
+            mark.u_px, mark.v_px, RADIUS_PX * canvas.across, PaletteIndex.LABEL, thickness=canvas.across
+        )
         away = 1.4 * RADIUS_PX * canvas.across / canvas.scale
-        canvas.write(mark.u_px + away, mark.v_px - away / 2, str(mark.number), Ink.LABEL)
+        canvas.write(mark.u_px + away, mark.v_px - away / 2, str(mark.number), PaletteIndex.LABEL)
 
 
 def _edges(corners: tuple[str, ...], *, closed: bool) -> np.ndarray:

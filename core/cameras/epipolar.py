@@ -18,7 +18,7 @@ UNKNOWNS: Final = 5
 ROUNDS: Final = 12
 HUBER_SIGMAS: Final = 1.5
 """Sightings farther off than that pull no harder (Huber's weights)."""
-LEAST_SIGMA_PX: Final = 0.02
+MIN_SIGMA_PX: Final = 0.02
 LIKELY_TURN: Final = 3e-3
 """Radians that a camera is turned by, when it is: for what is said of places where nothing was seen."""
 
@@ -115,7 +115,7 @@ def _explain(residuals: Array, slopes: Array, precision: float) -> tuple[Array, 
     left, step, sigma = residuals, np.zeros(UNKNOWNS), 0.0
     weights = np.ones(len(residuals))
     for _ in range(ROUNDS):
-        sigma = max(1.4826 * float(np.median(np.abs(left))), LEAST_SIGMA_PX)
+        sigma = max(1.4826 * float(np.median(np.abs(left))), MIN_SIGMA_PX)
         weights = 1 / np.maximum(np.abs(left) / (HUBER_SIGMAS * sigma), 1.0)
         if precision:
             whole = _squares(slopes, weights) + sigma**2 * precision * np.eye(UNKNOWNS)

@@ -15,7 +15,7 @@ from core.errors import RecordingError
 COLUMNS: Final = "stamp_us,shift_us"
 LARGEST_BYTES: Final = 64 << 20
 """A row a second for a week is a tenth of it."""
-MOST_SLOPE: Final = 0.01
+MAX_SLOPE: Final = 0.01
 """Of the shift, in seconds a second: clocks are a thousand times better, and more would put events out of order."""
 
 
@@ -70,6 +70,6 @@ def read_clock_table(path: Path) -> ClockTable:
     if rows.ndim != 2 or rows.shape[1] != 2:
         raise RecordingError("a table of clocks without two numbers in each row", where=path)
     steps = np.diff(rows, axis=0)
-    if (steps[:, 0] <= 0).any() or (np.abs(steps[:, 1]) > MOST_SLOPE * steps[:, 0]).any():
+    if (steps[:, 0] <= 0).any() or (np.abs(steps[:, 1]) > MAX_SLOPE * steps[:, 0]).any():
         raise RecordingError("times of this table of clocks run backwards, or jump", where=path)
     return ClockTable(rows[:, 0].copy(), rows[:, 1].copy())

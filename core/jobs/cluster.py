@@ -15,7 +15,7 @@ import dask.config
 from distributed import Client, KilledWorker, Security, get_worker
 
 from core.errors import JobsError
-from core.jobs.control import PiecesStoppedError
+from core.jobs.control import TasksStoppedError
 from core.jobs.threads import use_one_thread
 from core.jobs.versions import Versions, check_versions, versions_here
 
@@ -64,7 +64,7 @@ class ClusterExecutor(Executor):
             raise
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
-        """Call `fn(*args, control)` on a worker, where `control` is a `PieceControl`."""
+        """Call `fn(*args, control)` on a worker, where `control` is a `TaskControl`."""
         number, self._submitted = self._submitted, self._submitted + 1
         task = _Task(fn, number, self._topic, versions_here())
         future = self._executor.submit(task, *args, **kwargs)
@@ -160,7 +160,7 @@ class _WorkerControl:
             return
         self._told_s = now
         if self.stopped():
-            raise PiecesStoppedError
+            raise TasksStoppedError
         self._worker.log_event(self._topic, (self._number, share))
 
     def stopped(self) -> bool:

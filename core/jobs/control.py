@@ -6,22 +6,22 @@ from collections.abc import Callable
 from typing import Protocol
 
 
-class PiecesStoppedError(Exception):
+class TasksStoppedError(Exception):
     """Nobody wants the answer any more."""
 
 
-class PieceLostError(Exception):
+class TaskLostError(Exception):
     """Every process that worked on a piece died, as often as one may."""
 
 
-class PieceControl(Protocol):
+class TaskControl(Protocol):
     """Told by a piece, from time to time, how far it is."""
 
     def __call__(self, share: float) -> None:
         """The share of the piece that is done, 0..1.
 
         Raises:
-            PiecesStoppedError: if nobody wants it any more; what it has begun to write is to be taken away.
+            TasksStoppedError: if nobody wants it any more; what it has begun to write is to be taken away.
         """
         ...
 
@@ -40,5 +40,5 @@ class CallbackControl:
     def __call__(self, share: float) -> None:
         """Tell it, unless it is to stop."""
         if self.stopped():
-            raise PiecesStoppedError
+            raise TasksStoppedError
         self._tell(share)

@@ -14,8 +14,8 @@ from typing import Final, Protocol, TypeVar, cast
 from threadpoolctl import threadpool_limits
 
 from core.errors import CommandError, JobsError
-from core.jobs.control import CallbackControl, PieceControl, PiecesStoppedError
-from core.jobs.engine import Engine
+from core.jobs.backend import JobBackend
+from core.jobs.control import CallbackControl, TaskControl, TasksStoppedError
 from core.jobs.local_executor import LocalExecutor
 
 LOOK_S: Final = 0.1
@@ -23,11 +23,11 @@ LOOK_S: Final = 0.1
 
 P = TypeVar("P")
 R = TypeVar("R")
-Work = Callable[[P, PieceControl], R]
+Work = Callable[[P, TaskControl], R]
 """Of a module, or a frozen value with `__call__`: other processes are sent it, and each piece."""
 
 
-class PieceExecutor(Protocol):
+class TaskExecutor(Protocol):
     """An executor of `concurrent.futures` whose functions are given a control as their last argument."""
 
     @property
@@ -59,7 +59,7 @@ class PieceExecutor(Protocol):
 class Jobs:
     """Works on batches of pieces, one batch at a time. Made by `open_jobs`."""
 
-    def __init__(self, executor: PieceExecutor | None) -> None:
+    def __init__(self, executor: TaskExecutor | None) -> None:
         self._executor = executor
 
     def share_file(self, path: Path) -> Path:
@@ -109,7 +109,7 @@ class Jobs:
         it, and one line at the end names it (by its `name`). An error that a piece raises is raised here at once.
 
         Raises:
-            PiecesStoppedError: soon after `cancelled()` has become true.
+            TasksStoppedError: soon after `cancelled()` has become true.
             JobsError: if pieces were lost, or the cluster is gone.
         """
         if self._executor is None:
@@ -119,7 +119,7 @@ class Jobs:
 
 
 @contextmanager
-def open_jobs(engine: Engine, most: int) -> Iterator[Jobs]:
+def open_jobs(engine: JobBackend, most: int) -> Iterator[Jobs]:
     """Yields what works on pieces; there will be at most `most` at a time.
 
     A single process is this one. However the block ends, no process and nothing on the cluster goes on with it.
@@ -134,14 +134,14 @@ def open_jobs(engine: Engine, most: int) -> Iterator[Jobs]:
         return
     executor = _open_executor(engine, most)
     try:
-        yield Jobs(cast(PieceExecutor, executor))
+        yield Jobs(cast(TaskExecutor, executor))
     except BaseException:  # Ctrl-C too: nobody waits for pieces that take minutes
         executor.shutdown(wait=True, cancel_futures=True)
         raise
     executor.shutdown(wait=True)
 
 
-def _open_executor(engine: Engine, most: int) -> Executor:
+def _open_executor(engine: JobBackend, most: int) -> Executor:
     if engine.cluster is None:
         return LocalExecutor(engine.processes(most))
     try:
@@ -166,7 +166,7 @@ def _run_here(
     results: list[R] = []
     for number, piece in enumerate(pieces):
         if cancelled():
-            raise PiecesStoppedError
+            raise TasksStoppedError
         control = CallbackControl(lambda share, number=number: progress((number + share) / len(pieces)), cancelled)
         results.append(work(piece, control))
         done(number, results[-1])
@@ -177,9 +177,7 @@ def _run_here(
 class _Batch:
     """The pieces of one call of `run`."""
 
-    def __init__(
-        self, executor: PieceExecutor, work: Work[P, R], pieces: Sequence[P], name: Callable[[P], str]
-    ) -> None:
+    def __init__(self, executor: TaskExecutor, work: Work[P, R], pieces: Sequence[P], name: Callable[[P], str]) -> None:
         self._executor, self._work, self._pieces, self._name = executor, work, pieces, name
         self._ended: SimpleQueue[tuple[int, Future]] = SimpleQueue()
         self._results: dict[int, object] = {}
@@ -222,7 +220,7 @@ class _Batch:
         self._looked_s = time.monotonic()
         self._executor.check()
         if cancelled():
-            raise PiecesStoppedError
+            raise TasksStoppedError
         share = (len(self._results) + self._executor.shares()) / len(self._pieces)
         self._shown = max(self._shown, min(1.0, share))
         progress(self._shown)

@@ -19,7 +19,7 @@ from queue import SimpleQueue
 from typing import Any, Final, TypeVar
 
 from core.files import end_with_parent
-from core.jobs.control import CallbackControl, PieceControl, PieceLostError
+from core.jobs.control import CallbackControl, TaskControl, TaskLostError
 from core.jobs.threads import use_one_thread
 
 logger = logging.getLogger(__name__)
@@ -42,9 +42,9 @@ class LocalExecutor(Executor):
         self._threads = ThreadPoolExecutor(processes, thread_name_prefix="piece")
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
-        """Call `fn(*args, control)` in one of the processes, where `control` is a `PieceControl`.
+        """Call `fn(*args, control)` in one of the processes, where `control` is a `TaskControl`.
 
-        The future raises PieceLostError if as many processes as `TRIES` have died over it.
+        The future raises TaskLostError if as many processes as `TRIES` have died over it.
         """
         return self._threads.submit(self._run, fn, *args, **kwargs)
 
@@ -57,7 +57,7 @@ class LocalExecutor(Executor):
 
     def is_lost(self, error: BaseException) -> bool:
         """Whether the processes of a piece died."""
-        return isinstance(error, PieceLostError)
+        return isinstance(error, TaskLostError)
 
     def check_file(self, path: Path) -> None:
         """All processes of a machine see the same."""
@@ -84,7 +84,7 @@ class LocalExecutor(Executor):
                         logger.warning(
                             "a process died at its work, which is tried again (%d of %d)", attempt + 1, TRIES
                         )
-            raise PieceLostError
+            raise TaskLostError
         finally:
             slot.share.value = 0.0
             self._free.put(slot)
@@ -126,7 +126,7 @@ class _Slot:
             self._pool.shutdown(wait=wait, cancel_futures=True)
 
 
-_control: PieceControl | None = None
+_control: TaskControl | None = None
 """Of a process: how far its piece is, seen by the parent."""
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.learning.config import EnvironmentConfig, RewardConfig
 from core.learning.evaluation.episode_record import landing_errors_mm
-from core.learning.task.environment import Deliveries, deliver
+from core.learning.task.environment import ServeBatch, draw_serve_batch
 from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend
 from core.learning.task.normalise import STATE_SIZES, normal_observations
 from core.learning.task.reward import episode_rewards, reward_weights
@@ -36,7 +36,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         speed_mps: float = 5.0,
         environment: EnvironmentConfig | None = None,
         reward: RewardConfig | None = None,
-        deliveries: Deliveries | None = None,
+        deliveries: ServeBatch | None = None,
         backend: EpisodeBackend | None = None,
     ) -> None:
         """With `deliveries` exactly these balls are played, in this order, again from the first after the last.
@@ -57,7 +57,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         self._fixed = deliveries
         self._dealt = deliveries
         self._next = 0
-        self._now: Deliveries | None = None
+        self._now: ServeBatch | None = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
         """Serve the next ball and observe it."""
@@ -67,9 +67,9 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         if seed is not None:
             self._backend.begin(seed)
         if self._dealt is None or self._next >= len(self._dealt):
-            self._dealt = self._fixed or deliver(self.speed_mps, BATCH, self.environment, self.np_random)
+            self._dealt = self._fixed or draw_serve_batch(self.speed_mps, BATCH, self.environment, self.np_random)
             self._next = 0
-        self._now = self._backend.meet(self._dealt[self._next : self._next + 1])
+        self._now = self._backend.observe(self._dealt[self._next : self._next + 1])
         self._next += 1
         return self._observation(), {}
 
@@ -97,7 +97,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         assert self._now is not None
         return np.clip(normal_observations(self._now.states, self._now.goals_m)[0], -WIDEST, WIDEST)
 
-    def _about(self, delivery: Deliveries, outcome: Outcomes) -> dict[str, Any]:
+    def _about(self, delivery: ServeBatch, outcome: Outcomes) -> dict[str, Any]:
         case = int(outcome.case[0])
         return {
             "case": case,

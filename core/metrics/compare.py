@@ -40,7 +40,7 @@ class MethodRun:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class ErrorRun:
     """Misses or false answers in a row."""
 
     start_us: int
@@ -54,7 +54,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JudgedRun:
+class ClassifiedRun:
     """A run beside the reference: A times that are asked, M answers of which the reference knows what is right."""
 
     run: MethodRun
@@ -109,7 +109,7 @@ class Comparison:
     reference: PixelReference
     start_us: int
     end_us: int
-    judged: tuple[JudgedRun, ...]
+    judged: tuple[ClassifiedRun, ...]
 
 
 def compare_methods(
@@ -168,14 +168,14 @@ def run_method(
     return MethodRun(method, window_us, answers.rows(mine), np.array(detector.seconds)[mine])
 
 
-def judge_run(run: MethodRun, reference: PixelReference, *, match_radius_px: float = MATCH_RADIUS_PX) -> JudgedRun:
+def judge_run(run: MethodRun, reference: PixelReference, *, match_radius_px: float = MATCH_RADIUS_PX) -> ClassifiedRun:
     """Compare the answers with the reference; what it knows nothing of is left out."""
     answers = run.answers.rows(run.answers.detected)
     there, known = reference.at(answers.t_us)
     error_px = np.hypot(answers.u_px - there.u_px, answers.v_px - there.v_px)
     right = known & there.visible & (np.nan_to_num(error_px, nan=np.inf) <= match_radius_px)
     nearest_us = distance_us(reference.asked_us, answers.t_us[right])
-    return JudgedRun(
+    return ClassifiedRun(
         run=run,
         asked_us=reference.asked_us,
         found=nearest_us <= max(GRID_US, run.window_us) // 2,
@@ -193,7 +193,7 @@ def bin_edges(start_us: int, end_us: int, *, most: int = 80, shortest_us: int = 
     return np.linspace(start_us, end_us, count + 1).astype(np.int64)
 
 
-def curves_over_time(judged: JudgedRun, edges_us: NDArray[np.int64]) -> CurvesOverTime:
+def curves_over_time(judged: ClassifiedRun, edges_us: NDArray[np.int64]) -> CurvesOverTime:
     """What a run is like in each bin between the edges (B + 1,)."""
     right = judged.right
     return CurvesOverTime(
@@ -203,7 +203,7 @@ def curves_over_time(judged: JudgedRun, edges_us: NDArray[np.int64]) -> CurvesOv
     )
 
 
-def missed_stretches(judged: JudgedRun, reference: PixelReference) -> tuple[Stretch, ...]:
+def missed_stretches(judged: ClassifiedRun, reference: PixelReference) -> tuple[ErrorRun, ...]:
     """Times that this reference asked for in a row without a right answer."""
     answers = judged.run.answers
     late_us = int(np.median(judged.end_us - judged.t_us)) if len(judged.t_us) else 0
@@ -214,14 +214,14 @@ def missed_stretches(judged: JudgedRun, reference: PixelReference) -> tuple[Stre
     return _stretches(judged.asked_us, missed, ends[row], np.column_stack([there.u_px, there.v_px]))
 
 
-def false_stretches(judged: JudgedRun) -> tuple[Stretch, ...]:
+def false_stretches(judged: ClassifiedRun) -> tuple[ErrorRun, ...]:
     """Answers in a row that are not right."""
     return _stretches(judged.t_us, ~judged.right, judged.end_us, judged.places_px)
 
 
 def _stretches(
     t_us: NDArray[np.int64], bad: NDArray[np.bool_], look_us: NDArray[np.int64], places_px: Array
-) -> tuple[Stretch, ...]:
+) -> tuple[ErrorRun, ...]:
     """Bad ones (N,) in a row, with no good one and no long time between."""
     rows = np.flatnonzero(bad)
     if not len(rows):
@@ -232,7 +232,7 @@ def _stretches(
     for group in groups:
         first, last = group[0], group[-1]
         u_px, v_px = places_px[first].tolist()
-        stretches.append(Stretch(int(t_us[first]), int(t_us[last]), len(group), int(look_us[first]), (u_px, v_px)))
+        stretches.append(ErrorRun(int(t_us[first]), int(t_us[last]), len(group), int(look_us[first]), (u_px, v_px)))
     return tuple(stretches)
 
 

@@ -44,7 +44,7 @@ class FlightErrors:
     """The same without the flight that is farthest off: one may touch the net after it was seen."""
 
 
-class Said(NamedTuple):
+class PredictedFlight(NamedTuple):
     """What is predicted of one flight."""
 
     bounce: Array | None
@@ -94,16 +94,18 @@ def _with_bounces(flights: Sequence[RecordedFlight], fitted: FittedPhysics) -> I
     return ((flight, bounce_point(fit_start(flight, physics, with_spin=True), physics)) for flight in flights)
 
 
-def _fitted(physics: PhysicsConfig, flight: RecordedFlight, *, with_spin: bool) -> Said | None:
+def _fitted(physics: PhysicsConfig, flight: RecordedFlight, *, with_spin: bool) -> PredictedFlight | None:
     if len(flight.t_s) < 6:
         return None
     start = fit_start(flight, physics, with_spin=with_spin)
     bounce = bounce_point(start, physics)
     never = np.full(3, np.inf)
-    return Said(never if bounce is None else bounce, lambda t_s: (simulate_flight(start, t_s, physics), None))
+    return PredictedFlight(
+        never if bounce is None else bounce, lambda t_s: (simulate_flight(start, t_s, physics), None)
+    )
 
 
-def _told(predictor: FilterPredictor | PaperPredictor, flight: RecordedFlight) -> Said | None:
+def _told(predictor: FilterPredictor | PaperPredictor, flight: RecordedFlight) -> PredictedFlight | None:
     predictor.reset()
     for t, p in zip(flight.t_s, flight.ps_m, strict=True):
         predictor.add(round(1e6 * t), p)
@@ -119,10 +121,10 @@ def _told(predictor: FilterPredictor | PaperPredictor, flight: RecordedFlight) -
         return ps, sigmas**2 + noise_m2
 
     landing = said.landing
-    return Said(None if landing is None else np.array([landing.t_s, *landing.p_world_m[:2]]), positions)
+    return PredictedFlight(None if landing is None else np.array([landing.t_s, *landing.p_world_m[:2]]), positions)
 
 
-def _score(predict: Callable[[RecordedFlight], Said | None], flights: Sequence[Recorded]) -> FlightErrors:
+def _score(predict: Callable[[RecordedFlight], PredictedFlight | None], flights: Sequence[Recorded]) -> FlightErrors:
     bounce_mm: list[float] = []
     ahead_mm: dict[float, list[float]] = {ahead: [] for ahead in AHEAD_S}
     normalised: dict[float, list[float]] = {ahead: [] for ahead in AHEAD_S}

@@ -22,7 +22,7 @@ NOISE_M: Final = 0.003
 """Of these, along each axis."""
 RECORDED_NOISE_M: Final = 0.0015
 """What is on recorded points already (1 to 2 mm)."""
-MOST_SPIN_RADPS: Final = 450.0
+MAX_SPIN_RADPS: Final = 450.0
 """Flights that can only be explained with more touched something, or are no flights."""
 SEEN_S: Final = 0.100
 """So much of a flight is seen before anything is asked."""
@@ -61,7 +61,7 @@ def spinning_flights(flights: Sequence[RecordedFlight]) -> list[RecordedFlight]:
     """Those of a spin that a flight can have, by a fit of the whole flight with the constants of `real`."""
     real = physics_profile("real")
     spins = [float(np.linalg.norm(fit_start(flight, real, with_spin=True)[6:])) for flight in flights]
-    return [flight for flight, spin in zip(flights, spins, strict=True) if spin <= MOST_SPIN_RADPS]
+    return [flight for flight, spin in zip(flights, spins, strict=True) if spin <= MAX_SPIN_RADPS]
 
 
 def touches_net(flight: RecordedFlight) -> bool:

@@ -17,11 +17,11 @@ Array = NDArray[np.float64]
 KEYS: Final = ("pos_x", "pos_y", "pos_z", "vel_x", "vel_y", "vel_z", "w_vel_x", "w_vel_y", "w_vel_z")
 """Of one state, besides an id: position in metres, velocity in m/s, spin in rad/s. X along the table's width, Y along
 its length, Z up, origin at the centre of the table's top surface."""
-MOST_BYTES: Final = 64 << 20
-MOST_STATES: Final = 200_000
+MAX_BYTES: Final = 64 << 20
+MAX_STATES: Final = 200_000
 FARTHEST_M: Final = 5.0
 FASTEST_MPS: Final = 40.0
-MOST_SPIN_RADPS: Final = 1500.0
+MAX_SPIN_RADPS: Final = 1500.0
 FORM: Final = "a JSON list of ball states, each with " + ", ".join(KEYS)
 
 
@@ -35,10 +35,10 @@ def read_ball_states(path: Path) -> Serves:
     bad = ~np.isfinite(states).all(axis=1)
     bad |= (np.abs(states[:, :3]) > FARTHEST_M).any(axis=1)
     bad |= np.linalg.norm(states[:, 3:6], axis=1) > FASTEST_MPS
-    bad |= np.linalg.norm(states[:, 6:], axis=1) > MOST_SPIN_RADPS
+    bad |= np.linalg.norm(states[:, 6:], axis=1) > MAX_SPIN_RADPS
     if bad.any():
         first = int(np.argmax(bad))
-        limits = f"within {FARTHEST_M:g} m, {FASTEST_MPS:g} m/s, {MOST_SPIN_RADPS:g} rad/s"
+        limits = f"within {FARTHEST_M:g} m, {FASTEST_MPS:g} m/s, {MAX_SPIN_RADPS:g} rad/s"
         got = str(states[first].tolist())[:200]
         raise RecordingError("no possible ball", expected=limits, got=got, where=f"{path}, state {first}")
     ps, vs, spins = (_to_world(states[:, k : k + 3]) for k in (0, 3, 6))
@@ -62,8 +62,8 @@ def _to_world(vectors: Array) -> Array:
 def _read_json(path: Path) -> list[object]:
     try:
         size = path.stat().st_size
-        if size > MOST_BYTES:
-            limit = f"up to {MOST_BYTES >> 20} MiB"
+        if size > MAX_BYTES:
+            limit = f"up to {MAX_BYTES >> 20} MiB"
             raise RecordingError("too large a file of ball states", expected=limit, got=f"{size} bytes", where=path)
         found = parse_json(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
@@ -72,8 +72,8 @@ def _read_json(path: Path) -> list[object]:
         raise RecordingError("not JSON", expected=FORM, got=str(error)[:100], where=path) from error
     if not isinstance(found, list) or not found:
         raise RecordingError("no list of ball states", expected=FORM, got=type(found).__name__, where=path)
-    if len(found) > MOST_STATES:
-        raise RecordingError("too many ball states", expected=f"up to {MOST_STATES}", got=len(found), where=path)
+    if len(found) > MAX_STATES:
+        raise RecordingError("too many ball states", expected=f"up to {MAX_STATES}", got=len(found), where=path)
     return found
 
 

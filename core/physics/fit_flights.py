@@ -34,7 +34,7 @@ SCALES: Final = np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1, 50.0, 50.0, 50.0])
 SHARED_SCALES: Final = np.array([0.1, 0.05, 0.05])
 LOWEST, HIGHEST = np.array([0.0, 0.5, 0.0]), np.array([1.0, 1.0, 1.0])
 """Of drag coefficient, restitution and friction."""
-MOST_EVALUATIONS: Final = 60
+MAX_EVALUATIONS: Final = 60
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,7 +119,7 @@ def fit_physics(
         f_scale=1.0,
         x_scale=1.0,
         diff_step=1e-4,
-        max_nfev=MOST_EVALUATIONS,
+        max_nfev=MAX_EVALUATIONS,
     )
     found = solution.x[:3] * SHARED_SCALES
     fitted = (solution.x[3:].reshape(-1, STATE)) * SCALES

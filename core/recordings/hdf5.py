@@ -27,7 +27,7 @@ HDF5_ERRORS: Final = (
     MemoryError,
 )
 """What h5py raises over damaged bytes, by where they lie, and over sizes that no memory holds."""
-MOST_LINKS: Final = 8
+MAX_LINKS: Final = 8
 LARGEST_BYTES: Final = 4 << 30
 """Of a dataset that is read as a whole."""
 LARGEST_RATIO: Final = 1100
@@ -55,7 +55,7 @@ def group_at(parent: h5py.Group, name: str) -> h5py.Group:
     Raises:
         RecordingError: if there is none.
     """
-    item = _item_at(parent, name, MOST_LINKS)
+    item = _item_at(parent, name, MAX_LINKS)
     if not isinstance(item, h5py.Group):
         raise RecordingError(f"group {name} is missing", where=place_of(parent))
     return item
@@ -67,7 +67,7 @@ def dataset_at(parent: h5py.Group, name: str) -> h5py.Dataset:
     Raises:
         RecordingError: if there is none.
     """
-    item = _item_at(parent, name, MOST_LINKS)
+    item = _item_at(parent, name, MAX_LINKS)
     if not isinstance(item, h5py.Dataset):
         raise RecordingError(f"dataset {name} is missing", where=place_of(parent))
     with telling(f"dataset {name} cannot be read", place_of(parent)):
@@ -85,7 +85,7 @@ def has_item(parent: h5py.Group, path: str) -> bool:
 def kind_at(parent: h5py.Group, path: str) -> type | None:
     """`h5py.Group` or `h5py.Dataset`, if one is there and can be opened."""
     try:
-        item = _item_at(parent, path, MOST_LINKS)
+        item = _item_at(parent, path, MAX_LINKS)
     except RecordingError:
         return None
     return next((kind for kind in (h5py.Group, h5py.Dataset) if isinstance(item, kind)), None)

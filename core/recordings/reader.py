@@ -36,7 +36,7 @@ from core.recordings.recording import CameraStream
 from core.recordings.truth import BallTruth, credible_ball
 from core.text.json_text import parse_json
 
-MOST_GROUPS: Final = 1000
+MAX_GROUPS: Final = 1000
 
 
 class FileRecording:
@@ -242,7 +242,7 @@ def _parse_config(text: str) -> dict[str, object]:
 def _find_groups(group: h5py.Group, path: str, found: list[str], seen: set[object]) -> None:
     """Groups of columns below one, but for those of cameras; every group once, though links may make a circle."""
     with telling("a group cannot be read", place_of(group)):
-        if group.id in seen or len(seen) > MOST_GROUPS:
+        if group.id in seen or len(seen) > MAX_GROUPS:
             return
         seen.add(group.id)
     for name in names_in(group):

@@ -6,9 +6,9 @@ import re
 import tomllib
 from typing import Any, Final
 
-MOST_CHARACTERS: Final = 1 << 20
+MAX_CHARACTERS: Final = 1 << 20
 """A config or a calibration is a few kilobytes."""
-MOST_DOTS: Final = 64
+MAX_DOTS: Final = 64
 """In one key: for a key of 50,000 parts the parser needs a minute."""
 
 
@@ -18,9 +18,9 @@ def parse_toml(text: str) -> dict[str, Any]:
     Raises:
         ValueError: if it is none, too long, or nested more deeply than a parser can go.
     """
-    if len(text) > MOST_CHARACTERS:
+    if len(text) > MAX_CHARACTERS:
         raise ValueError("too long")
-    if any(part.count(".") > MOST_DOTS for part in re.split(r"[=,{}\[\]\n]", text)):
+    if any(part.count(".") > MAX_DOTS for part in re.split(r"[=,{}\[\]\n]", text)):
         raise ValueError("a key with too many parts")
     try:
         return tomllib.loads(text)

@@ -31,11 +31,11 @@ class BallFilter:
     """One flight; what the model leaves out is one of the two amounts of the configuration."""
 
     def __init__(
-        self, config: FilterConfig, t_us: int, p: Array, noise_m2: Array, *, restless: bool, odds: float
+        self, config: FilterConfig, t_us: int, p: Array, noise_m2: Array, *, needs_tick: bool, odds: float
     ) -> None:
         """Begin with a point and its covariance; `odds`: of this kind of flight before anything is seen."""
         c = self._config = config
-        air, bounce = (c.restless_air, c.restless_bounce_mps) if restless else (c.air_noise, c.bounce_noise_mps)
+        air, bounce = (c.restless_air, c.restless_bounce_mps) if needs_tick else (c.air_noise, c.bounce_noise_mps)
         self.unrest = ProcessNoise(LIFT * c.magnus, air, bounce, c.ahead_m, c.ahead_s)
         self.state = np.array([*p, *FIRST_VELOCITY_MPS, 0.0, 0.0, 0.0, c.drag, c.restitution, c.friction, 0.0, 0.0])
         sigmas = [0.0] * 3 + [FIRST_SIGMA_MPS] * 3 + [c.spin_sigma_radps] * 3

@@ -25,7 +25,7 @@ LONGEST_S: Final = 0.008
 """Nothing is left out for longer than this, before and after the expected bounce."""
 SURE: Final = math.log(100.0)
 """The likelier flight is believed from these odds on."""
-MOST_POINTS: Final = 5
+MAX_POINTS: Final = 5
 """After so many, the likelier one at any odds."""
 UNLIKELY: Final = 1e-3
 """Neither flight is ever less likely at first, unless the ball is far from the edge."""
@@ -96,7 +96,7 @@ class BounceQuestion:
         self.likelihood = _either(off, past, self._odds)
         self._odds += off - past
         self._points += 1
-        if abs(self._odds) < SURE and self._points < MOST_POINTS:
+        if abs(self._odds) < SURE and self._points < MAX_POINTS:
             return None
         return self._odds >= 0
 

@@ -24,7 +24,7 @@ STRAYS: Final = 5
 SLOWEST_MPS: Final = 1.0
 IMPOSSIBLE: Final = math.log(1e-6)
 """A kind of flight with less against another is no longer followed."""
-LEAST_SHARE: Final = 0.02
+MIN_SHARE: Final = 0.02
 """A kind of flight that is less probable is not in what is predicted."""
 SPIN_Y: Final = 20
 """Of what is touched: the spin about y at the hitting plane."""
@@ -143,7 +143,7 @@ class FilterPredictor:
         counted = [
             (one, weight)
             for one, weight in weights.items()
-            if one is not best and weight > LEAST_SHARE and len(one.bounces_us) == len(best.bounces_us)
+            if one is not best and weight > MIN_SHARE and len(one.bounces_us) == len(best.bounces_us)
         ]
         return [(best, weights[best]), *counted]
 
@@ -185,12 +185,12 @@ class FilterPredictor:
         c = self.config
         if c.perhaps_real:
             self._filters = tuple(
-                BallFilter(kind, t_us, p, noise, restless=False, odds=odds) for kind, odds in self.learned.kinds(c)
+                BallFilter(kind, t_us, p, noise, needs_tick=False, odds=odds) for kind, odds in self.learned.kinds(c)
             )
         else:
             odds = {False: 1.0, True: c.restless_odds} if c.restless_odds > 0 else {False: 1.0}
             self._filters = tuple(
-                BallFilter(c, t_us, p, noise, restless=restless, odds=odds[restless]) for restless in odds
+                BallFilter(c, t_us, p, noise, needs_tick=needs_tick, odds=odds[needs_tick]) for needs_tick in odds
             )
         self._said_us = t_us
 

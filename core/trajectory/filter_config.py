@@ -112,7 +112,7 @@ class FilterConfig:
         check_settings(self)
 
 
-class Unrest(NamedTuple):
+class FlightProcessNoise(NamedTuple):
     """How much the model leaves out of one kind of flights through air of which nobody said anything."""
 
     share: float
@@ -123,7 +123,11 @@ class Unrest(NamedTuple):
     """Scatter of each velocity component from bounce to bounce."""
 
 
-UNRESTS: Final = (Unrest(0.2, None, None), Unrest(0.3, 0.1, 0.05), Unrest(0.5, 0.6, 0.1))
+UNRESTS: Final = (
+    FlightProcessNoise(0.2, None, None),
+    FlightProcessNoise(0.3, 0.1, 0.05),
+    FlightProcessNoise(0.5, 0.6, 0.1),
+)
 """From simulated balls, of which the model leaves nothing out, to real ones. By every second of the recorded flights
 with up to 450 rad/s, at 140 points/s and 3 mm of noise: the likeliest of some, and of equally likely ones those that
 are less sure."""

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 NAMES: Final = ("drag", "restitution", "friction")
 """In the order of the filter's state, from `DRAG` on."""
 LOWEST, HIGHEST = np.array([0.0, 0.5, 0.0]), np.array([1.0, 1.0, 1.0])
-LEAST_SIGMA: Final = 1e-6
+MIN_SIGMA: Final = 1e-6
 FEWEST_POINTS: Final = 20
 """A flight of fewer says nothing (choice)."""
 CHANGE: Final = 0.01
@@ -63,7 +63,7 @@ class LearnedConstants:
         """The same after a flight: as its filter, so probable among those of its flight, has it; `air`: by all."""
         if ball.points - ball.strays < FEWEST_POINTS:  # strays moved nothing: most flights end with some, of the hit
             return self
-        first = 0 if ball.state[DRAG] > LEAST_SIGMA * 1e3 else 1
+        first = 0 if ball.state[DRAG] > MIN_SIGMA * 1e3 else 1
         rows = slice(DRAG + first, DRAG + 3)
         means, variances = self.means.copy(), self.variances.copy()
         prior = variances[first:] + self.scatter[first:] ** 2

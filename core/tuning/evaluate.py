@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from core.detection import DetectorConfig
-from core.jobs import Engine, PieceControl, PiecesStoppedError, open_jobs
+from core.jobs import JobBackend, TaskControl, TasksStoppedError, open_jobs
 from core.recordings import Recording, open_recording
 from core.tuning.objective import Cancelled, Objective, TuningStoppedError
 from core.tuning.split_score import SplitScore
@@ -19,7 +19,7 @@ Evaluate = Callable[[Sequence[DetectorConfig], Callable[[int], None]], list[Spli
 
 
 @contextmanager
-def evaluating(objective: Objective, engine: Engine, most: int, cancelled: Cancelled) -> Iterator[Evaluate]:
+def evaluating(objective: Objective, engine: JobBackend, most: int, cancelled: Cancelled) -> Iterator[Evaluate]:
     """Yields what scores batches of at most so many configs, with an engine that sees the recording.
 
     It raises TuningStoppedError soon after `cancelled()` has become true, and JobsError if the engine fails. Ending
@@ -38,7 +38,7 @@ def evaluating(objective: Objective, engine: Engine, most: int, cancelled: Cance
 
             try:
                 return jobs.run(work, configs, done=count, cancelled=cancelled)
-            except PiecesStoppedError as error:
+            except TasksStoppedError as error:
                 raise TuningStoppedError from error
 
         try:
@@ -54,7 +54,7 @@ class ScoreConfig:
     objective: Objective
     path: Path
 
-    def __call__(self, config: DetectorConfig, control: PieceControl) -> SplitScore:
+    def __call__(self, config: DetectorConfig, control: TaskControl) -> SplitScore:
         """The score of a config."""
         return self.objective.score(_KEPT.open(self.path), config, control.stopped)
 

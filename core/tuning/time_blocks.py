@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 
-LEAST_TIMES: Final = 8
+MIN_TIMES: Final = 8
 """Fewer positions of the ball are nothing to tune on and to check with."""
 DRAW: Final = 109
 """The draw that mixes best what comes back every two to seven blocks, of 10, 20 and 40: each part of such a period has
@@ -58,10 +58,10 @@ def cut_blocks(ball_us: NDArray[np.int64], count: int, gap_us: int) -> TimeBlock
         RecordingError: if there are not enough of them.
     """
     times = np.unique(ball_us)
-    if len(times) < LEAST_TIMES:
+    if len(times) < MIN_TIMES:
         remedy = "label more of it, or take another recording"
-        raise RecordingError("too few ball positions", expected=f"{LEAST_TIMES} or more", got=len(times), remedy=remedy)
-    count = max(2, min(count, len(times) // (LEAST_TIMES // 2)))
+        raise RecordingError("too few ball positions", expected=f"{MIN_TIMES} or more", got=len(times), remedy=remedy)
+    count = max(2, min(count, len(times) // (MIN_TIMES // 2)))
     starts = times[np.arange(count) * len(times) // count]
     lengths = np.diff(np.append(starts, times[-1] + 1))
     gaps = np.minimum(gap_us, lengths // 3)

@@ -10,7 +10,7 @@ from core.config import Setting, get_setting
 from core.detection import DetectorConfig
 from core.detection.methods import method_config
 from core.errors import CommandError, ConfigError
-from core.jobs import ALONE, Engine
+from core.jobs import ALONE, JobBackend
 from core.tuning.config import TuningConfig
 from core.tuning.evaluate import Evaluate, evaluating
 from core.tuning.objective import Cancelled, Objective, TuningStoppedError
@@ -83,7 +83,7 @@ def tune(
     parameters: Sequence[Parameter],
     config: TuningConfig | None = None,
     *,
-    engine: Engine = ALONE,
+    engine: JobBackend = ALONE,
     progress: Callable[[TuningProgress], None] = lambda state: None,
     cancelled: Cancelled = lambda: False,
 ) -> TuningResult | None:

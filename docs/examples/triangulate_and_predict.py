@@ -3,7 +3,7 @@
 import numpy as np
 from small_input import recording_path
 
-from core.rally import ChainConfig, follow_recording, true_positions
+from core.chain import ChainConfig, follow_recording, true_positions
 from core.recordings import open_recording
 from core.trajectory import FilterPredictor, filter_for
 

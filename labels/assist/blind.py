@@ -9,7 +9,7 @@ from labels.store import LabelStore, Layer
 
 SHARE = 0.05
 """One in twenty."""
-LEAST_BETWEEN = 20
+MIN_BETWEEN = 20
 """Labels made after one before it is asked for again, so that it is not simply remembered."""
 
 
@@ -27,7 +27,7 @@ def next_blind(
     `recent_us` are the times that the annotator worked on last; the latest `LEAST_BETWEEN` of them are not asked yet.
     Labels that say there is no ball are asked for too: states have noise as well.
     """
-    skip = set(recent_us[-LEAST_BETWEEN:])
+    skip = set(recent_us[-MIN_BETWEEN:])
     waiting = [
         label
         for label in first.all()

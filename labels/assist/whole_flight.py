@@ -23,7 +23,7 @@ from labels.model import LabelState, PositionSource
 Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 GRAVITY: Final = np.array([0.0, 0.0, -GRAVITY_MPS2])
-MOST_SLACK: Final = 3.0
+MAX_SLACK: Final = 3.0
 """By how much more a proposal beyond the ends may be off, at most, for the flight to be made longer."""
 SEED_PAIRS: Final = 24
 """Instants nearest to the cursor of which the first guess is made."""
@@ -221,7 +221,7 @@ def _longer(views: _Views, flight: FittedFlight, span: _Span, side: int, config:
     when = np.concatenate([view.part.t_us[own] for view, own in zip(views, rows, strict=True)])
     off_px = np.concatenate([view.off_px(flight, own) for view, own in zip(views, rows, strict=True)])
     # The farther beyond what is known, the less exactly it is; in the end everything is judged alike.
-    fine = off_px < config.tolerance_px * np.clip(np.abs(when - edge) / config.piece_us, 1.0, MOST_SLACK)
+    fine = off_px < config.tolerance_px * np.clip(np.abs(when - edge) / config.piece_us, 1.0, MAX_SLACK)
     if 2 * fine.sum() < len(fine):
         # Perhaps it ends within the piece: as far as nothing but agreement comes.
         wrong = when[~fine] if side > 0 else -when[~fine]

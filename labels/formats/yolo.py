@@ -31,7 +31,7 @@ from labels.formats.exchange import (
 from labels.model import Label, LabelState
 
 CLASSES = "classes.txt"
-MOST_CLASSES = 10_000
+MAX_CLASSES = 10_000
 PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
 """Visibility of a keypoint: occluded, visible."""
 
@@ -156,9 +156,9 @@ def _yaml_names(file: Path, collector: Collector) -> list[str]:
         return []
     names = content.get("names") if isinstance(content, dict) else None
     if isinstance(names, dict):
-        whole = {key: value for key, value in names.items() if isinstance(key, int) and 0 <= key < MOST_CLASSES}
+        whole = {key: value for key, value in names.items() if isinstance(key, int) and 0 <= key < MAX_CLASSES}
         return [_class_name(whole.get(index)) for index in range(max(whole, default=-1) + 1)]
-    return [_class_name(name) for name in names[:MOST_CLASSES]] if isinstance(names, list) else []
+    return [_class_name(name) for name in names[:MAX_CLASSES]] if isinstance(names, list) else []
 
 
 def _class_name(value: object) -> str:

@@ -12,13 +12,13 @@ import pytest
 import viser
 from viser._icons import svg_from_icon
 
-from app.bench.bare_browser import BareBrowser
-from app.front import open_front_door
 from app.server import App
 from app.session import Session
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.state.commands import SetMode, StepTime
+from app.web import open_gateway
+from benchmarks.app.bare_browser import BareBrowser
 
 PATIENCE_S = 120.0
 
@@ -26,7 +26,7 @@ PATIENCE_S = 120.0
 @pytest.fixture
 def served(tmp_path: Path, serve_recording: Path) -> Iterator[tuple[App, BareBrowser]]:
     """An app, and a browser that was there before it."""
-    front = open_front_door("127.0.0.1", 0)
+    front = open_gateway("127.0.0.1", 0)
     browser = BareBrowser(front.server.get_port())
     browser.wait_until(front.server.get_clients, "the page", PATIENCE_S)
     workspace = Workspace(tmp_path / "data")
@@ -65,7 +65,7 @@ def test_a_picture_does_not_wait_until_viser_has_rested(served: tuple[App, BareB
 
 
 def test_icons_are_visers_and_its_archive_is_read_through_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    server = open_front_door("127.0.0.1", 0).server
+    server = open_gateway("127.0.0.1", 0).server
     try:
         server.gui.add_button("first", icon=viser.Icon.HEARTBEAT)
         monkeypatch.setattr(zipfile.ZipFile, "_RealGetContents", lambda *_: pytest.fail("read through again"))
@@ -79,7 +79,7 @@ def test_icons_are_visers_and_its_archive_is_read_through_once(monkeypatch: pyte
 
 
 def test_the_app_starts_without_what_its_first_picture_does_not_need() -> None:
-    code = "import app.cli.serve, app.preparation.startup, app.server, sys; print(*sys.modules)"
+    code = "import app.cli.serve, app.startup.startup, app.server, sys; print(*sys.modules)"
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
     ).stdout.split()

@@ -16,16 +16,16 @@ from typing import Any
 import pytest
 from websockets.exceptions import ConnectionClosed
 
-from app.bench.bare_browser import BareBrowser
-from app.bench.soak.process_usage import usage_of
-from app.front import door
+from app.client_session.view_link import link_of
 from app.server import App
 from app.session import Session
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.state.client_state import ClientState
 from app.state.commands import Seek, SetMode, UseConfig
-from app.visit.view_link import link_of
+from app.web import door
+from benchmarks.app.bare_browser import BareBrowser
+from benchmarks.app.soak.process_usage import usage_of
 from core.config import replace_setting
 from core.detection import DetectorConfig
 from core.errors import CommandError

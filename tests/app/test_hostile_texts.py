@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 from app.cli import main
-from app.cli.terminal import PlainFormatter, say, say_each
+from app.cli.terminal import PlainFormatter, print_lines, say
 from app.export.exporter import ExportedFile, ExportState
+from app.formatting.file_text import html_text
+from app.formatting.notices import notice_of
 from app.modes.export.files_panel import files_html, state_html
 from app.modes.train.charts_panel import curve_legend_html
 from app.modes.train.status import log_html, runs_html, status_html
@@ -22,13 +24,11 @@ from app.modes.tune.auto.report import SidesFigures, TuningReport, report_html
 from app.modes.tune.compare.report import comparison_html
 from app.modes.tune.compare.run import CompareAnswer
 from app.panels.recording_info import gather_info, health_html
-from app.preparation.panel import card_html
-from app.preparation.steps import Step
 from app.shared.library import Library
 from app.shared.training.run_state import RunState
 from app.shared.workspace import Workspace
-from app.words.file_text import html_text
-from app.words.notices import notice_of
+from app.startup.panel import card_html
+from app.startup.steps import Step
 from core.cameras import load_calibration
 from core.config import load_config
 from core.detection import DetectorConfig
@@ -179,7 +179,7 @@ def test_every_panel_shows_hostile_names_as_text(text: str) -> None:
 def test_what_is_said_on_a_terminal_holds_no_control_characters(capsys) -> None:
     say(HOSTILE)
     say(HOSTILE, error=True)
-    say_each([HOSTILE, HUGE])
+    print_lines([HOSTILE, HUGE])
     out, err = capsys.readouterr()
     assert_harmless_lines(out)
     assert_harmless_lines(err)

@@ -6,8 +6,8 @@ import signal
 import time
 from pathlib import Path
 
-from app.bench.bare_browser import BareBrowser
-from app.bench.soak.served_app import served
+from benchmarks.app.bare_browser import BareBrowser
+from benchmarks.app.soak.served_app import served
 
 STOPPED_S = float(os.environ.get("RALLYSCOPE_STOPPED_S", "4"))
 PATIENCE_S = 120.0

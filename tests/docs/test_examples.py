@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.chain import true_positions
+from core.data_sets import plan_data_set, run_data_set
+from core.data_sets.plan import Making
 from core.events import SensorSize
-from core.rally import true_positions
-from core.rally.data_sets import plan_data_set, run_data_set
-from core.rally.data_sets.plan import Making
 from core.recordings import open_recording
 
 ROOT = Path(__file__).parents[2]

@@ -11,7 +11,7 @@ from PIL import Image, ImageSequence
 
 from app.shared.workspace import Workspace
 from core.errors import CommandError
-from core.rally.history.recorded_rally import RACKET, TARGETS
+from core.history.recorded_rally import RACKET, TARGETS
 from core.recordings import open_recording
 from docs import make_film
 from tests.ensure_chromium import find_chromium

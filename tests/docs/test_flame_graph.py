@@ -5,9 +5,9 @@ from pathlib import Path
 from docs.flame_graph import main, read_profile
 
 PROFILE = """\
-thread (7): MainThread;main (app/cli/main.py:9);Server.run (core/rally/link/server.py:4);step (core/a.py:10) 6
-thread (7): MainThread;main (app/cli/main.py:9);Server.run (core/rally/link/server.py:5);step (core/a.py:12) 3
-thread (7): MainThread;main (app/cli/main.py:9);Server.run (core/rally/link/server.py:5);Poller.poll (zmq/p.py:3) 90
+thread (7): MainThread;main (app/cli/main.py:9);Server.run (core/live/link/server.py:4);step (core/a.py:10) 6
+thread (7): MainThread;main (app/cli/main.py:9);Server.run (core/live/link/server.py:5);step (core/a.py:12) 3
+thread (7): MainThread;main (app/cli/main.py:9);Server.run (core/live/link/server.py:5);Poller.poll (zmq/p.py:3) 90
 thread (8): event-camera_1;Thread.run (threading.py:1);_worker (concurrent/futures/thread.py:83);see (core/b.py:1) 2
 thread (9): event-camera_0;Thread.run (threading.py:1);_worker (concurrent/futures/thread.py:81) 50
 thread (9): event-camera_0;Thread.run (threading.py:1);_worker (concurrent/futures/thread.py:83);see (core/b.py:2) 4

@@ -14,7 +14,7 @@ from core.errors import RallyscopeError
 from tests.docs.markdown_pages import DOCS, PAGES, ROOT, Shown, Target, anchors_of, commands_of, targets_of
 
 LONGEST_README = 220
-MOST_SIBLINGS = 20
+MAX_SIBLINGS = 20
 
 
 def name_of(page: Path) -> str:
@@ -98,7 +98,7 @@ def test_every_page_is_in_the_menu_of_the_site() -> None:
 
 def test_no_folder_is_crowded_and_the_readme_is_short() -> None:
     for folder in {path.parent for path in DOCS.rglob("*") if "__pycache__" not in path.parts}:
-        assert len([path for path in folder.iterdir() if path.name != "__pycache__"]) <= MOST_SIBLINGS, folder
+        assert len([path for path in folder.iterdir() if path.name != "__pycache__"]) <= MAX_SIBLINGS, folder
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= LONGEST_README
 
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from app.export.rrd.paths import PLOTS, send_scalars
 from app.export.selection import Span
 from app.export.steps import ChainStep
+from core.chain.follow import true_positions
 from core.events import rate_curve
-from core.rally.chain.follow import true_positions
 from core.recordings import Recording
 from core.recordings.layout import Rows
 

@@ -38,7 +38,7 @@ RECORDED_RGB = (230, 120, 255)
 TARGET_RGB = (255, 90, 10)
 SIGMAS = 2.0
 """Uncertainties are drawn as ellipsoids of so many standard deviations."""
-LEAST_HALF_SIZE_M = 0.004
+MIN_HALF_SIZE_M = 0.004
 ABOVE_M = 0.004
 EPISODE_US = 1_500_000
 """A ball is played out after so long."""
@@ -172,7 +172,7 @@ def _send_ellipsoids(
     halves = stacked([SIGMAS * np.array([sigma for _, sigma in row]) for row in rows if row], 3)
     columns = rr.Ellipsoids3D.columns(
         centers=centres,
-        half_sizes=np.maximum(halves, LEAST_HALF_SIZE_M),
+        half_sizes=np.maximum(halves, MIN_HALF_SIZE_M),
         colors=[colour] * count,
     )
     send(stream, path, times, columns.partition(lengths_of(rows)))

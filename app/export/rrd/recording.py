@@ -22,10 +22,10 @@ from app.export.rrd.picture_pool import PicturePool
 from app.export.selection import DEFAULT_STRIDE_US, Span
 from app.export.steps import ChainFollower, ChainStep, window_length_us
 from app.export.unfinished import Cancelled, Progress, check_cancelled
+from core.chain import ChainConfig
 from core.detection import TrackState
 from core.detection.methods import STAGED, method_config
-from core.rally import ChainConfig
-from core.rally.history.following import is_stereo
+from core.history.following import is_stereo
 from core.recordings import Recording
 from core.recordings.layout import Rows
 from labels.arrays import LabelArrays

@@ -17,7 +17,7 @@ from app.export.rrd.recording import RallyWriter, RrdContents, blueprint_of
 from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, check_cancelled
 from core.errors import CommandError
-from core.rally.live.ring_recording import RingRecording
+from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 from core.recordings.layout import Rows
 

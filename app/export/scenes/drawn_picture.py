@@ -16,11 +16,11 @@ from app.export.scenes.drawn_scene import SceneDrawing
 from app.export.scenes.moments import SceneMoment, scene_moments
 from app.export.selection import Span
 from app.export.unfinished import Cancelled, Progress, unfinished_file
-from app.pictures.palette import Ink, palette
+from app.pictures.palette import PaletteIndex, palette
 from app.scene.viewpoints import standpoint
+from core.chain import ChainConfig
 from core.errors import CommandError
 from core.events import SensorSize, polarity_image
-from core.rally import ChainConfig
 from core.recordings import CameraStream, Recording
 from core.recordings.layout import Rows
 
@@ -127,7 +127,7 @@ def _inset(stream: CameraStream, t_us: int, circles: Mapping[str, tuple[float, f
     circle = circles.get(stream.name)
     if circle is not None:
         u, v, r = (round(value / binning) for value in circle)
-        cv2.circle(picture, (u, v), max(3, r + 1), COLOURS[Ink.CIRCLE].tolist(), 1, cv2.LINE_AA)
+        cv2.circle(picture, (u, v), max(3, r + 1), COLOURS[PaletteIndex.CIRCLE].tolist(), 1, cv2.LINE_AA)
     cv2.rectangle(picture, (0, 0), (picture.shape[1] - 1, picture.shape[0] - 1), (90, 92, 98), 1)
     return picture
 

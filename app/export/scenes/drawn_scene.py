@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from app.scene.arena import APRON_M, APRON_RGB, LEGS_M, LINE_RGB, STEEL_RGB, TOP_THICKNESS_M
 from app.scene.ball import BALL_RGB, CORE_RGB, RIM_RGB, TRUTH_RGB
-from app.scene.eye import LEAST_SHARE
 from app.scene.landing import CASE_RGB, TARGET_RGB
 from app.scene.painted import FLOOR_SIZE_M, RIM_TO, RING_TO, SHADOW_RGB, backdrop_picture, floor_picture
 from app.scene.prediction import AFTER_RGB, BEFORE_RGB, BOUNCE_M, PLANE_HEIGHT_M, PLANE_RGB, PLANE_WIDTH_M
@@ -23,11 +22,12 @@ from app.scene.racket import TARGET_RGB as GHOST_RGB
 from app.scene.shadow import DARKNESS, shadow_of
 from app.scene.speed_colours import speed_colours
 from app.scene.trail import POINTS, resampled
+from app.scene.view_camera import MIN_SHARE
 from app.views.viewpoint import Viewpoint
 from core.cameras import Camera
 from core.events import SensorSize
 from core.geometry import look_at, matrix_from_quaternion
-from core.rally.history.rally_picture import Pose, RallyPicture
+from core.history.rally_picture import Pose, RallyPicture
 from core.table import (
     BALL_RADIUS_M,
     LINE_WIDTH_M,
@@ -196,7 +196,7 @@ class SceneDrawing:
     def _radius_m(self, centre: NDArray[np.float64], radius_m: float) -> float:
         """Never less than the share of the picture that the browser draws at least."""
         depth = float(self._camera.to_camera(centre)[0, 2])
-        return max(radius_m, LEAST_SHARE * self._camera.sensor.height_px * depth / self._camera.K[0, 0])
+        return max(radius_m, MIN_SHARE * self._camera.sensor.height_px * depth / self._camera.K[0, 0])
 
     def _thick_px(self, thick_m: float, p_world_m: ArrayLike) -> int:
         depth = float(self._camera.to_camera(np.asarray(p_world_m, np.float64))[0, 2])

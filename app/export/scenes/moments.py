@@ -9,17 +9,17 @@ from app.export.selection import Span
 from app.export.steps import window_length_us
 from app.export.unfinished import Cancelled, Progress, check_cancelled
 from app.shared.live_rally import positions
+from core.chain import ChainConfig, RallyChain
+from core.chain.control.controller import BuiltInController
+from core.chain.control.player import Player
+from core.chain.follow import calibrated_cameras
 from core.detection.window import windows_side_by_side
 from core.errors import CalibrationError
-from core.rally import ChainConfig, RallyChain
-from core.rally.chain.follow import calibrated_cameras
-from core.rally.control.controller import BuiltInController
-from core.rally.control.player import Player
-from core.rally.history.following import is_stereo
-from core.rally.history.played_bodies import recorded_bodies
-from core.rally.history.rally_history import RallyHistory
-from core.rally.history.rally_picture import RallyPicture
-from core.rally.history.recorded_history import add_known
+from core.history.following import is_stereo
+from core.history.played_bodies import recorded_bodies
+from core.history.rally_history import RallyHistory
+from core.history.rally_picture import RallyPicture
+from core.history.recorded_history import add_known
 from core.recordings import Recording
 from core.recordings.layout import Rows
 

@@ -19,7 +19,6 @@ from app.export.scenes.moments import scene_moments
 from app.export.selection import Span
 from app.export.small_png import polarity_png
 from app.export.unfinished import Cancelled, Progress, unfinished_file
-from app.front import Admission, FrontDoor, make_token
 from app.scene.arena import add_arena
 from app.scene.ball import BallActors
 from app.scene.landing import LandingActors
@@ -29,12 +28,13 @@ from app.scene.racket import RacketActor
 from app.scene.rig import RigActors
 from app.scene.trail import TrailActor
 from app.scene.viewpoints import standpoint
+from app.web import Admission, Gateway, make_token
 from core.cameras import Camera
+from core.chain import ChainConfig
+from core.chain.follow import calibrated_cameras
 from core.events import polarity_image
-from core.rally import ChainConfig
-from core.rally.chain.follow import calibrated_cameras
-from core.rally.history.following import is_stereo
-from core.rally.history.rally_picture import RallyPicture
+from core.history.following import is_stereo
+from core.history.rally_picture import RallyPicture
 from core.recordings import Recording
 from core.recordings.layout import Rows
 
@@ -126,7 +126,7 @@ def _server_for_a_moment() -> Iterator[viser.ViserServer]:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    server = FrontDoor("127.0.0.1", port, Admission(token=make_token())).server  # nobody comes in
+    server = Gateway("127.0.0.1", port, Admission(token=make_token())).server  # nobody comes in
     try:
         theme.apply_theme(server)
         view = standpoint("Broadcast", ASPECT)

@@ -19,9 +19,9 @@ from app.scene.viewpoints import standpoint
 from app.shared.training.replay import AFTER_LANDING_S, Replay, ball_of_line, replay_ball
 from core.errors import CommandError
 from core.events import SensorSize
+from core.history.rally_picture import LandingSpot
 from core.learning.runs.run_files import read_lines, read_run, seed_files
 from core.physics.episode import Case
-from core.rally.history.rally_picture import LandingSpot
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -30,7 +30,7 @@ FRAMES_PER_S: Final = 25.0
 """Balls fly at their real speed."""
 EVERY: Final = 10
 """Of so many balls one is shown, and the last;"""
-MOST_BALLS: Final = 300
+MAX_BALLS: Final = 300
 """of a long training every 20th, 30th ..., so that there are no more than about these: ten minutes of film."""
 WINDOW: Final = 25
 """Balls that the figures are over, as those of the curves in Train."""
@@ -80,7 +80,7 @@ class FilmedBalls:
 
 def shown_balls(count: int) -> tuple[int, ...]:
     """Which of `count` balls are shown, counted from 0: every tenth from the first on, and the last."""
-    step = EVERY * max(1, math.ceil(count / EVERY / MOST_BALLS))
+    step = EVERY * max(1, math.ceil(count / EVERY / MAX_BALLS))
     return tuple(sorted({*range(0, count, step), count - 1})) if count else ()
 
 

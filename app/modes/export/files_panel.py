@@ -8,10 +8,10 @@ import viser
 
 from app import theme
 from app.export.exporter import ExportedFile, ExportState
+from app.formatting.file_size import size_text
+from app.formatting.file_text import html_text
 from app.modes.download import STYLE, state_html
 from app.widgets import Listing
-from app.words.file_size import size_text
-from app.words.file_text import html_text
 
 SHOWN: Final = 12
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.export.plan_panel import ExportPlan
-from app.words.file_text import html_text
 from core.detection import DetectorConfig
 
 COMPUTED: Final = frozenset({"rrd", "html", "viser", "mp4", "png"})

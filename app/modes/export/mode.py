@@ -27,10 +27,10 @@ from app.shared.live_rally import LiveRally
 from app.state.client_state import ClientState
 from app.state.commands import TogglePlay
 from app.widgets import when_clicked
+from core.chain import ChainConfig
 from core.detection import DetectorConfig
 from core.errors import CommandError
-from core.rally import ChainConfig
-from core.rally.live.ring_recording import RingRecording
+from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 from labels.store import find_annotators
 
@@ -72,7 +72,7 @@ class ExportMode:
         return "world" if self._shots.rally is not None and self._plan.plan.of_view else "events"
 
     @property
-    def restless(self) -> bool:
+    def needs_tick(self) -> bool:
         """The session's loop turns often enough for a progress bar; a 3D view of a live rally moves."""
         return self.middle == "world" and isinstance(self._host.recording, RingRecording)
 

@@ -10,10 +10,10 @@ from app.export.selection import span_of
 from app.export.unfinished import Cancelled, Progress
 from app.modes.export.plan_panel import ExportPlan
 from app.shared.live_rally import LiveRally
+from core.chain import ChainConfig
 from core.detection import DetectorConfig
 from core.errors import CommandError
-from core.rally import ChainConfig
-from core.rally.live.ring_recording import RingRecording
+from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 from core.recordings.layout import Rows
 from labels.arrays import LabelArrays

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from app.export.unfinished import Cancelled, check_cancelled
 from app.modes.mode import ModeHost
-from app.scene.eye import Eye
+from app.scene.view_camera import ViewCamera
 from app.scene.view_render import GONE, render_view
 from app.scene.world import LAYERS
 from app.shared.rallies import WatchedRally
 from app.state.client_state import ClientState
 from core.errors import CommandError
-from core.rally.history.rally_picture import RallyPicture
+from core.history.rally_picture import RallyPicture
 
 LEFT: Final = "the 3D view was left while it was being filmed: no film was made"
 POLL_S: Final = 0.05
@@ -31,7 +31,7 @@ class ViewShots:
         self._host = host
         self._rally: WatchedRally | None = None
         self._drawn: object = None
-        self._eye: Eye | None = None
+        self._eye: ViewCamera | None = None
         self._ready: dict[int, RallyPicture] = {}
         self._lost = ""
         """Why no more pictures can be drawn."""

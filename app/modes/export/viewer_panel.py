@@ -9,9 +9,9 @@ import viser
 
 from app import theme
 from app.export.viewer_streamer import StreamState
+from app.formatting.file_text import html_text
+from app.formatting.percent import percent
 from app.widgets import when_clicked
-from app.words.file_text import html_text
-from app.words.percent import percent
 
 STYLE: Final = "padding:2px 12px;font-size:12.5px;line-height:1.45;overflow-wrap:anywhere"
 

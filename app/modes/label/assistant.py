@@ -17,7 +17,7 @@ from app.modes.label.commands.cursor import BeginSecondLook, GoTo
 from app.modes.label.commands.flight import TakeFlight
 from app.modes.label.commands.step import Note
 from app.modes.label.editor import LabelEditor
-from app.modes.label.label_writer import LayerName, Saved
+from app.modes.label.label_writer import LayerKey, Saved
 from app.modes.label.plan import CameraWork
 from core.cameras import Camera
 from core.detection import DetectorConfig
@@ -36,7 +36,7 @@ SHORTEST_CHUNK_US: Final = 20_000
 Ask = Callable[[], tuple[str, tuple[QueueItem, ...]]]
 
 
-class Assistant:
+class LabelSuggestions:
     """Helps with one browser's labelling. Methods are called by the loop."""
 
     def __init__(self, editor: LabelEditor, pool: Executor) -> None:
@@ -219,7 +219,7 @@ class Assistant:
         def done(_: Saved) -> None:
             editor.callbacks.later(lambda: self._begin_second_look(picked))
 
-        editor.writer.act(LayerName(now.view.camera, now.view.annotator, blind=True), act, done, editor.failed)
+        editor.writer.act(LayerKey(now.view.camera, now.view.annotator, blind=True), act, done, editor.failed)
 
     def _begin_second_look(self, picked: list[int]) -> None:
         if picked:

@@ -9,7 +9,7 @@ from typing import Final
 
 from app.modes.label.commands.cursor import GoTo, LeaveSecondLook
 from app.modes.label.commands.step import LabelCommand, LabelEdit, Note
-from app.modes.label.label_writer import LabelWriter, LayerName, Saved
+from app.modes.label.label_writer import LabelWriter, LayerKey, Saved
 from app.modes.label.labelling import Labelling
 from app.modes.label.plan import PicturePlan
 from core.errors import RallyscopeError
@@ -94,10 +94,10 @@ class LabelEditor:
         """Read the labels of every camera, the one that is labelled first; a partner's are looked at only."""
         view = self.labelling.view
         for camera in sorted(self.labelling.sources, key=lambda name: name != view.camera):
-            layer = LayerName(camera, view.annotator)
+            layer = LayerKey(camera, view.annotator)
             self.writer.look(layer, lambda saved: self.callbacks.later(lambda: self._take(saved)), self.failed)
 
-    def _save(self, layer: LayerName, edit: LabelEdit) -> None:
+    def _save(self, layer: LayerKey, edit: LabelEdit) -> None:
         def done(saved: Saved) -> None:
             self.callbacks.later(lambda: self._take(saved, show=edit.show))
             note = None if edit.said is None else edit.said(saved)

@@ -11,10 +11,10 @@ from core.events import Events
 from labels.assist import Proposals, Snap, snap
 from labels.model import Label, LabelState, PositionSource, Provenance
 
-MOST_TIME_MS = 600_000
+MAX_TIME_MS = 600_000
 _STAYS = (PositionSource.CORRECTED, PositionSource.SETTLED)
 """Sources that a label keeps when it is snapped."""
-LEAST_REACH_PX = 3.0
+MIN_REACH_PX = 3.0
 """So far from its middle even the smallest ball is still meant: a hand is not steadier."""
 
 
@@ -36,7 +36,7 @@ class ShownPicture:
             detector=self.over or detector,
             window_us=self.window_us,
             rendering=self.rendering,
-            time_spent_ms=min(max(self.time_spent_ms, 0), MOST_TIME_MS),
+            time_spent_ms=min(max(self.time_spent_ms, 0), MAX_TIME_MS),
         )
 
 
@@ -185,4 +185,4 @@ def _means(x_px: float, y_px: float, ball: Label | ProposedLabel) -> bool:
     """Whether a point lies within a ball, and so can be a better centre of it, or is another thing's."""
     if ball.x_px is None or ball.y_px is None:
         return False
-    return math.hypot(x_px - ball.x_px, y_px - ball.y_px) <= max(ball.r_px or 0.0, LEAST_REACH_PX)
+    return math.hypot(x_px - ball.x_px, y_px - ball.y_px) <= max(ball.r_px or 0.0, MIN_REACH_PX)

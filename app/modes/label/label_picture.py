@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from app.pictures.canvas import TARGET_WIDTH_PX, Canvas, Region
 from app.pictures.event_picture import Rendering, event_picture
-from app.pictures.palette import Ink, PolarityColours, palette
+from app.pictures.palette import PaletteIndex, PolarityColours, palette
 from app.pictures.png import encode_png
 from core.events import Events, SensorSize, Window
 
@@ -32,7 +32,7 @@ class CircleMark:
     x_px: float
     y_px: float
     r_px: float | None
-    ink: Ink
+    ink: PaletteIndex
     covariance_px2: tuple[float, float, float] | None = None
 
 
@@ -41,7 +41,7 @@ class LineMark:
     """An open line through points."""
 
     points_px: tuple[tuple[float, float], ...]
-    ink: Ink
+    ink: PaletteIndex
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class BoxMark:
     """The outline of a region."""
 
     region: Region
-    ink: Ink
+    ink: PaletteIndex
 
 
 Mark = CircleMark | LineMark | BoxMark
@@ -124,7 +124,7 @@ def _draw_marks(canvas: Canvas, key: PictureKey) -> None:
             else:
                 canvas.draw_circle(mark.x_px, mark.y_px, mark.r_px, mark.ink, thickness=thickness)
             if mark.covariance_px2 is not None:
-                canvas.draw_ellipse(mark.x_px, mark.y_px, mark.covariance_px2, Ink.SIGMA, sigmas=SIGMAS)
+                canvas.draw_ellipse(mark.x_px, mark.y_px, mark.covariance_px2, PaletteIndex.SIGMA, sigmas=SIGMAS)
 
 
 def _encode_frame(frame: NDArray[np.uint8], overlay: NDArray[np.uint8], key: PictureKey) -> bytes:
@@ -132,7 +132,7 @@ def _encode_frame(frame: NDArray[np.uint8], overlay: NDArray[np.uint8], key: Pic
     region = key.region
     rgb = frame if frame.ndim == 3 else np.repeat(frame[:, :, None], 3, axis=2)
     height, width = rgb.shape[:2]
-    crop = np.full((region.height, region.width, 3), palette(key.colours)[Ink.OUTSIDE], np.uint8)
+    crop = np.full((region.height, region.width, 3), palette(key.colours)[PaletteIndex.OUTSIDE], np.uint8)
     x0, x1 = max(region.x, 0), min(region.x + region.width, width)
     y0, y1 = max(region.y, 0), min(region.y + region.height, height)
     if x1 > x0 and y1 > y0:

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from app.pictures.palette import Ink, PolarityColours
+from app.pictures.palette import PaletteIndex, PolarityColours
 from app.pictures.png import encode_png
 from app.views.mosaic import SheetText, css_colour
 from labels.arrays import STATES
@@ -26,12 +26,12 @@ LETTER_PX, BETWEEN_PX = 16, 30
 """About how wide a letter, and the room between two words, is on the sheet where the window is smallest."""
 PROPOSED_PX: Final = 10
 """Height of the lower part, which shows proposals."""
-STATE_INKS: Final[dict[LabelState, Ink]] = {
-    LabelState.VISIBLE: Ink.LABEL,
-    LabelState.PARTLY_OCCLUDED: Ink.PARTLY,
-    LabelState.OCCLUDED: Ink.OCCLUDED,
-    LabelState.OUT_OF_FRAME: Ink.OUT_OF_FRAME,
-    LabelState.NO_BALL: Ink.NO_BALL,
+STATE_INKS: Final[dict[LabelState, PaletteIndex]] = {
+    LabelState.VISIBLE: PaletteIndex.LABEL,
+    LabelState.PARTLY_OCCLUDED: PaletteIndex.PARTLY,
+    LabelState.OCCLUDED: PaletteIndex.OCCLUDED,
+    LabelState.OUT_OF_FRAME: PaletteIndex.OUT_OF_FRAME,
+    LabelState.NO_BALL: PaletteIndex.NO_BALL,
 }
 
 
@@ -46,23 +46,23 @@ class StripData:
     """Index into `labels.arrays.STATES`, one for each label."""
     proposed_us: NDArray[np.int64]
     breaks_us: tuple[int, ...]
-    status: tuple[tuple[str, Ink], ...] = ()
+    status: tuple[tuple[str, PaletteIndex], ...] = ()
     """Words of the line above, from left to right."""
 
 
 def draw_strip(data: StripData, cursor_us: int, step_us: int) -> NDArray[np.uint8]:
     """(HEIGHT_PX, WIDTH_PX) palette indices; a label is as wide as the step between labels, at least a pixel."""
-    whole = np.full((HEIGHT_PX, WIDTH_PX), Ink.BACKGROUND, np.uint8)
+    whole = np.full((HEIGHT_PX, WIDTH_PX), PaletteIndex.BACKGROUND, np.uint8)
     image = whole[STATUS_PX:]
-    image[:] = Ink.UNCHECKED
+    image[:] = PaletteIndex.UNCHECKED
     inks = np.array([STATE_INKS[state] for state in STATES], np.uint8)
     _fill(image[: STRIP_PX - PROPOSED_PX], data, data.labels_us, inks[data.states], step_us)
-    drafts = np.full(len(data.proposed_us), Ink.DRAFT, np.uint8)
+    drafts = np.full(len(data.proposed_us), PaletteIndex.DRAFT, np.uint8)
     _fill(image[STRIP_PX - PROPOSED_PX + 2 :], data, data.proposed_us, drafts, step_us)
     for break_us in data.breaks_us:
-        image[:, _column(data, break_us)] = Ink.EPIPOLAR
+        image[:, _column(data, break_us)] = PaletteIndex.EPIPOLAR
     at = _column(data, cursor_us)
-    image[:, max(at - 1, 0) : at + 2] = Ink.CURSOR
+    image[:, max(at - 1, 0) : at + 2] = PaletteIndex.CURSOR
     return whole
 
 

@@ -15,7 +15,7 @@ from labels.store_registry import LabelStoreRegistry
 
 
 @dataclass(frozen=True, slots=True)
-class LayerName:
+class LayerKey:
     """Whose labels of which camera; the recording is the writer's."""
 
     camera: str
@@ -27,7 +27,7 @@ class LayerName:
 class Saved:
     """What an act has done to a layer: it is on the disk."""
 
-    layer: LayerName
+    layer: LayerKey
     labels: Mapping[int, Label]
     """All labels of the layer, by time; a snapshot."""
     arrays: LabelArrays
@@ -69,17 +69,17 @@ class LabelWriter:
         """Acts that are not acknowledged yet."""
         return self._waiting
 
-    def act(self, layer: LayerName, act: Act, done: Done, failed: Failed) -> None:
+    def act(self, layer: LayerKey, act: Act, done: Done, failed: Failed) -> None:
         """Carry out an act after all that were asked for before."""
         with self._lock:
             self._waiting += 1
         self._worker.submit(self._carry_out, layer, act, done, failed)
 
-    def look(self, layer: LayerName, done: Done, failed: Failed) -> None:
+    def look(self, layer: LayerKey, done: Done, failed: Failed) -> None:
         """Read a layer; nothing is written, so that a look leaves no trace and needs no writable disk."""
         self._worker.submit(self._look, layer, done, failed)
 
-    def look_again(self, versions: Mapping[LayerName, int], done: Done, failed: Failed) -> None:
+    def look_again(self, versions: Mapping[LayerKey, int], done: Done, failed: Failed) -> None:
         """Read those layers that are no longer what they were; nothing if the last such look is not over."""
         with self._lock:
             if self._looking or self._waiting:
@@ -87,7 +87,7 @@ class LabelWriter:
             self._looking += 1
         self._worker.submit(self._look_again, dict(versions), done, failed)
 
-    def store(self, layer: LayerName) -> LabelStore:
+    def store(self, layer: LayerKey) -> LabelStore:
         """The store of a layer, for acts that need another one than their own; call it inside an act.
 
         Raises:
@@ -100,7 +100,7 @@ class LabelWriter:
         self._worker.submit(self._registry.release, self._session)
         self._worker.shutdown(wait=False)
 
-    def _carry_out(self, layer: LayerName, act: Act, done: Done, failed: Failed) -> None:
+    def _carry_out(self, layer: LayerKey, act: Act, done: Done, failed: Failed) -> None:
         try:
             store = self.store(layer)
             before = store.version
@@ -117,14 +117,14 @@ class LabelWriter:
         finally:
             self._finish()  # last: who sees that nothing waits has the answer before him
 
-    def _look(self, layer: LayerName, done: Done, failed: Failed) -> None:
+    def _look(self, layer: LayerKey, done: Done, failed: Failed) -> None:
         try:
             store = self._registry.look(self._whose(layer), self._session)
             done(no_labels(layer) if store is None else _answer(layer, store, ()))
         except Exception as error:  # noqa: BLE001 (the browser hears of any)
             failed(error)
 
-    def _look_again(self, versions: dict[LayerName, int], done: Done, failed: Failed) -> None:
+    def _look_again(self, versions: dict[LayerKey, int], done: Done, failed: Failed) -> None:
         try:
             for layer, version in versions.items():
                 store = self._registry.look(self._whose(layer), self._session)
@@ -136,7 +136,7 @@ class LabelWriter:
             with self._lock:
                 self._looking -= 1
 
-    def _whose(self, layer: LayerName) -> Layer:
+    def _whose(self, layer: LayerKey) -> Layer:
         return Layer(self._uuid, layer.camera, layer.annotator, layer.blind)
 
     def _finish(self) -> None:
@@ -144,12 +144,12 @@ class LabelWriter:
             self._waiting -= 1
 
 
-def no_labels(layer: LayerName) -> Saved:
+def no_labels(layer: LayerKey) -> Saved:
     """A layer that nobody has begun."""
     return Saved(layer, {}, label_arrays(()), (), False, False, (), 0)
 
 
-def _answer(layer: LayerName, store: LabelStore, touched: tuple[int, ...]) -> Saved:
+def _answer(layer: LayerKey, store: LabelStore, touched: tuple[int, ...]) -> Saved:
     version = store.version  # first: what is written meanwhile by others is seen by the next look
     undo, redo = store.can_undo, store.can_redo
     return Saved(layer, store.by_time(), store.labels(), touched, undo, redo, store.notes, version, store.rejected())

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from app.modes.label.label_changes import ProposedLabel, ShownPicture
-from app.modes.label.label_writer import LayerName, Saved
+from app.modes.label.label_writer import LayerKey, Saved
 from app.modes.label.merge.comparison import LabelComparison
 from app.modes.label.plan import CameraWork, PicturePlan
 from app.modes.label.sources import LabelSource, partner_of, sources_of
@@ -20,7 +20,7 @@ from labels.conflicts import settlement
 class UnfitClick:
     """A click on a place where no circle fits: it becomes a label once a radius is given."""
 
-    layer: LayerName
+    layer: LayerKey
     t_us: int
     x_px: float
     y_px: float
@@ -96,9 +96,9 @@ class Labelling:
         return Grid(self.recording.duration_us, self.step_us, self.source.frames_us)
 
     @property
-    def layer(self) -> LayerName:
+    def layer(self) -> LayerKey:
         """The layer that labels are written to."""
-        return LayerName(self.view.camera, self.view.annotator, self.view.blind)
+        return LayerKey(self.view.camera, self.view.annotator, self.view.blind)
 
     @property
     def on_screen(self) -> bool:

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from app.modes.label.assistant import Assistant
+from app.modes.label.assistant import LabelSuggestions
 from app.modes.label.commands.by_name import COMMANDS
 from app.modes.label.commands.cursor import ChangeView, GoTo, SetAnnotator
 from app.modes.label.commands.hand import PlaceBall, SetNumbers
@@ -49,7 +49,7 @@ from app.pictures.event_picture import RENDERINGS
 from app.state.client_state import ClientState
 from app.state.commands import Seek, SetRendering, SetStep
 from app.views.image_view import DragPhase
-from core.rally.live.ring_recording import RingRecording
+from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 from labels.arrays import STATES, LabelArrays
 from labels.assist import load_snap
@@ -62,13 +62,13 @@ class LabelMode:
 
     uses_recording = True
     takes_keys = True
-    restless = False
+    needs_tick = False
 
     def __init__(self, host: ModeHost) -> None:
         self._host = host
         self._active = False
         self._editor: LabelEditor | None = None
-        self._assistant: Assistant | None = None
+        self._assistant: LabelSuggestions | None = None
         self._comparer: LabelComparer | None = None
         self._other_stores = OtherStores(host.services.workspace.root, host.services.library.folders)
         self._recording: Recording | None = None
@@ -371,7 +371,7 @@ class LabelMode:
         labelling = begin_labelling(self._recording, self._view, step_us, time.monotonic())
         host.pool.submit(load_snap)
         self._editor = LabelEditor(host.services.label_stores, labelling, callbacks, self._session)
-        self._assistant = Assistant(self._editor, host.pool)
+        self._assistant = LabelSuggestions(self._editor, host.pool)
         self._comparer = LabelComparer(self._editor, host.services.workspace.labels, self._other_stores, host.pool)
         self._panel.offer_cameras(tuple(labelling.sources))
         self._pictures.begin()

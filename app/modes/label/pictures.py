@@ -11,11 +11,11 @@ from app.modes.label.editor import LabelEditor
 from app.modes.label.label_strip import StripData
 from app.modes.label.plan import LabelScene, PicturePlan, Point, centre_at, plan_at
 from app.modes.label.prefetch import LabelMosaic, MosaicRequest, PictureCache, Prefetcher
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 
 READY_STEPS: Final = (1, 2, 3, -1, 4, 5, 6, -2, 10, -10)
 """Neighbours that are drawn before they are asked for."""
-Words = tuple[tuple[str, Ink], ...]
+Words = tuple[tuple[str, PaletteIndex], ...]
 Drawing = Callable[[], tuple[LabelEditor, LabelMosaic]]
 
 

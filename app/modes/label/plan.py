@@ -16,7 +16,7 @@ from app.modes.label.sources import LabelSource
 from app.modes.label.view import LabelView, window_around
 from app.pictures.canvas import Region
 from app.pictures.event_picture import Rendering
-from app.pictures.palette import Ink, PolarityColours
+from app.pictures.palette import PaletteIndex, PolarityColours
 from core.events import Events
 from labels.arrays import LabelArrays, label_arrays
 from labels.assist import Proposals, check_stereo, epipolar_curve
@@ -102,7 +102,7 @@ class PicturePlan:
     main: PictureKey
     overview: PictureKey
     partner: PictureKey | None
-    legend: tuple[tuple[str, Ink], ...] = ()
+    legend: tuple[tuple[str, PaletteIndex], ...] = ()
     """Whose label is which, where two are drawn in the large picture."""
 
 
@@ -146,19 +146,19 @@ def plan_at(scene: LabelScene, t_us: int, centre: Point) -> PicturePlan:
     line = _epipolar(scene, t_us)
     theirs = None if scene.compared is None else scene.compared.theirs_beside(t_us, scene.here.labels.get(t_us))
     own = _work_marks(scene.here, t_us, view.blind)
-    legend: tuple[tuple[str, Ink], ...] = ()
+    legend: tuple[tuple[str, PaletteIndex], ...] = ()
     if scene.compared is not None and theirs is not None:
         pair = (scene.compared.mine.annotator, scene.here.labels.get(t_us)), (scene.compared.theirs.annotator, theirs)
         own, legend = pair_marks(*(label for _, label in pair)), pair_legend(*pair)
     marks = (*own, *line)
     if scene.ring is not None:
-        marks = (*marks, CircleMark(*scene.ring, Ink.TEXT))
+        marks = (*marks, CircleMark(*scene.ring, PaletteIndex.TEXT))
     elif scene.asking is not None:
-        marks = (*marks, CircleMark(*scene.asking, None, Ink.ASKS))
+        marks = (*marks, CircleMark(*scene.asking, None, PaletteIndex.ASKS))
     blind = "   second look" if view.blind else ""
     name = f"{source.name}   {t_us / 1e6:.6f} s{blind}"
     main = _key(scene, source, t_us, region, MAIN_WIDTH_PX, marks, name)
-    box: tuple[Mark, ...] = (BoxMark(region, Ink.TEXT),) if view.zoom > 1.0 else ()
+    box: tuple[Mark, ...] = (BoxMark(region, PaletteIndex.TEXT),) if view.zoom > 1.0 else ()
     overview = _key(scene, source, t_us, whole, SIDE_WIDTH_PX, (*_bare(marks), *box), "whole picture")
     return PicturePlan(t_us, main, overview, _partner_key(scene, t_us), legend)
 
@@ -218,7 +218,7 @@ def _partner_key(scene: LabelScene, t_us: int) -> PictureKey | None:
 def _line(points: np.ndarray) -> tuple[LineMark, ...]:
     if len(points) < 2:
         return ()
-    return (LineMark(tuple((round(x, 2), round(y, 2)) for x, y in points.tolist()), Ink.EPIPOLAR),)
+    return (LineMark(tuple((round(x, 2), round(y, 2)) for x, y in points.tolist()), PaletteIndex.EPIPOLAR),)
 
 
 def _work_marks(work: CameraWork, t_us: int, blind: bool) -> tuple[Mark, ...]:
@@ -228,7 +228,7 @@ def _work_marks(work: CameraWork, t_us: int, blind: bool) -> tuple[Mark, ...]:
     if label is not None and label.x_px is not None and label.y_px is not None:
         return (CircleMark(label.x_px, label.y_px, label.r_px, STATE_INKS[label.state], label.covariance_px2),)
     if draft is not None:
-        return (CircleMark(draft.x_px, draft.y_px, draft.r_px, Ink.DRAFT, draft.covariance_px2),)
+        return (CircleMark(draft.x_px, draft.y_px, draft.r_px, PaletteIndex.DRAFT, draft.covariance_px2),)
     return ()
 
 

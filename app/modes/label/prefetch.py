@@ -13,7 +13,7 @@ from app.modes.label.label_picture import PictureKey, draw_label_picture
 from app.modes.label.label_strip import HEIGHT_PX, STATUS_PX, StripData, encode_strip, status_texts
 from app.modes.label.plan import MAIN_WIDTH_PX, SIDE_WIDTH_PX, PicturePlan
 from app.modes.label.sources import LabelSource
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from app.views.mosaic import Mosaic, MosaicTile, SheetText, css_colour
 
 GAP_PX = 10
@@ -98,7 +98,7 @@ class PictureCache:
 
 
 def _title(key: PictureKey, tile: MosaicTile) -> SheetText:
-    return SheetText(tile.x + 8, tile.y + 20, key.caption, css_colour(Ink.TEXT, key.colours), is_title=True)
+    return SheetText(tile.x + 8, tile.y + 20, key.caption, css_colour(PaletteIndex.TEXT, key.colours), is_title=True)
 
 
 def _legend(plan: PicturePlan, tile: MosaicTile) -> list[SheetText]:
@@ -110,7 +110,7 @@ def _legend(plan: PicturePlan, tile: MosaicTile) -> list[SheetText]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Errand:
+class _Request:
     plans: Callable[[], tuple[PicturePlan, ...]]
     sources: Mapping[str, LabelSource]
 
@@ -126,7 +126,7 @@ class Prefetcher:
     def want(self, plans: Callable[[], tuple[PicturePlan, ...]], sources: Mapping[str, LabelSource]) -> None:
         """Make these ready, in their order; what was wanted before is forgotten. `plans` is called off the loop."""
         self._number += 1
-        self._work.submit((self._number, _Errand(plans, sources)))
+        self._work.submit((self._number, _Request(plans, sources)))
 
     def pause(self) -> None:
         """Forget what was wanted; the picture that is being drawn is still finished."""
@@ -137,7 +137,7 @@ class Prefetcher:
         self._number += 1
         self._work.close()
 
-    def _draw(self, errand: tuple[int, _Errand]) -> None:
+    def _draw(self, errand: tuple[int, _Request]) -> None:
         number, wanted = errand
         for plan in wanted.plans():
             for key in (plan.main, plan.overview, plan.partner):

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from app import theme
+from app.formatting.file_text import html_text
+from app.formatting.percent import percent
 from app.modes.label.label_strip import STATE_INKS
 from app.modes.label.label_writer import LabelWriter
 from app.modes.label.labelling import Labelling
 from app.modes.label.plan import CameraAgreement
-from app.pictures.palette import Ink
-from app.words.file_text import html_text
-from app.words.percent import percent
+from app.pictures.palette import PaletteIndex
 from labels.assist import Proposals
 from labels.model import Label
 
@@ -38,9 +38,9 @@ def checked_of(labelling: Labelling) -> Checked:
     return Checked(len(times), int(found.sum()), len(arrays))
 
 
-def live_words(share: float | None) -> tuple[tuple[str, Ink], ...]:
+def live_words(share: float | None) -> tuple[tuple[str, PaletteIndex], ...]:
     """The line in the picture of a live rally."""
-    return ((_live_text(share), Ink.ASKS),)
+    return ((_live_text(share), PaletteIndex.ASKS),)
 
 
 def live_html(share: float | None) -> str:
@@ -73,19 +73,23 @@ def status_words(
     checked: Checked,
     agreement: CameraAgreement | None,
     proposing: float | None = None,
-) -> tuple[tuple[str, Ink], ...]:
+) -> tuple[tuple[str, PaletteIndex], ...]:
     """The line in the picture: it is always in sight. `proposing`: how far the detector is, while it runs."""
     view = labelling.view
     if writer.failure is not None:
-        save = ("NOT SAVED", Ink.HULL_REJECTED)
+        save = ("NOT SAVED", PaletteIndex.HULL_REJECTED)
     elif writer.waiting:
-        save = ("saving", Ink.DRAFT)
+        save = ("saving", PaletteIndex.DRAFT)
     else:
-        save = ("all saved", Ink.LABEL) if writer.saved_at is not None else ("nothing to save", Ink.NO_BALL)
+        save = (
+            ("all saved", PaletteIndex.LABEL)
+            if writer.saved_at is not None
+            else ("nothing to save", PaletteIndex.NO_BALL)
+        )
     if view.blind:
-        return save, ("second look: place the ball again", Ink.DRAFT)
+        return save, ("second look: place the ball again", PaletteIndex.DRAFT)
     if labelling.asking is not None:
-        return save, (labelling.asking.question, Ink.ASKS)
+        return save, (labelling.asking.question, PaletteIndex.ASKS)
     t_us, known = labelling.t_us, labelling.here
     label, draft = known.labels.get(t_us), known.draft(t_us)
     if label is not None:
@@ -93,13 +97,13 @@ def status_words(
         state = f"{label.state.replace('_', ' ')}, {made.source.replace('_', ' ')}{_radius_text(label)}"
         here = (state, STATE_INKS[label.state])
     else:
-        here = ("proposed", Ink.DRAFT) if draft is not None else ("unchecked", Ink.NO_BALL)
-    words = [save, (f"{checked.checked} of {checked.total}", Ink.TEXT), here]
+        here = ("proposed", PaletteIndex.DRAFT) if draft is not None else ("unchecked", PaletteIndex.NO_BALL)
+    words = [save, (f"{checked.checked} of {checked.total}", PaletteIndex.TEXT), here]
     if proposing is not None:
-        words.append((f"proposing: {percent(proposing)}", Ink.DRAFT))
+        words.append((f"proposing: {percent(proposing)}", PaletteIndex.DRAFT))
     if agreement is not None:
-        words.append((f"cameras agree to {agreement.residual_px:.2f} px", Ink.EPIPOLAR))
-    return (*words, (view.annotator, Ink.NO_BALL))
+        words.append((f"cameras agree to {agreement.residual_px:.2f} px", PaletteIndex.EPIPOLAR))
+    return (*words, (view.annotator, PaletteIndex.NO_BALL))
 
 
 def progress_html(checked: Checked) -> str:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.train.curves import WINDOW
 from app.modes.train.seeds.seed_results import SeedResults, seed_results_html
 from app.modes.train.view import COMPARED, ChartData
-from app.words.file_text import html_text
 
 Array = NDArray[np.float64]
 CHART_HEIGHT_PX: Final = 102

@@ -17,7 +17,7 @@ WINDOW: Final = 25
 """Balls that a point of a smoothed curve is over; fewer at the beginning,"""
 FEWEST: Final = 5
 """but not fewer than this: one lucky ball is no return rate."""
-MOST_POINTS: Final = 1000
+MAX_POINTS: Final = 1000
 CURVES: Final[tuple[str, ...]] = ("returned", "error_mm", "reward", "noise", "w1", "w2")
 
 
@@ -70,9 +70,9 @@ def rolling_mean(values: Array, window: int) -> Array:
 
 def shared_axis(longest: int) -> Array:
     """Episodes, counted from 1, at which curves are drawn: all, or evenly spread ones that end with the last."""
-    if longest <= MOST_POINTS:
+    if longest <= MAX_POINTS:
         return np.arange(1, longest + 1, dtype=np.float64)
-    step = math.ceil(longest / MOST_POINTS)
+    step = math.ceil(longest / MAX_POINTS)
     axis = np.arange(longest, 0, -step, dtype=np.float64)[::-1]
     return np.ascontiguousarray(axis)
 

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Final
 
-from app.modes.train.presets import MOST_STAGES, SOURCES, offered_agents
+from app.modes.train.presets import MAX_STAGES, SOURCES, offered_agents
 from core.config import FieldSpec, config_from_mapping, config_to_mapping, field_specs, get_setting
 from core.errors import ConfigError
 from core.learning.config import RunConfig, default_run
@@ -95,13 +95,13 @@ def _value(spec: FieldSpec, value: object) -> object:
 
 def _numbers(spec: FieldSpec, text: str) -> tuple[float, ...]:
     """What a person typed: "3, 5"."""
-    parts = text[: 2 * MOST_STAGES * LONGEST_NUMBER].replace(",", " ").split()
+    parts = text[: 2 * MAX_STAGES * LONGEST_NUMBER].replace(",", " ").split()
     try:
-        if not 1 <= len(parts) <= MOST_STAGES or any(len(part) > LONGEST_NUMBER for part in parts):
+        if not 1 <= len(parts) <= MAX_STAGES or any(len(part) > LONGEST_NUMBER for part in parts):
             raise ValueError(text)
         return tuple(spec.kind(part) for part in parts)
     except ValueError:
-        expected = f"1 to {MOST_STAGES} numbers, such as 3, 5"
+        expected = f"1 to {MAX_STAGES} numbers, such as 3, 5"
         raise ConfigError(
             "not a list of numbers", expected=expected, got=repr(text[:80]), where=spec.path[-1]
         ) from None

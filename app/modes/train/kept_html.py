@@ -9,14 +9,14 @@ from app.scene.landing import CASE_NAMES, CASE_RGB
 from core.learning.config import CurriculumConfig
 from core.physics.episode import Case
 
-MOST_STAGES: Final = 20
+MAX_STAGES: Final = 20
 BAR: Final = "display:inline-block;height:9px;vertical-align:middle"
 FADED: Final = 0.28
 
 
 def kept_html(stage_starts: tuple[dict[str, object], ...], curriculum: CurriculumConfig) -> str:
     """A bar for each stage but the first: what was kept in full colour, what was dropped faded; empty without one."""
-    rows = [row for line in stage_starts[-MOST_STAGES:] if (row := _stage(line))]
+    rows = [row for line in stage_starts[-MAX_STAGES:] if (row := _stage(line))]
     if not rows:
         return ""
     return (

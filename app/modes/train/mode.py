@@ -15,11 +15,11 @@ from app.modes.train.run_panel import LAST_ONES, NEWEST, NOBODY, RunPanel, confi
 from app.modes.train.side_panel import SidePanel
 from app.modes.train.training_scene import TrainingScene
 from app.modes.train.view import Details, RunsView, RunsViewer, ViewRequest
+from app.shared.job_backends import THIS_MACHINE
 from app.shared.live_rally import LIVE
 from app.shared.policies import let_play
 from app.shared.training.replay import Replay
 from app.shared.training.run_state import RunPhase
-from app.shared.work_places import THIS_MACHINE
 from app.state.client_state import ClientState
 from app.state.commands import SetMode
 from core.errors import RallyscopeError
@@ -73,7 +73,7 @@ class TrainMode:
         return "world"
 
     @property
-    def restless(self) -> bool:
+    def needs_tick(self) -> bool:
         """Balls fly, or a training goes on."""
         return self._view is not None and self._view.run is not None
 

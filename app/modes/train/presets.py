@@ -10,10 +10,10 @@ from typing import Final, get_args
 from core.errors import ConfigError
 from core.learning.config import AgentName, CurriculumConfig, RunConfig, StateSource, default_run
 
-MOST_STAGES: Final = 10
-MOST_EPISODES: Final = 20_000
+MAX_STAGES: Final = 10
+MAX_EPISODES: Final = 20_000
 """Of one stage; what a browser may start is bounded."""
-MOST_SEEDS: Final = 50
+MAX_SEEDS: Final = 50
 EVALUATIONS_PER_STAGE: Final = 10
 """At least: a short stage is evaluated, and its policy kept, more often than every 50 episodes."""
 SB3_NEEDS: Final = ("stable_baselines3", "sb3_contrib")
@@ -84,11 +84,11 @@ def startable_run(config: RunConfig) -> RunConfig:
         raise ConfigError("not offered", expected=", ".join(offered_agents()), got=config.agent, where="agent")
     if source not in SOURCES:
         raise ConfigError("not offered", expected=", ".join(SOURCES), got=source, where="state source")
-    if len(curriculum.speeds_mps) > MOST_STAGES:
-        raise ConfigError("not a curriculum", expected=f"1 to {MOST_STAGES} speeds", where="speeds")
-    if max(curriculum.episodes) > MOST_EPISODES:
-        raise ConfigError("not so many", expected=f"1 to {MOST_EPISODES} a stage", where="episodes")
-    if config.seeds > MOST_SEEDS:
-        raise ConfigError("not so many", expected=f"1 to {MOST_SEEDS}", got=config.seeds, where="seeds")
+    if len(curriculum.speeds_mps) > MAX_STAGES:
+        raise ConfigError("not a curriculum", expected=f"1 to {MAX_STAGES} speeds", where="speeds")
+    if max(curriculum.episodes) > MAX_EPISODES:
+        raise ConfigError("not so many", expected=f"1 to {MAX_EPISODES} a stage", where="episodes")
+    if config.seeds > MAX_SEEDS:
+        raise ConfigError("not so many", expected=f"1 to {MAX_SEEDS}", got=config.seeds, where="seeds")
     every = max(1, min(config.checkpoint_every, min(curriculum.episodes) // EVALUATIONS_PER_STAGE))
     return dataclasses.replace(config, checkpoint_every=every)

@@ -12,10 +12,10 @@ from typing import Final
 from app.background.worker import LatestWins
 from app.shared.policies import Player
 from app.shared.training.replay import Replay, ball_of_line, replay_ball
+from core.history.rally_picture import LandingSpot, RallyPicture
 from core.learning.agents.policy import read_policy
 from core.learning.config import RunConfig
 from core.learning.runs.run_files import seed_files
-from core.rally.history.rally_picture import LandingSpot, RallyPicture
 
 Line = dict[str, object]
 Lines = tuple[Line, ...]

@@ -12,7 +12,7 @@ from app.modes.train.kept_html import kept_html
 from app.modes.train.maps.map_viewer import MapView
 from app.modes.train.status import case_counts_html, log_html, map_html, offsets_title_html, runs_html
 from app.modes.train.view import Details, RunsView
-from app.panels.panel_room import PanelRoom
+from app.panels.panel_layout import PanelLayout
 from app.views.image_view import set_png
 
 FIRST_PIXELS: Final = np.zeros((1, 1, 3), np.uint8)
@@ -38,7 +38,7 @@ class SidePanel:
         with self._panel.add_tab("Log"):
             self._kept = gui.add_html("")
             self._log = gui.add_html("")
-        self.room = PanelRoom(self._panel)
+        self.room = PanelLayout(self._panel)
 
     def set_visible(self, visible: bool) -> None:
         """Show it or hide it."""

@@ -6,13 +6,13 @@ import math
 from typing import Final
 
 from app import theme
+from app.formatting.file_text import html_text
+from app.formatting.percent import percent
 from app.modes.train.plan_view import NEW_BALLS, NEW_RGB
 from app.modes.train.view import LISTED, Details
 from app.scene.landing import CASE_NAMES, CASE_RGB
 from app.shared.training.replay import Replay
 from app.shared.training.run_state import RunPhase, RunState
-from app.words.file_text import html_text
-from app.words.percent import percent
 from core.physics.episode import Case
 
 COLOURS: Final[dict[RunPhase, str]] = {

@@ -11,8 +11,8 @@ from app.modes.train.scene_panel import ScenePanel
 from app.modes.train.view import Details
 from app.shared.policies import PLAYERS, Player
 from app.shared.training.replay import Replay
+from core.history.rally_picture import RallyPicture
 from core.learning.config import RunConfig
-from core.rally.history.rally_picture import RallyPicture
 
 if TYPE_CHECKING:
     from app.modes.mode import ModeHost  # the modes import this file

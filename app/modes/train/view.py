@@ -26,11 +26,11 @@ from app.shared.training.metrics import Metrics, MetricsStore, last_line
 from app.shared.training.run_state import RunState, read_log_tail
 from app.shared.training.trainer import Trainer
 from app.shared.workspace import Workspace
+from core.history.rally_picture import LandingSpot
 from core.learning.config import RunConfig
 from core.learning.evaluation.reachable import reachable_words
 from core.learning.runs.run_files import seed_files
 from core.physics.episode import Case
-from core.rally.history.rally_picture import LandingSpot
 
 Array = NDArray[np.float64]
 COMPARED: Final = 3

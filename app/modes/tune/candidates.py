@@ -8,10 +8,10 @@ import numpy as np
 import viser
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.tune.settings import stage_anchor, stage_counts_html
 from app.pictures.palette import palette
-from app.views.stage_picture import cluster_ink
-from app.words.file_text import html_text
+from app.views.stage_picture import cluster_colour_index
 from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
 from core.metrics.one_window import WindowAnswer
 
@@ -100,7 +100,7 @@ def candidates_html(name: str, trace: PipelineTrace, picked: int | None = None) 
 
 
 def _row(candidate: Candidate, picked: bool) -> str:
-    red, green, blue = palette("orange / blue")[cluster_ink(candidate.label)]
+    red, green, blue = palette("orange / blue")[cluster_colour_index(candidate.label)]
     swatch = f"<span style='color:rgb({red},{green},{blue})'>&#9632;</span>"
     shape, circle = candidate.shape, candidate.circle
     verdict = (

@@ -72,7 +72,7 @@ class TuneMode:
         return "sheet"
 
     @property
-    def restless(self) -> bool:
+    def needs_tick(self) -> bool:
         """The progress of a score, a search or a comparison moves."""
         return self._score is not None or self._auto.running or self._compare.running
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import viser
 
+from app.formatting.file_text import html_text
 from app.modes.tune.label_score import LabelScore, label_score_html
 from app.modes.tune.settings import stage_counts_html
 from app.widgets import when_clicked
-from app.words.file_text import html_text
 from core.metrics import Score
 
 KEPT = 6

@@ -8,11 +8,11 @@ from typing import Final
 import viser
 
 from app import theme
+from app.formatting.percent import percent
 from app.panels.field_control import add_field_control, section_title
 from app.state.client_state import ClientState, Overlay
 from app.state.commands import Command, CopyToOther, EditSetting, Redo, ResetConfig, SetMethod, Undo
 from app.widgets import when_changed
-from app.words.percent import percent
 from core.config import FieldSpec, field_specs, get_setting, replace_setting
 from core.detection import DetectorConfig, PipelineTrace
 from core.detection.methods import METHODS, SECTIONS, STAGED, Method
@@ -46,7 +46,7 @@ class SettingsPanel:
         self._first: str | None = None
         self._send = send
         self._config = DetectorConfig()
-        self._held = HeldEdit()
+        self._held = DebouncedEdit()
         self.folder = gui.add_folder("Detector")
         with self.folder:
             self._method = gui.add_dropdown("Method", tuple(METHODS), hint="The detector that is tuned")
@@ -135,7 +135,7 @@ class SettingsPanel:
                 )
 
 
-class HeldEdit:
+class DebouncedEdit:
     """The last edit, if the config does not take it as it stands: perhaps only a part of a number is typed."""
 
     def __init__(self) -> None:

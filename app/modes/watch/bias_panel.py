@@ -9,8 +9,8 @@ import viser
 from app.modes.in_pool import do_in_pool
 from app.modes.mode import ModeHost
 from app.widgets import when_changed, when_clicked
-from core.rally.devices import CameraDevice
-from core.rally.devices.bias_file import write_biases
+from core.devices import CameraDevice
+from core.devices.bias_file import write_biases
 
 
 class BiasPanel:

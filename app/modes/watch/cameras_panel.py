@@ -10,12 +10,12 @@ import viser
 from viser import uplot
 
 from app import theme
-from app.panels.panel_room import PanelRoom
+from app.panels.panel_layout import PanelLayout
 from app.scene.prediction import AFTER_RGB, BEFORE_RGB
 from app.scene.speed_colours import speed_legend_html
 from app.views.image_view import set_png
 from app.widgets import Choice, plot_axis
-from core.rally.history.lead_time import LONGEST_MS, LeadTimeErrors
+from core.history.lead_time import LONGEST_MS, LeadTimeErrors
 
 LEAD_TIME_HTML = (
     f"<div style='font-size:12.5px;color:{theme.MUTED};padding:4px 12px'>Median error of the predicted hit, in the "
@@ -32,7 +32,7 @@ class CamerasPanel:
         self._gui, self._enlarge = gui, enlarge
         self.panel = gui.add_panel(visible=False)
         self._tab = self.panel.add_tab("Rally", viser.Icon.PING_PONG)
-        self.room = PanelRoom(self.panel)
+        self.room = PanelLayout(self.panel)
         with self._tab:
             self._pictures = gui.add_folder(None)
             gui.add_html(speed_legend_html())

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.watch.figures import coloured
-from app.words.file_text import html_text
-from core.rally.devices.camera_feed import FeedCounts
-from core.rally.live.camera_source import CameraReport
+from core.devices.camera_feed import FeedCounts
+from core.live.camera_source import CameraReport
 
 Rows = list[tuple[str, str]]
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.watch.figures import coloured, muted
-from app.words.file_text import html_text
-from core.rally.chain.calibration_drift import DriftReport
+from core.chain.calibration_drift import DriftReport
 
 REMEDY = "One was moved, or its lens: calibrate again"
 

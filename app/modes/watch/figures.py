@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from app import theme
-from app.words.file_text import html_text
-from app.words.glossary import GLOSSARY, tooltip
-from core.rally.live.live_snapshot import Percentiles
+from app.formatting.file_text import html_text
+from app.formatting.glossary import GLOSSARY, tooltip
+from core.live.live_snapshot import Percentiles
 
 
 def figures_html(rows: list[tuple[str, str]]) -> str:

@@ -26,16 +26,16 @@ from app.shared.rallies import WatchedRally
 from app.state.client_state import ClientState
 from app.views.camera_pictures import CameraPicturesRequest
 from core.errors import CommandError
+from core.history.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lead_times
+from core.history.rally_history import RallyMoment
 from core.physics import TaskConfig
-from core.rally.history.lead_time import LeadTimeErrors, LeadTimesRequest, compute_lead_times
-from core.rally.history.rally_history import RallyMoment
 from core.recordings import Recording
 
 DRAW_EVERY_S = 1 / 120
 """Shorter than the loop's turn, so that every turn with news is drawn."""
 PICTURES_EVERY_S = 1 / 15
 STATUS_EVERY_S = 0.15
-SPARED_S = 0.5
+THROTTLED_S = 0.5
 """Pictures and figures on a page that is to be spared: together, so that the panel is drawn once."""
 CONTROLLERS_EVERY_S = 2.0
 LEAD_TIMES_EVERY_S = 2.0
@@ -91,7 +91,7 @@ class WatchMode:
         return self._rally is not None and state is not None and state.watch.in_space
 
     @property
-    def restless(self) -> bool:
+    def needs_tick(self) -> bool:
         """A live rally moves; a recording that is being followed may soon know more."""
         return self._live is not None
 
@@ -138,7 +138,7 @@ class WatchMode:
         if state.playhead.following:
             now_us = min(now_us, history.followed_us)
         key = (now_us, state.watch, state.look, history.followed_us >= now_us, history.outcome_count)
-        status_every_s = SPARED_S if self._host.is_spared else STATUS_EVERY_S
+        status_every_s = THROTTLED_S if self._host.is_throttled else STATUS_EVERY_S
         status_is_due = wall_s - self._status_s >= status_every_s  # also while the clock stands: the link may be lost
         if key == self._drawn and not status_is_due:
             return
@@ -186,7 +186,7 @@ class WatchMode:
 
     def _request_pictures(self, state: ClientState, moment: RallyMoment, wall_s: float) -> None:
         recording = self._host.recording
-        every_s = SPARED_S if self._host.is_spared else PICTURES_EVERY_S
+        every_s = THROTTLED_S if self._host.is_throttled else PICTURES_EVERY_S
         if recording is None or (state.playhead.playing and wall_s - self._pictures_s < every_s):
             return
         self._pictures_s = wall_s
@@ -220,7 +220,7 @@ class WatchMode:
             snapshot = live.player.snapshot
             figures = live_html(snapshot, live.state, live.source.status, cameras)
         assert self._rally is not None
-        robot, outcomes = (True, True) if live is None else (live.has_robot, live.source.tells_outcomes)
+        robot, outcomes = (True, True) if live is None else (live.has_robot, live.source.has_outcomes)
         said = moment_html(
             moment,
             ACTION_LIMIT_DEG,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 from app import theme
-from app.words.file_text import html_text
-from core.rally.history.return_counts import ReturnRate
+from app.formatting.file_text import html_text
+from core.history.return_counts import ReturnRate
 
 CELL: Final = "text-align:right;white-space:nowrap;padding-left:10px"
 

@@ -7,6 +7,7 @@ from typing import Final
 
 import viser
 
+from app.formatting.glossary import tooltip
 from app.modes.in_pool import do_in_pool
 from app.modes.mode import ModeHost
 from app.modes.watch.record_button import RecordButton
@@ -14,9 +15,8 @@ from app.modes.watch.returned_table import returned_html
 from app.shared.live_rally import LiveRally
 from app.shared.policies import BUILT_IN, LEARNS, let_play, run_choices
 from app.widgets import Listing, when_changed, when_clicked
-from app.words.glossary import tooltip
-from core.rally.link import messages as m
-from core.rally.link.client import SimulationClient
+from core.live.link import messages as m
+from core.live.link.client import SimulationClient
 from core.simulation.scenes.scene import SCENES
 
 STOP, RUN, STEP = "Stop the clock", "Run", "Step 10 ms"

@@ -11,7 +11,7 @@ from app.modes.watch.bias_panel import BiasPanel
 from app.modes.watch.record_button import RecordButton
 from app.modes.watch.stream_status import stream_html
 from app.shared.live_rally import LiveRally
-from core.rally.live.camera_source import CameraSource
+from core.live.camera_source import CameraSource
 
 SHOW_EVERY_S: Final = 0.25
 

@@ -9,21 +9,21 @@ from typing import Final
 import numpy as np
 
 from app import theme
+from app.formatting.file_text import html_text
+from app.formatting.percent import percent
 from app.modes.watch.drift_words import drift_row
 from app.modes.watch.figures import coloured, figures_html, muted, usually
 from app.modes.watch.learned_words import learned_words
 from app.modes.watch.stream_status import camera_rows
 from app.scene.landing import CASE_NAMES, CASE_RGB
-from app.words.file_text import html_text
-from app.words.percent import percent
+from core.chain.calibration_drift import DriftReport
+from core.chain.control.decision import RacketDecision
+from core.history.rally_history import Outcome, RallyMoment, RallyStep, ShownPrediction
+from core.live.link.adaptive_rate import pace_words
+from core.live.link.messages import WorldState
+from core.live.live_snapshot import RallySnapshot
+from core.live.stream_watch import CameraHealth
 from core.physics.episode import Case
-from core.rally.chain.calibration_drift import DriftReport
-from core.rally.control.decision import RacketDecision
-from core.rally.history.rally_history import Outcome, RallyMoment, RallyStep, ShownPrediction
-from core.rally.link.messages import WorldState
-from core.rally.link.pace import pace_words
-from core.rally.live.live_snapshot import RallySnapshot
-from core.rally.live.stream_watch import CameraHealth
 from core.trajectory.prediction import HitPlane
 
 READ_US: Final = 1_000_000

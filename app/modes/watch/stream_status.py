@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Final
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.watch.device_status import device_rows
 from app.modes.watch.figures import coloured, figures_html, muted, usually
 from app.modes.watch.learned_words import learned_words
-from app.words.file_text import html_text
-from core.rally.link.live_source import LiveSource
-from core.rally.live.camera_source import CameraSource
-from core.rally.live.live_snapshot import RallySnapshot
-from core.rally.live.stream_watch import CameraHealth, StreamHealth
+from core.live.camera_source import CameraSource
+from core.live.link.live_source import LiveSource
+from core.live.live_snapshot import RallySnapshot
+from core.live.stream_watch import CameraHealth, StreamHealth
 
 KEPT: Final = 0.95
 """Of the speed that was asked for: below it, that is not kept."""

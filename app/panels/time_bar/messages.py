@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 
-from app.front.pages import Json, Message
 from app.panels.time_bar.tracks import Tracks, thinned
 from app.state.client_state import MODES, ClientState
 from app.state.commands import (
@@ -23,6 +22,7 @@ from app.state.commands import (
     TogglePlay,
 )
 from app.state.playback import SPEEDS, STEPS_US
+from app.web.pages import Json, Message
 
 LIVE_LENGTH_US: Final = 20_000_000
 """The time line of a live recording spans the last 20 s, which is what it remembers."""

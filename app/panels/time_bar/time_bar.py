@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from app.front.pages import Message
 from app.panels.time_bar.messages import bar_message, command_of, tracks_message
 from app.panels.time_bar.tracks import Tracks
 from app.state.client_state import ClientState
 from app.state.commands import Command
+from app.web.pages import Message
 
 SHOW_EVERY_S: Final = 1 / 12
 """While it plays the page moves the cursor by itself, and is put right this often."""

@@ -21,7 +21,7 @@ from core.recordings.log.growing import is_growing
 from core.recordings.opening import is_recording
 from core.recordings.sources import open_sources
 
-LEAST_FREE_BYTES: Final = 200_000_000
+MIN_FREE_BYTES: Final = 200_000_000
 """So much of the disk stays free: packed files can be very much larger than they look."""
 LOOK_EVERY_S: Final = 0.5
 UNNAMED: Final = "recording"
@@ -48,7 +48,7 @@ def bring_in(
     if is_growing(path) or is_recording(path):
         if own:
             return path.stem
-        return _keep_recording(path, workspace) if received else library.add_guest(path)
+        return _keep_recording(path, workspace) if received else library.add_external(path)
     wanted = path.stem if own else _slug(path.stem)
     uuid = source_uuid([path], [source.name for source in open_sources(path)], "None", 0)  # as importing it makes it
     known = _already_there(workspace, wanted, uuid)
@@ -129,10 +129,10 @@ def _watching_the_disk(folder: Path, progress: Callable[[float], None]) -> Calla
             return
         looked_s = time.monotonic()
         free = shutil.disk_usage(folder).free
-        if free < LEAST_FREE_BYTES:
+        if free < MIN_FREE_BYTES:
             raise RecordingError(
                 "the disk is too full for this recording",
-                expected=f"{LEAST_FREE_BYTES / 1e6:.0f} MB free",
+                expected=f"{MIN_FREE_BYTES / 1e6:.0f} MB free",
                 got=f"{free / 1e6:.0f} MB",
                 remedy="free some space and open the file again",
             )

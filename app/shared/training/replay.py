@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import ConfigError
+from core.history.rally_picture import LandingSpot, Pose, RallyPicture
 from core.learning.agents.policy import Policy
 from core.learning.config import EnvironmentConfig
 from core.learning.task.environment import racket_speeds_of
 from core.learning.task.normalise import STATE_SIZES
 from core.physics.episode import Case, Outcomes, Serves, Strokes, strokes_from_actions
 from core.physics.rotation import base_orientation
-from core.rally.history.rally_picture import LandingSpot, Pose, RallyPicture
 from core.simulation.episodes.closed_form import fly_serves, return_balls
 from core.simulation.episodes.episode_path import Trajectory, trace_episode
 from core.simulation.episodes.racket import RacketConfig, move_racket, target_for_ball, upright_racket

@@ -15,8 +15,8 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from app.shared.job_backends import HERE_ONLY, THIS_MACHINE, JobBackends
 from app.shared.training.run_state import LOG_NAME, Ended, RunState, judge_run, read_log_tail
-from app.shared.work_places import HERE_ONLY, THIS_MACHINE, WorkPlaces
 from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RallyscopeError
 from core.learning.config import RunConfig
@@ -41,7 +41,7 @@ class _Child:
 class Trainer:
     """Shared by all browsers; every method may be called from any thread."""
 
-    def __init__(self, workspace: Workspace, places: WorkPlaces = HERE_ONLY) -> None:
+    def __init__(self, workspace: Workspace, places: JobBackends = HERE_ONLY) -> None:
         self._workspace, self._places = workspace, places
         self._place_of: dict[str, str] = {}
         """Where a run was started by this app: there it goes on, too."""

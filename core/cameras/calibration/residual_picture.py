@@ -19,7 +19,7 @@ WIDTH: Final = 420
 TOP, LEFT, GAP, BELOW, CHART = 52, 20, 40, 34, 130
 ARROW: Final = 12.0
 """Drawn length of a median residual."""
-MOST_ARROWS: Final = 600
+MAX_ARROWS: Final = 600
 """More only hide each other."""
 BINS: Final = 30
 DOT, REJECTED, TEXT, GRID, BACK, PAPER = "#ff8c28", "#e03131", "#d7d9de", "#3a3d46", "#1a1b1e", "#101114"
@@ -76,7 +76,7 @@ def _strokes(panel: ResidualPanel, x0: int, height: float, magnify: float, sizes
         f"<svg x='{x0}' y='{TOP}' width='{WIDTH}' height='{height:.1f}'>",
         f"<rect width='{WIDTH}' height='{height:.1f}' fill='{PAPER}' stroke='{GRID}'/>",
     ]
-    chosen = np.linspace(0, len(panel.used) - 1, min(MOST_ARROWS, len(panel.used))).astype(int)
+    chosen = np.linspace(0, len(panel.used) - 1, min(MAX_ARROWS, len(panel.used))).astype(int)
     for row in chosen:
         x, y = (panel.uvs_px[row] + 0.5) * scale
         if panel.used[row]:

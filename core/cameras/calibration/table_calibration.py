@@ -16,7 +16,7 @@ from core.cameras.camera import Camera
 from core.errors import CalibrationError
 from core.files import replace_file
 
-MOST_NAMES: Final = 1000
+MAX_NAMES: Final = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ def write_table_calibration(
 
 def _new_file(folder: Path, stem: str) -> Path:
     """An empty file of a name that was free, of which the other is free too."""
-    for number in range(1, MOST_NAMES):
+    for number in range(1, MAX_NAMES):
         path = folder / (f"{stem}.toml" if number == 1 else f"{stem}-{number}.toml")
         if path.with_suffix(".csv").exists():
             continue

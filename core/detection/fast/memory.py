@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from core.detection.config import DetectorConfig
 from core.detection.fast.clusters_in_time import TIME_LISTS
 from core.detection.fast.opening import blank_bits, kernel_spans
-from core.detection.fast.picture import SPOT_LISTS, Picture, Spots, neighbour_rows, spots_of
+from core.detection.fast.picture import SPOT_LISTS, ActivePixels, Picture, neighbour_rows, spots_of
 from core.events import SensorSize
 from core.jit import njit
 
@@ -55,7 +55,7 @@ class Memory(NamedTuple):
     opened: NDArray[np.uint64]
     picture: Picture
     """Of the pixels in `opened`."""
-    found: Spots
+    found: ActivePixels
     spans: NDArray[np.int64]
     first: NDArray[np.int64]
     last: NDArray[np.int64]

@@ -38,7 +38,7 @@ class Picture(NamedTuple):
     """(2, K) see `neighbour_rows`."""
 
 
-class Spots(NamedTuple):
+class ActivePixels(NamedTuple):
     """The pixels that have events, by number; if time counts, those of the clusters, cluster by cluster."""
 
     spots: NDArray[np.int32]
@@ -71,7 +71,7 @@ def neighbour_rows(eps_px: float) -> NDArray[np.int64]:
     return np.array([rows, widths], np.int64)
 
 
-def blank_picture(sensor: SensorSize, eps_px: float, room: int) -> tuple[Picture, Spots]:
+def blank_picture(sensor: SensorSize, eps_px: float, room: int) -> tuple[Picture, ActivePixels]:
     """Without events, with room for so many."""
     shape = blank_bits(sensor).shape
     words = np.zeros((4, shape[0] * shape[1]), np.uint64)
@@ -85,7 +85,7 @@ def spots_of(lists, masks):
     """The named views of lists of numbers."""
     room = lists.shape[1]
     spots = lists[:4].reshape((room, 4))
-    return Spots(spots, lists[4], lists[5], lists[6], lists[7], lists[8], masks, lists[9])
+    return ActivePixels(spots, lists[4], lists[5], lists[6], lists[7], lists[8], masks, lists[9])
 
 
 @njit

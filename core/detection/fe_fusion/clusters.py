@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.detection.fast.cluster import show_events
-from core.detection.fast.picture import Picture, Spots, blank_picture, clear_picture, label_pixels
+from core.detection.fast.picture import ActivePixels, Picture, blank_picture, clear_picture, label_pixels
 from core.events import SensorSize
 from core.jit import njit
 
@@ -18,7 +18,7 @@ class ClusterMemory(NamedTuple):
     """Working arrays, made once. The picture is empty between windows."""
 
     picture: Picture
-    found: Spots
+    found: ActivePixels
 
 
 class Clusters(NamedTuple):

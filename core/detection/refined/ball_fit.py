@@ -12,7 +12,7 @@ from core.detection.refined.circle_fit import UNKNOWNS, EdgePoints, Fit, factori
 from core.detection.refined.history import Recent
 from core.detection.refined.patch import (
     HALF,
-    MOST_POINTS,
+    MAX_POINTS,
     LookBack,
     MovingCircle,
     Patch,
@@ -26,9 +26,9 @@ from core.jit import njit
 SECTORS: Final = 16
 FEWEST_EVENTS: Final = 12
 """Fewer in a box say nothing about what moves there."""
-LEAST_SPREAD_MS2: Final = 1e-4
+MIN_SPREAD_MS2: Final = 1e-4
 """Nor do events that all come at once."""
-LEAST_RECENT_MS: Final = 1.5
+MIN_RECENT_MS: Final = 1.5
 """A slow sensor's newest events are of then."""
 SIGMA_PX: Final = 0.4
 """Spread of one edge point."""
@@ -89,7 +89,7 @@ class Reach(NamedTuple):
 
 def blank_work() -> Work:
     """Room for one fit after the other."""
-    columns = np.zeros((6, MOST_POINTS))
+    columns = np.zeros((6, MAX_POINTS))
     estimate, prior, information = np.zeros((3, UNKNOWNS))
     fit = Fit(estimate, prior, information, np.zeros(2), np.zeros((UNKNOWNS, UNKNOWNS)))
     return Work(
@@ -144,7 +144,7 @@ def _judge(work, found, inside, residual, span):
     estimate, points, quality = work.fit.estimate, work.points, work.quality
     sectors = np.zeros(SECTORS)
     good, events, lead_sum, leads, fresh = 0, 0.0, 0.0, 0, 0
-    recent_ms = max(span.history_ms / 3.0, LEAST_RECENT_MS)
+    recent_ms = max(span.history_ms / 3.0, MIN_RECENT_MS)
     motion_px = math.hypot(estimate[2], estimate[3]) * (span.history_ms - 0.5 * span.guard_ms)
     heading = math.atan2(estimate[3], estimate[2])
     for k in range(found):
@@ -204,7 +204,7 @@ def start_from_place(
         return False
     mean_t, mean_u, mean_v = sum_t / count, sum_u / count, sum_v / count
     spread = sum_tt / count - mean_t * mean_t
-    if spread < LEAST_SPREAD_MS2:
+    if spread < MIN_SPREAD_MS2:
         return False
     vu = (sum_tu / count - mean_t * mean_u) / spread
     vv = (sum_tv / count - mean_t * mean_v) / spread

@@ -20,8 +20,8 @@ from core.detection.refined.uncertainty import observed_covariance
 from core.detection.refined_config import RefinedConfig
 from core.events import SensorSize, Window
 
-MOST_TRACKS: Final = 6
-MOST_TRIALS: Final = 4
+MAX_TRACKS: Final = 6
+MAX_TRIALS: Final = 4
 """Blobs that are fitted after one window."""
 SEARCH_EVERY: Final = (1, 2, 4)
 """Windows between two looks at the blobs of each span of the search."""
@@ -33,7 +33,7 @@ STRETCH_SPREAD_MS: Final = 0.1
 """From fit to fit, and of a new ball before a known sensor."""
 STRETCH_GAIN: Final = 0.02
 """Weight of a confirmed fit in what is known of the sensor."""
-TELLING_PX_PER_MS: Final = 1.5
+FULL_WEIGHT_PX_PER_MS: Final = 1.5
 """Slower balls tell less of it."""
 BAND_PX: Final = 2.5
 """Edge points of a track lie within so much of the expected rim."""
@@ -45,13 +45,13 @@ BORDER_PX: Final = 0.5
 """A ball whose centre is nearer to the sensor's border may have left already."""
 PATIENCE_US: Final = 3000
 """What is no ball yet is forgotten after so long without a fit."""
-BOUNCE_KEEPS: Final = (-0.85, -0.4, 0.0)
+BOUNCE_RESTITUTION_GUESSES: Final = (-0.85, -0.4, 0.0)
 """Of the image's vertical speed, tried where a ball is not where it was expected."""
 AFTER_BOUNCE: Final = (2.5, 0.4, 0.6, 0.3)
 """Spreads of place [px], speed along u and along v [px/ms], radius [px] then."""
 BRIEF: Final = Reach(3.5, 1.2, 3.0)
 """How far a fit looks back after a bounce."""
-OUTSHINES: Final = 1.15
+RIVAL_CONTRAST_RATIO: Final = 1.15
 """A rival whose edge has so many times the events is the ball of which we follow the shadow."""
 
 
@@ -132,7 +132,7 @@ class RefinedDetector:
         return RefinedDetection(end_us - self.config.delay_us, u, v, r, vu, vv, stretch_ms, seen, ball.quality)
 
     def _learn_stretch(self, ball: MovingCircle) -> None:
-        telling = min(1.0, (ball.vu**2 + ball.vv**2) / TELLING_PX_PER_MS**2)
+        telling = min(1.0, (ball.vu**2 + ball.vv**2) / FULL_WEIGHT_PX_PER_MS**2)
         self._learnt += telling
         self._stretch_ms += telling * max(STRETCH_GAIN, 1.0 / (1.0 + self._learnt)) * (ball.stretch - self._stretch_ms)
         self._stretch_spread_ms = max(STRETCH_SPREAD_MS, FIRST_STRETCH_MS[1] / (1.0 + 0.1 * self._learnt))
@@ -164,7 +164,7 @@ class RefinedDetector:
         if not track.confirmed or unseen_ms < 1.5:
             return
         was = track.ball
-        for keeps in BOUNCE_KEEPS:
+        for keeps in BOUNCE_RESTITUTION_GUESSES:
             vv = keeps * was.vv
             bounced = was._replace(vv=vv, au=0.0, av=0.0).at(unseen_ms)
             if self._refit(track, bounced, AFTER_BOUNCE, end_us, BRIEF, BAND_PX):
@@ -215,9 +215,9 @@ class RefinedDetector:
                 found = find_blobs(self._maps, span, end_us, self._floods, largest_px, self._blobs, found)
         trials = 0
         for turn in range(found):
-            if len(self.tracks) >= MOST_TRACKS or trials >= MOST_TRIALS:
+            if len(self.tracks) >= MAX_TRACKS or trials >= MAX_TRIALS:
                 break
-            blob = (self._windows * MOST_TRIALS + turn) % found  # where there are many, each has its turn
+            blob = (self._windows * MAX_TRIALS + turn) % found  # where there are many, each has its turn
             box = self._blobs.boxes[blob]
             if not any(_covers(track, box, end_us) for track in self.tracks):
                 trials += 1
@@ -255,7 +255,7 @@ class RefinedDetector:
             if track.end_us == end_us and not track.confirmed and track.proved(self.config, self._brighter)
         ]
         if ball is not None and ball.end_us == end_us:
-            ready = [rival for rival in ready if rival.quality.contrast > OUTSHINES * ball.quality.contrast]
+            ready = [rival for rival in ready if rival.quality.contrast > RIVAL_CONTRAST_RATIO * ball.quality.contrast]
         if not ready:
             return ball
         best = max(ready, key=lambda track: track.quality.points / track.quality.residual_px)

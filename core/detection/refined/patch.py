@@ -15,7 +15,7 @@ from core.jit import njit
 HALF: Final = 80
 """The patch reaches so many pixels from its middle: the largest ball, its motion and what is beside it."""
 SIDE: Final = 2 * HALF + 1
-MOST_POINTS: Final = 1200
+MAX_POINTS: Final = 1200
 """Edge points of one fit; later ones are left out."""
 
 
@@ -139,7 +139,7 @@ def edge_points(
             du = x - ball.u - (ball.vu + 0.5 * ball.au * ms) * ms
             dv = y - ball.v - (ball.vv + 0.5 * ball.av * ms) * ms
             distance = math.sqrt(du * du + dv * dv)
-            if abs(distance - ball.r) <= band_px and du * ball.vu + dv * ball.vv >= 0.0 and found < MOST_POINTS:
+            if abs(distance - ball.r) <= band_px and du * ball.vu + dv * ball.vv >= 0.0 and found < MAX_POINTS:
                 points.u[found], points.v[found], points.ms[found] = x, y, entered
                 points.events[found] = patch.events[row, column]
                 points.lead[found] = 1.0 if patch.brighter[row, column] else -1.0
@@ -151,7 +151,7 @@ def edge_points(
             du = x - ball.u - (ball.vu + 0.5 * ball.au * ms) * ms
             dv = y - ball.v - (ball.vv + 0.5 * ball.av * ms) * ms
             distance = math.sqrt(du * du + dv * dv)
-            if abs(distance - ball.r) <= band_px and du * ball.vu + dv * ball.vv < 0.0 and found < MOST_POINTS:
+            if abs(distance - ball.r) <= band_px and du * ball.vu + dv * ball.vv < 0.0 and found < MAX_POINTS:
                 points.u[found], points.v[found], points.ms[found] = x, y, left
                 points.events[found] = patch.events[row, column]
                 points.lead[found] = 0.0

@@ -19,7 +19,7 @@ SPANS_US: Final = np.array([1500, 5000, 16_000], np.int64)
 """How long a pixel counts as set."""
 CELL_BITS: Final = 2
 """A cell is 4 x 4 pixels."""
-MOST_BLOBS: Final = 64
+MAX_BLOBS: Final = 64
 LONG_AGO_US: Final = -(1 << 60)
 
 
@@ -57,7 +57,7 @@ def blank_maps(sensor: SensorSize) -> Maps:
 
 def blank_blobs() -> Blobs:
     """Room for what one search finds."""
-    return Blobs(np.zeros((MOST_BLOBS, 4)), np.zeros(MOST_BLOBS, np.int64))
+    return Blobs(np.zeros((MAX_BLOBS, 4)), np.zeros(MAX_BLOBS, np.int64))
 
 
 @njit
@@ -131,7 +131,7 @@ def find_blobs(maps: Maps, span: int, end_us: int, flood: int, largest_px: float
                             depth += 1
             width, height = (right - left + 1) * size, (bottom - top + 1) * size
             longer, shorter = max(width, height), min(width, height)
-            if cells < 2 or longer > largest_px or longer > 3.0 * shorter + size or found >= MOST_BLOBS:
+            if cells < 2 or longer > largest_px or longer > 3.0 * shorter + size or found >= MAX_BLOBS:
                 continue
             blobs.boxes[found, 0] = (left - 1) * size + 0.5 * width - 0.5
             blobs.boxes[found, 1] = (top - 1) * size + 0.5 * height - 0.5

@@ -17,7 +17,7 @@ LEFT_US: Final = 75
 """Standard deviation of the delays about that line. Within a flight the stretch changes with the light on the ball, so
 this is for the median of whole flights."""
 FEWEST: Final = 200
-LEAST_PX_PER_MS: Final = 1.0
+MIN_PX_PER_MS: Final = 1.0
 """A slower ball's edges tell nothing."""
 
 
@@ -30,7 +30,7 @@ class DelayEstimate(NamedTuple):
 
 def estimate_delay(detections: Sequence[RefinedDetection]) -> DelayEstimate | None:
     """The delay of the sensor that these balls were seen by; None where too few of them moved."""
-    telling = [one.stretch_ms for one in detections if math.hypot(*one.velocity_px_per_ms) >= LEAST_PX_PER_MS]
+    telling = [one.stretch_ms for one in detections if math.hypot(*one.velocity_px_per_ms) >= MIN_PX_PER_MS]
     if len(telling) < FEWEST:
         return None
     slope, start = OF_STRETCH

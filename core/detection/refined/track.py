@@ -13,9 +13,9 @@ from core.detection.refined.ball_fit import Quality
 from core.detection.refined.patch import MovingCircle
 from core.detection.refined_config import RefinedConfig
 
-LEAST_STRETCH_MS: Final = -0.2
-MOST_STRETCH_MS: Final = 2.5
-LEAST_FRESH: Final = 0.06
+MIN_STRETCH_MS: Final = -0.2
+MAX_STRETCH_MS: Final = 2.5
+MIN_FRESH: Final = 0.06
 REMEMBERED: Final = 0.92
 """Share of the evidence that is left with the next fit: what is merely not bad never adds up to a ball."""
 GIVEN_UP: Final = -3.0
@@ -27,7 +27,7 @@ FAST_PER_MS: Final = 0.12
 SHARPEST_CURVE_PX: Final = 60.0
 FALL_PX_PER_MS2: Final = 0.006
 """Gravity, in the picture of a near camera."""
-LEAST_BEND_MS: Final = 2.0
+MIN_BEND_MS: Final = 2.0
 BEND_PX: Final = 3.5
 """Accelerations are means over about the time in which the ball moves so far, and the least time."""
 BOTH_EDGES: Final = 0.55
@@ -78,7 +78,7 @@ class BallTrack:
         """Mean acceleration, by the velocities of the fits and over about the history of one."""
         speed2 = ball.vu**2 + ball.vv**2
         most = max(FALL_PX_PER_MS2, speed2 / SHARPEST_CURVE_PX)
-        gain = ms / (ms + LEAST_BEND_MS + BEND_PX / max(math.sqrt(speed2), 0.1))
+        gain = ms / (ms + MIN_BEND_MS + BEND_PX / max(math.sqrt(speed2), 0.1))
         changes = (ball.vu - self.ball.vu) / ms, (ball.vv - self.ball.vv) / ms
         au, av = (was + gain * (min(max(now, -most), most) - was) for was, now in zip(self.bend, changes, strict=True))
         return au, av
@@ -145,7 +145,7 @@ def passes(ball: MovingCircle, quality: Quality, config: RefinedConfig) -> bool:
     """Whether a single fit can be a ball at all."""
     lead, trail = quality.coverage_lead, quality.coverage_trail
     return (
-        LEAST_STRETCH_MS <= ball.stretch <= MOST_STRETCH_MS
+        MIN_STRETCH_MS <= ball.stretch <= MAX_STRETCH_MS
         and config.radius_min_px <= ball.r <= config.radius_max_px
         and config.speed_min_px_per_ms <= math.hypot(ball.vu, ball.vv) <= config.speed_max_px_per_ms
         and quality.residual_px <= config.residual_px
@@ -155,5 +155,5 @@ def passes(ball: MovingCircle, quality: Quality, config: RefinedConfig) -> bool:
         and quality.inside <= config.inside_max
         and quality.fill >= config.fill_min
         and quality.stray <= config.stray_max
-        and quality.fresh >= LEAST_FRESH
+        and quality.fresh >= MIN_FRESH
     )

@@ -23,7 +23,7 @@ SHIPPED: Final = Path(__file__).with_name("weights.safetensors")
 """Comes with the package, if it does."""
 KERNEL: Final = 4
 """Axes of a convolution's weights: all but a thousandth of the numbers."""
-LEAST_RECALL: Final = 0.9
+MIN_RECALL: Final = 0.9
 """On sharp pictures: with less it is no rival, since then training and not blur would decide."""
 
 
@@ -43,7 +43,7 @@ class SharpScore:
     @property
     def is_rival(self) -> bool:
         """Whether blur decides what it misses."""
-        return self.recall >= LEAST_RECALL
+        return self.recall >= MIN_RECALL
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,9 +16,14 @@ from numpy.typing import NDArray
 
 from core.learning.agents.agent import Losses, StageProgress
 from core.learning.agents.feature_actor import FEATURES, FeatureActor
+from core.learning.agents.gaussian_process_model import (
+    GaussianProcessModel,
+    landings_of,
+    stroke_inputs,
+    velocities_after,
+)
 from core.learning.agents.policy import Policy
 from core.learning.agents.replay import ReplayBuffer
-from core.learning.agents.stroke_process import StrokeProcess, landings_of, stroke_inputs, velocities_after
 from core.learning.config import GoalConfig, RunConfig
 from core.learning.task.environment import draw_goals
 from core.learning.task.normalise import STATE_SCALE
@@ -27,7 +32,7 @@ Array = NDArray[np.float64]
 
 FEWEST_BALLS: Final = 4
 """That came down behind the net, before anything is solved for."""
-MOST_BALLS: Final = 400
+MAX_BALLS: Final = 400
 """The newest; the process takes the cube of their number."""
 FEATURE_SCALE: Final = 0.3
 """Standard deviation of the features' weights (choice, as all here on seeds 100 to 104): wide, so smooth."""
@@ -68,10 +73,10 @@ class ProcessAgent:
             return Losses(process.noise_mps, mean_off_m)
         return Losses(math.nan, math.nan)
 
-    def _solve(self, process: StrokeProcess, buffer: ReplayBuffer, rng: np.random.Generator) -> float:
+    def _solve(self, process: GaussianProcessModel, buffer: ReplayBuffer, rng: np.random.Generator) -> float:
         """A new actor; returns how far its strokes land from their targets by the process (m, mean)."""
         states, speeds = draw_situations(buffer, SITUATIONS, rng)
-        goals = draw_goals(SITUATIONS, whole_box(self._goal), rng)
+        goals = draw_goals(SITUATIONS, sampling_box(self._goal), rng)
         actions = self.act(states, speeds, goals)
         actions[:, 0] = 0.0
         off = np.empty((SITUATIONS, 2))
@@ -111,7 +116,7 @@ class ProcessAgent:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class KnownBalls:
+class ReplayStates:
     """Balls that crossed the net and came down: what was known of them, and what became of them."""
 
     states: Array
@@ -121,22 +126,22 @@ class KnownBalls:
     net_z_m: Array
 
 
-def known_balls(buffer: ReplayBuffer) -> KnownBalls:
+def known_balls(buffer: ReplayBuffer) -> ReplayStates:
     """Those of a buffer, the oldest first."""
     known = buffer.column("known").all(axis=1)
     columns = ("state", "racket_speed", "action", "next_state", "net_z")
     states, racket, actions, after, net_z = (buffer.column(name)[known].astype(np.float64) for name in columns)
-    return KnownBalls(states, racket[:, 0], actions, after[:, :2], net_z[:, 0])
+    return ReplayStates(states, racket[:, 0], actions, after[:, :2], net_z[:, 0])
 
 
-def _process_of(buffer: ReplayBuffer) -> StrokeProcess | None:
+def _process_of(buffer: ReplayBuffer) -> GaussianProcessModel | None:
     """Of the newest balls that crossed the net and came down; None while there are too few."""
     balls = known_balls(buffer)
     velocities = velocities_after(balls.states, balls.landings_m, balls.net_z_m)
-    which = np.flatnonzero(np.isfinite(velocities).all(axis=1))[-MOST_BALLS:]
+    which = np.flatnonzero(np.isfinite(velocities).all(axis=1))[-MAX_BALLS:]
     if len(which) < FEWEST_BALLS:
         return None
-    return StrokeProcess(
+    return GaussianProcessModel(
         stroke_inputs(balls.states[which], balls.racket_mps[which], balls.actions[which]), velocities[which]
     )
 
@@ -151,7 +156,7 @@ def draw_situations(buffer: ReplayBuffer, count: int, rng: np.random.Generator) 
     return drawn + jitter, (speeds[one] + share * (speeds[other] - speeds[one]))[:, 0]
 
 
-def whole_box(goal: GoalConfig) -> GoalConfig:
+def sampling_box(goal: GoalConfig) -> GoalConfig:
     """The whole box, also where only its middle is aimed at."""
     return GoalConfig(low_x_m=goal.low_x_m, high_x_m=goal.high_x_m, half_width_m=goal.half_width_m)
 

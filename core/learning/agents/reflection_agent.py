@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from core.learning.agents.agent import Losses, StageProgress
 from core.learning.agents.feature_actor import FeatureActor
+from core.learning.agents.gaussian_process_model import landings_of, velocities_after
 from core.learning.agents.policy import Policy
-from core.learning.agents.process_agent import draw_situations, known_balls, whole_box
+from core.learning.agents.process_agent import draw_situations, known_balls, sampling_box
+from core.learning.agents.reflection_model import ReflectionModel
 from core.learning.agents.replay import ReplayBuffer
-from core.learning.agents.state_belief import StateBelief
-from core.learning.agents.stroke_law import StrokeLaw
-from core.learning.agents.stroke_process import landings_of, velocities_after
+from core.learning.agents.state_posterior import StatePosterior
 from core.learning.config import RunConfig
 from core.learning.task.environment import draw_goals
 
@@ -59,7 +59,7 @@ class ReflectionAgent:
         every = 1 + progress.episode // self._run.landing_model.full_episodes
         if progress.episode % every != 0:
             return Losses(math.nan, math.nan)
-        belief = StateBelief(buffer.column("state").astype(np.float64), self._run.environment)
+        belief = StatePosterior(buffer.column("state").astype(np.float64), self._run.environment)
         law = self._law_of(buffer, belief)
         if law is None:
             return Losses(math.nan, math.nan)
@@ -68,7 +68,7 @@ class ReflectionAgent:
             off_m = self._step(law, belief, buffer, rng)
         return Losses(law.scatter_mps, off_m)
 
-    def _law_of(self, buffer: ReplayBuffer, belief: StateBelief) -> StrokeLaw | None:
+    def _law_of(self, buffer: ReplayBuffer, belief: StatePosterior) -> ReflectionModel | None:
         balls = known_balls(buffer)
         states = belief(balls.states)
         velocities = velocities_after(states, balls.landings_m, balls.net_z_m)
@@ -76,12 +76,14 @@ class ReflectionAgent:
         if found.sum() < FEWEST_BALLS:
             return None
         rackets, actions = balls.racket_mps[found], balls.actions[found]
-        return StrokeLaw(states[found], rackets, actions, velocities[found], self._run.environment.task.stroke)
+        return ReflectionModel(states[found], rackets, actions, velocities[found], self._run.environment.task.stroke)
 
-    def _step(self, law: StrokeLaw, belief: StateBelief, buffer: ReplayBuffer, rng: np.random.Generator) -> float:
+    def _step(
+        self, law: ReflectionModel, belief: StatePosterior, buffer: ReplayBuffer, rng: np.random.Generator
+    ) -> float:
         """Better the actor on new situations; returns how far its strokes landed from their targets (m, mean)."""
         perceived, rackets = draw_situations(buffer, SITUATIONS, rng)
-        goals = draw_goals(SITUATIONS, whole_box(self._goal), rng)
+        goals = draw_goals(SITUATIONS, sampling_box(self._goal), rng)
         states, features = belief(perceived), self._actor.features(perceived, rackets, goals)
         wanted = features @ self._actor.outputs
         actions = np.clip(wanted, -1.0, 1.0)

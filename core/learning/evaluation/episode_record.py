@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from core.learning.agents.agent import Losses
 from core.learning.agents.replay import ReplayStart
-from core.learning.task.environment import Deliveries, racket_speeds_of
+from core.learning.task.environment import ServeBatch, racket_speeds_of
 from core.learning.task.reward import Weights
 from core.physics.episode import Case, Outcomes
 
@@ -19,7 +19,7 @@ NET_PASSED_M = -1e-6
 
 
 def transition_of(
-    delivery: Deliveries, action: Array, outcome: Outcomes, reward: float
+    delivery: ServeBatch, action: Array, outcome: Outcomes, reward: float
 ) -> dict[str, NDArray[np.floating]]:
     """The replay row of one played ball (arrays of one row)."""
     missed = outcome.case[0] == Case.MISSED
@@ -37,7 +37,7 @@ def transition_of(
     }
 
 
-def _known_exactly(landing: Array, delivery: Deliveries) -> Array:
+def _known_exactly(landing: Array, delivery: ServeBatch) -> Array:
     """The state (9,) of a landing as a state of the kind that the delivery has, without any uncertainty."""
     size = delivery.states.shape[1]
     return landing[:6] if size == 6 else np.concatenate([np.nan_to_num(landing), np.zeros(size - len(landing))])
@@ -60,7 +60,7 @@ def episode_line(
     episode: int,
     stage: int,
     stage_episode: int,
-    delivery: Deliveries,
+    delivery: ServeBatch,
     action: Array,
     noise: float,
     is_random: bool,

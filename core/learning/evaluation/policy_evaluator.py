@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from core.learning.agents.policy import ActionSource
 from core.learning.config import EnvironmentConfig
 from core.learning.evaluation.episode_record import landing_errors_mm
-from core.learning.task.environment import Deliveries, evaluation_balls, play, validation_balls
+from core.learning.task.environment import ServeBatch, evaluation_balls, play, validation_balls
 from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend, observe_all
 from core.table import TABLE_LENGTH_M
 
@@ -72,9 +72,9 @@ class PolicyEvaluator:
         self._config = config
         self._backend = backend or ClosedFormBackend(config)
         self._count = balls
-        self._balls: dict[tuple[BallSet, float], Deliveries] = {}
+        self._balls: dict[tuple[BallSet, float], ServeBatch] = {}
 
-    def balls(self, speed_mps: float, which: BallSet = "test") -> Deliveries:
+    def balls(self, speed_mps: float, which: BallSet = "test") -> ServeBatch:
         """The fixed balls of a speed: what figures are reported on, or as many others to choose a policy by."""
         if (which, speed_mps) not in self._balls:
             deal = evaluation_balls if which == "test" else validation_balls
@@ -103,13 +103,13 @@ class PolicyEvaluator:
 def score_played(
     backend: EpisodeBackend,
     controller: ActionSource,
-    balls: Deliveries,
+    balls: ServeBatch,
     progress: Callable[[float], None] = lambda share: None,
 ) -> PolicyScore:
     """A policy on balls that the court itself serves, shows and plays out, one after another."""
     returned, errors_mm = np.zeros(len(balls), np.bool_), np.full(len(balls), np.nan)
     for i in range(len(balls)):
-        ball = backend.meet(balls[i : i + 1])
+        ball = backend.observe(balls[i : i + 1])
         outcome = backend.play(ball, controller(ball.states, ball.racket_speeds_mps, ball.goals_m))
         returned[i], errors_mm[i] = outcome.returned[0], landing_errors_mm(outcome, ball.goals_m)[0]
         progress((i + 1) / len(balls))

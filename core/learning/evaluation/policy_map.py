@@ -16,7 +16,7 @@ from core.learning.agents.policy import ActionSource
 from core.learning.config import EnvironmentConfig, GoalConfig
 from core.learning.evaluation.episode_record import landing_errors_mm
 from core.learning.evaluation.policy_evaluator import MISSED_MM
-from core.learning.task.environment import deliver, play
+from core.learning.task.environment import draw_serve_batch, play
 from core.physics.episode import Case
 from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
@@ -110,7 +110,7 @@ def map_policy(
         engine="closed-form",
     )
     rng = np.random.default_rng([MAP_SEED, round(1000 * speed_mps)])
-    dealt = deliver(speed_mps, serves, task, rng, "validation")
+    dealt = draw_serve_batch(speed_mps, serves, task, rng, "validation")
     targets, cell = target_grid()
     count = len(dealt)  # of recorded balls there may be fewer
     balls = dataclasses.replace(

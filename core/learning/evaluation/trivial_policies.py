@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from core.learning.config import EnvironmentConfig
 from core.learning.evaluation.episode_record import landing_errors_mm
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator, PolicyScore
-from core.learning.task.environment import Deliveries, play
+from core.learning.task.environment import ServeBatch, play
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def score_trivial_policies(evaluator: PolicyEvaluator, speed_mps: float, config:
     )
 
 
-def oracle_actions(balls: Deliveries, config: EnvironmentConfig) -> Array:
+def oracle_actions(balls: ServeBatch, config: EnvironmentConfig) -> Array:
     """The best action (N, 3) per ball: a grid over pitch and yaw, then finer ones around its best point.
 
     Where the racket's speed is chosen that is searched too, and actions are (N, 4).
@@ -75,7 +75,7 @@ def oracle_actions(balls: Deliveries, config: EnvironmentConfig) -> Array:
     return best
 
 
-def _best_with_speed(balls: Deliveries, config: EnvironmentConfig) -> Array:
+def _best_with_speed(balls: ServeBatch, config: EnvironmentConfig) -> Array:
     """(N, 4), as `oracle_actions`."""
     n = len(balls)
     best, widths = np.zeros((n, 4)), np.ones(3)
@@ -90,7 +90,7 @@ def _best_with_speed(balls: Deliveries, config: EnvironmentConfig) -> Array:
     return best
 
 
-def trusting_actions(balls: Deliveries, config: EnvironmentConfig) -> Array:
+def trusting_actions(balls: ServeBatch, config: EnvironmentConfig) -> Array:
     """What the oracle would do (N, 3) if it took the perceived state for the true one: what noise alone costs."""
     states = balls.arrivals.states.copy()
     known = min(balls.states.shape[1], states.shape[1])  # a state with spin has its uncertainty behind that
@@ -105,7 +105,7 @@ def trusting_actions(balls: Deliveries, config: EnvironmentConfig) -> Array:
     return oracle_actions(believed, config)
 
 
-def _costs(balls: Deliveries, actions: Array, config: EnvironmentConfig) -> Array:
+def _costs(balls: ServeBatch, actions: Array, config: EnvironmentConfig) -> Array:
     """(N, K) of actions (N, K, 3 or 4): the landing error, and much for a ball that does not come back."""
     n, k = actions.shape[:2]
     repeated = balls[np.repeat(np.arange(n), k)]

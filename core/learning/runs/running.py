@@ -7,14 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from core.errors import ConfigError, RallyscopeError
-from core.jobs import ALONE, Engine
+from core.jobs import ALONE, JobBackend
 from core.jobs.threads import one_torch_thread
 from core.learning.config import RunConfig
 from core.learning.runs.control import State, hold_run, read_control, write_control
 from core.learning.runs.run_files import read_run
-from core.learning.runs.run_teller import RunTeller
 from core.learning.runs.seed_process import SeedProcess, SeedProgress, run_not_written
 from core.learning.runs.side_by_side import train_side_by_side
+from core.learning.runs.status_writer import StatusWriter
 from core.learning.task.episode_backend import EpisodeBackend
 
 Progress = Callable[[float], None]
@@ -26,7 +26,7 @@ def run_training(
     progress: Progress = lambda share: None,
     stopped: Callable[[], bool] = lambda: False,
     backend: EpisodeBackend | None = None,
-    engine: Engine = ALONE,
+    engine: JobBackend = ALONE,
 ) -> State:
     """Train every seed of a run that `create_run` made, or go on where it ended; returns how it ended.
 
@@ -45,7 +45,7 @@ def run_training(
     if backend is not None and not alone:
         raise ConfigError("seeds side by side need a backend each", remedy="train them one after the other")
     with hold_run(run), one_torch_thread():
-        teller = RunTeller(run, config)
+        teller = StatusWriter(run, config)
         try:
             if read_control(run).command != "run":
                 write_control(run, replace(read_control(run), command="run"))
@@ -69,7 +69,7 @@ def run_training(
 def _train_in_turn(
     run: Path,
     config: RunConfig,
-    teller: RunTeller,
+    teller: StatusWriter,
     progress: Progress,
     stopped: Callable[[], bool],
     backend: EpisodeBackend | None,

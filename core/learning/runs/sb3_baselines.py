@@ -25,7 +25,7 @@ from core.learning.config import RunConfig
 from core.learning.evaluation.episode_record import episode_line
 from core.learning.gym_environment import OneStepReturn
 from core.learning.runs.training import BALLS
-from core.learning.task.environment import Deliveries, deliver
+from core.learning.task.environment import ServeBatch, draw_serve_batch
 from core.learning.task.episode_backend import EpisodeBackend
 from core.learning.task.racket_table import racket_table
 from core.learning.task.reward import episode_rewards, reward_weights
@@ -48,7 +48,7 @@ class Sb3Training:
         self.seed = seed
         self.episode = 0
         """Done in all stages."""
-        self._court = backend
+        self._world_backend = backend
         self._model: Any = None
 
     def train(self, after_episode: AfterEpisode) -> bool:
@@ -66,7 +66,7 @@ class Sb3Training:
 
     def _train_stage(self, stage: int, after_episode: AfterEpisode) -> bool:
         curriculum, going = self.config.curriculum, True
-        environment = Sb3Environment(self.config, self.seed, stage, self.episode, self._court)
+        environment = Sb3Environment(self.config, self.seed, stage, self.episode, self._world_backend)
         if self._model is None:
             self._model = make_model(self.config, environment, self.seed)
         else:
@@ -92,7 +92,7 @@ class Sb3Environment(OneStepReturn):
     ) -> None:
         speed, episodes = config.curriculum.speeds_mps[stage], config.curriculum.episodes[stage]
         rng = np.random.default_rng([seed, BALLS, stage])
-        dealt = deliver(speed, episodes, config.environment, rng)
+        dealt = draw_serve_batch(speed, episodes, config.environment, rng)
         super().__init__(speed, config.environment, config.reward, dealt, backend)
         self.stage = stage
         self.stage_episode = 0
@@ -103,7 +103,7 @@ class Sb3Environment(OneStepReturn):
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Step as the environment itself does; `line` then holds the episode."""
         answer = super().step(action)
-        delivery: Deliveries | None = self._now
+        delivery: ServeBatch | None = self._now
         assert delivery is not None
         wanted = np.asarray(action, np.float64).reshape(1, 3)
         weights = reward_weights(self.stage_episode, self.reward)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from core.jobs import Engine, PieceControl, open_jobs
+from core.jobs import JobBackend, TaskControl, open_jobs
 from core.jobs.threads import one_torch_thread
 from core.learning.config import RunConfig
 from core.learning.runs.control import Control, State, read_control, write_control
 from core.learning.runs.run_files import read_lines, read_run, seed_files
-from core.learning.runs.run_teller import RunTeller
 from core.learning.runs.seed_process import SeedProcess, SeedProgress
+from core.learning.runs.status_writer import StatusWriter
 
 TOLD_EVERY_S: Final = 1.0
 
@@ -22,8 +22,8 @@ TOLD_EVERY_S: Final = 1.0
 def train_side_by_side(
     run: Path,
     config: RunConfig,
-    engine: Engine,
-    teller: RunTeller,
+    engine: JobBackend,
+    teller: StatusWriter,
     progress: Callable[[float], None],
     stopped: Callable[[], bool],
 ) -> State:
@@ -51,7 +51,7 @@ class TrainSeed:
 
     run: Path
 
-    def __call__(self, seed: int, control: PieceControl) -> bool:
+    def __call__(self, seed: int, control: TaskControl) -> bool:
         """Whether it is finished, and not stopped on the way; see `SeedProcess` for the errors."""
         with one_torch_thread():
             seeds = SeedProcess(self.run, read_run(self.run), lambda told: control(told.share), control.stopped)
@@ -69,7 +69,7 @@ class _Watch:
         self,
         run: Path,
         config: RunConfig,
-        teller: RunTeller,
+        teller: StatusWriter,
         progress: Callable[[float], None],
         stopped: Callable[[], bool],
     ) -> None:

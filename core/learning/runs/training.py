@@ -19,7 +19,7 @@ from core.learning.agents.replay import ReplayBuffer, ReplayStart, start_stage
 from core.learning.config import RunConfig
 from core.learning.evaluation.episode_record import episode_line, transition_of
 from core.learning.runs.checkpoints import pack_arrays, restore_arrays
-from core.learning.task.environment import Deliveries, action_size, deliver
+from core.learning.task.environment import ServeBatch, action_size, draw_serve_batch
 from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.physics.episode import Case
@@ -76,7 +76,7 @@ class Training:
         exploration, curriculum = self.config.exploration, self.config.curriculum
         noise = exploration.noise_at(n)
         is_random = self.episode < exploration.random_episodes
-        delivery = self._backend.meet(self._deliveries[n : n + 1])
+        delivery = self._backend.observe(self._deliveries[n : n + 1])
         action = self._exploratory_action(delivery, noise, is_random)
         outcome = self._backend.play(delivery, action)
         weights = reward_weights(n, self.config.reward)
@@ -109,7 +109,7 @@ class Training:
             self._next_stage()
         return line
 
-    def _exploratory_action(self, delivery: Deliveries, noise: float, is_random: bool) -> NDArray[np.float64]:
+    def _exploratory_action(self, delivery: ServeBatch, noise: float, is_random: bool) -> NDArray[np.float64]:
         """The policy's action with noise, or a random one; both are always drawn, so that options can be compared."""
         size = (1, self._action_size)
         uniform, normal = self._rng.uniform(-1, 1, size), self._rng.standard_normal(size)
@@ -133,11 +133,11 @@ class Training:
             self._kept = start_stage(self._buffer, self.config.curriculum)
             self._deliveries = self._deal()
 
-    def _deal(self) -> Deliveries:
+    def _deal(self) -> ServeBatch:
         """All balls of this stage: the same for every agent with this seed."""
         curriculum = self.config.curriculum
         rng = np.random.default_rng([self.seed, BALLS, self._stage])
-        return deliver(
+        return draw_serve_batch(
             curriculum.speeds_mps[self._stage], curriculum.episodes[self._stage], self.config.environment, rng
         )
 

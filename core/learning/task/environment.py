@@ -30,7 +30,7 @@ VALIDATION_SEED = 20260405
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Deliveries:
+class ServeBatch:
     """Balls on their way to the robot, with what the learner knows of them and what the world holds in store."""
 
     speed_mps: float
@@ -54,8 +54,8 @@ class Deliveries:
     def __len__(self) -> int:
         return len(self.states)
 
-    def __getitem__(self, which: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Deliveries:
-        return Deliveries(
+    def __getitem__(self, which: slice | NDArray[np.bool_] | NDArray[np.intp]) -> ServeBatch:
+        return ServeBatch(
             self.speed_mps,
             self.serves[which],
             select_arrivals(self.arrivals, which),
@@ -70,9 +70,9 @@ class Deliveries:
         )
 
 
-def deliver(
+def draw_serve_batch(
     speed_mps: float, count: int, config: EnvironmentConfig, rng: np.random.Generator, part: BallPart = "training"
-) -> Deliveries:
+) -> ServeBatch:
     """`count` balls of one serve speed, perceived through the configured source.
 
     Recorded balls have speeds of their own: of them `count` of the `part`, for training as often as it takes, for
@@ -95,7 +95,7 @@ def deliver(
     perceived = perceive(serves, arrivals, config, rng, racket_speeds_mps=rackets_mps)
     limit_deg = config.task.stroke.action_limit_deg
     errors_deg = config.actuator_bias_deg + config.actuator_error_deg * rng.standard_normal((count, 3))
-    return Deliveries(
+    return ServeBatch(
         speed_mps,
         serves,
         arrivals,
@@ -118,7 +118,7 @@ def draw_goals(count: int, config: GoalConfig, rng: np.random.Generator) -> Arra
     return rng.uniform(low, (config.high_x_m, config.half_width_m), (count, 2))
 
 
-def play(deliveries: Deliveries, actions: Array, config: EnvironmentConfig) -> Outcomes:
+def play(deliveries: ServeBatch, actions: Array, config: EnvironmentConfig) -> Outcomes:
     """What comes of actions (N, 3) in [-1, 1], one per ball; every row is played on its own."""
     strokes = strokes_of(deliveries, actions, config)
     if config.engine == "mujoco":
@@ -141,7 +141,7 @@ def racket_speeds_of(actions: Array, racket_speeds_mps: Array) -> Array:
     return low + (high - low) * (np.clip(actions[:, 3], -1, 1) + 1) / 2
 
 
-def strokes_of(deliveries: Deliveries, actions: Array, config: EnvironmentConfig) -> Strokes:
+def strokes_of(deliveries: ServeBatch, actions: Array, config: EnvironmentConfig) -> Strokes:
     """The strokes that actions (N, 3), or (N, 4) with the racket's speed, become.
 
     Clipped, with the actuator's error, as far as there is time to turn.
@@ -159,25 +159,25 @@ def strokes_of(deliveries: Deliveries, actions: Array, config: EnvironmentConfig
     )
 
 
-def evaluation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> Deliveries:
+def evaluation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> ServeBatch:
     """The fixed balls of a speed that policies are compared on; nobody may change them."""
     return _fixed_balls(EVALUATION_SEED, speed_mps, count, config, "test")
 
 
-def validation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> Deliveries:
+def validation_balls(speed_mps: float, count: int, config: EnvironmentConfig) -> ServeBatch:
     """The fixed balls of a speed by which one of a run's policies is chosen; nobody may change them."""
     return _fixed_balls(VALIDATION_SEED, speed_mps, count, config, "validation")
 
 
-def _fixed_balls(seed: int, speed_mps: float, count: int, config: EnvironmentConfig, part: BallPart) -> Deliveries:
+def _fixed_balls(seed: int, speed_mps: float, count: int, config: EnvironmentConfig, part: BallPart) -> ServeBatch:
     """Made once for all seeds that a process trains: to see 500 balls in time takes as long as to train on 500."""
     made = _deal if config.recorded else _deal_once  # files of recorded balls may change
     return made(seed, speed_mps, count, config, part)
 
 
-def _deal(seed: int, speed_mps: float, count: int, config: EnvironmentConfig, part: BallPart) -> Deliveries:
+def _deal(seed: int, speed_mps: float, count: int, config: EnvironmentConfig, part: BallPart) -> ServeBatch:
     rng = np.random.default_rng([seed, round(1000 * speed_mps)])
-    return deliver(speed_mps, count, config, rng, part)
+    return draw_serve_batch(speed_mps, count, config, rng, part)
 
 
 _deal_once = functools.lru_cache(maxsize=16)(_deal)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig
-from core.learning.task.environment import Deliveries, play
+from core.learning.task.environment import ServeBatch, play
 from core.physics.episode import Outcomes
 
 Array = NDArray[np.float64]
@@ -25,11 +25,11 @@ class EpisodeBackend(Protocol):
         """Start anew: from here on, equal balls are seen equally after an equal seed."""
         ...
 
-    def meet(self, delivery: Deliveries) -> Deliveries:
+    def observe(self, delivery: ServeBatch) -> ServeBatch:
         """Serve the one ball of `delivery` and give it back with what is seen of it, up to the decision."""
         ...
 
-    def play(self, delivery: Deliveries, action: Array) -> Outcomes:
+    def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
         """What comes of the action (1, 3) on the ball that `meet` gave."""
         ...
 
@@ -47,19 +47,18 @@ class ClosedFormBackend:
             raise ConfigError(
                 "states from events need event cameras",
                 where="state_source",
-                remedy="give the training the court of core.rally.simulated.event_environment, as `rallyscope train`"
-                " does",
+                remedy="give the training the court of core.live.worlds.event_environment, as `rallyscope train` does",
             )
         self._config = config
 
     def begin(self, seed: int) -> None:
         """Nothing is random here."""
 
-    def meet(self, delivery: Deliveries) -> Deliveries:
+    def observe(self, delivery: ServeBatch) -> ServeBatch:
         """Give back the delivery, which already holds what is seen."""
         return delivery
 
-    def play(self, delivery: Deliveries, action: Array) -> Outcomes:
+    def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
         """Play the balls as `environment.play` does."""
         return play(delivery, action, self._config)
 
@@ -67,9 +66,9 @@ class ClosedFormBackend:
         """Nothing to give back."""
 
 
-def observe_all(backend: EpisodeBackend, deliveries: Deliveries) -> Deliveries:
+def observe_all(backend: EpisodeBackend, deliveries: ServeBatch) -> ServeBatch:
     """Many balls, each as the court saw it, to be played in closed form: what is seen does not depend on the action."""
-    met = [backend.meet(deliveries[i : i + 1]) for i in range(len(deliveries))]
+    met = [backend.observe(deliveries[i : i + 1]) for i in range(len(deliveries))]
     aims = [(one.aim_ps_m, one.aim_t_s) for one in met]
     known = [(p, t) for p, t in aims if p is not None and t is not None]
     return dataclasses.replace(

@@ -84,14 +84,14 @@ def steps_of_fastest(probes: BodyProbes, step_px: float) -> int:
     return max(1, math.ceil(float(moved.max()) * (len(probes.circles) - 1) / step_px)) if moved.size else 1
 
 
-def hidden_by_bodies(bodies: MovingBodies, eye_m: Array, ps_world: Array, t_s: Array) -> NDArray[np.bool_]:
-    """Whether a body lies between `eye_m` and the points (N, 3) at their times `t_s` (N,)."""
+def hidden_by_bodies(bodies: MovingBodies, camera_m: Array, ps_world: Array, t_s: Array) -> NDArray[np.bool_]:
+    """Whether a body lies between `camera_m` and the points (N, 3) at their times `t_s` (N,)."""
     ends, parts = bodies.ends(t_s), bodies.parts
-    to_point = (ps_world - eye_m)[:, None, :]
+    to_point = (ps_world - camera_m)[:, None, :]
     with np.errstate(invalid="ignore"):
         distance = np.linalg.norm(to_point, axis=-1)
         ray = to_point / distance[:, :, None]
-        a, d = ends[:, :, 0] - eye_m, ends[:, :, 1] - ends[:, :, 0]
+        a, d = ends[:, :, 0] - camera_m, ends[:, :, 1] - ends[:, :, 0]
         along_a, along_d = (a * ray).sum(-1), (d * ray).sum(-1)
         across = (d * d).sum(-1) - along_d**2
         share = np.clip((along_a * along_d - (a * d).sum(-1)) / np.maximum(across, 1e-12), 0.0, 1.0)

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 _UP = (0.0, 0.0, 1.0)
 _STILL = (0.0, 0.0, 0.0)
-MOST_BOUNCES = 8
+MAX_BOUNCES = 8
 
 
 class Incoming(IntEnum):
@@ -95,7 +95,7 @@ def _fly(
         s[:] = balls[i]
         t = 0.0
         near = far = 0
-        for _ in range(MOST_BOUNCES):
+        for _ in range(MAX_BOUNCES):
             what, dt = next_contact(s, air, touched)
             dt_plane = fall_through(s, (1.0, 0.0, 0.0, 0.0, -hit_x), air, at_plane)
             if not math.isnan(dt_plane) and dt_plane <= dt:

@@ -11,8 +11,8 @@ from core.physics.episode import Case, Outcomes, Serves, Strokes
 from core.physics.flight import MAX_FLIGHT_S
 from core.physics.rotation import normals_from_orientations
 from core.physics.task import TaskConfig
+from core.simulation.episodes.ball_outcome import case_of
 from core.simulation.episodes.closed_form import fly_serves
-from core.simulation.episodes.judge import case_of
 from core.simulation.episodes.mujoco_rally import MujocoRally
 from core.simulation.episodes.racket import RacketState
 from core.simulation.episodes.rally_events import RallyEvent

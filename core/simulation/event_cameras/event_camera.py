@@ -19,7 +19,7 @@ from core.simulation.scenes.block_view import RacketView, moving_steps
 from core.simulation.scenes.racket_shape import RacketPath
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.scenes.steps import RACKET, Steps
-from core.simulation.sensor.noise import MergedEvents, draw_hot_pixels, merge_noise, noise_law
+from core.simulation.sensor.noise import MergedEvents, draw_hot_pixels, merge_noise, noise_model
 from core.simulation.sensor.pixels import EventBuffer, PixelTiming, settle_active
 from core.simulation.sensor.readout import Readout, ReadoutCounts
 from core.simulation.sensor.sensor import SensorConfig, make_pixels
@@ -52,7 +52,7 @@ class EventCamera:
         self._pixels = make_pixels(self._view.maps[:, LOG_LIGHT], config, rng)
         self._timing = PixelTiming(float(config.photoreceptor_us), float(config.refractory_us))
         self._hot = draw_hot_pixels(camera.sensor, config, rng)
-        self._noise = noise_law(camera.sensor, config, self._hot)
+        self._noise = noise_model(camera.sensor, config, self._hot)
         self._events = EventBuffer.empty(FIRST_CAPACITY)
         self._racket_seen: np.ndarray | None = None
         self._readout = Readout()
@@ -81,7 +81,7 @@ class EventCamera:
             ConfigError: if the rate is out of bounds.
         """
         self._config = dataclasses.replace(self._config, noise_hz=noise_hz)
-        self._noise = noise_law(self.camera.sensor, self._config, self._hot)
+        self._noise = noise_model(self.camera.sensor, self._config, self._hot)
 
     def advance(self, path: BallPath, end_us: int, racket: RacketPath | None = None) -> Events:
         """The events from `now_us` up to, not including, `end_us`. A racket is there from the start, or never.

@@ -37,7 +37,7 @@ from core.simulation.sensor.pixels import EVENTS_PER_PIXEL, follow_pixel, recept
 from core.simulation.sensor.sensor import RECEPTOR, REFERENCE, TARGET, TIME_US
 
 
-class Look(NamedTuple):
+class Observation(NamedTuple):
     """One look at a part of the picture."""
 
     swing: float
@@ -150,7 +150,7 @@ def event_kernel_step(pixels, scene, steps, step, scratch, timing, events):
         rim = NO_RIM
         if rims:
             rim = ball_rim_between(maps, scene.width_px, swept[BALL], steps.rows[before], moving.ball, skip_deep)
-        look = Look(swing, before_us, recent_us, now_us, decays[0], decays[1], skip_deep)
+        look = Observation(swing, before_us, recent_us, now_us, decays[0], decays[1], skip_deep)
         for y in range(y0, y1):
             line, left, right, first, end = y * scene.width_px, x1, x1, x0, x1
             if part == RACKET:  # only where its outline passes

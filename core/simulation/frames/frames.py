@@ -32,7 +32,7 @@ from core.simulation.scenes.racket_shape import RacketPath
 from core.simulation.scenes.scene import SceneConfig
 from core.simulation.scenes.shading import UNTOUCHED, Moving, pixel_seen
 
-LEAST_INSTANTS: Final = 8
+MIN_INSTANTS: Final = 8
 """Of an exposure, however little moves."""
 BLUR_STEP_PX: Final = 0.7
 """Most motion between two instants, less than half an edge: a streak is right to 1.5 levels of 255 (measured)."""
@@ -93,7 +93,7 @@ class FrameCamera:
         self, path: BallPath, racket: RacketPath | None, t_us: int, *, exposure_us: int | None = None
     ) -> NDArray[np.uint8]:
         """The picture (height, width, 3 = RGB) whose exposure has its middle at `t_us`, as long as the config says."""
-        least, scene = LEAST_INSTANTS, self._scenes[0]
+        least, scene = MIN_INSTANTS, self._scenes[0]
         exposure_us = exposure_us or self._config.exposure_us
         start_us = t_us - exposure_us // 2
         end_us = start_us + exposure_us
@@ -176,7 +176,7 @@ class FrameTrack:
 
 def chosen_instants(count: int) -> NDArray[np.intp]:
     """Which of `count` instants are enough for a picture: the events need them closer together."""
-    most = max(LEAST_INSTANTS, round((count - 1) * STEP_PX / BLUR_STEP_PX))
+    most = max(MIN_INSTANTS, round((count - 1) * STEP_PX / BLUR_STEP_PX))
     return np.unique(np.rint(np.linspace(0, count - 1, min(most, count - 1) + 1)).astype(np.intp))
 
 

@@ -61,7 +61,7 @@ def picture_speed(camera: Camera, states: BallStates) -> float:
 
 @njit(error_model="numpy")
 def _shading_rows(lens, look, ps, present, normals, offsets, rows):
-    eye, R = lens.eye_m, lens.R
+    eye, R = lens.camera_m, lens.R
     focal = math.sqrt(lens.focal_px[0] * lens.focal_px[1])
     for index in range(len(ps)):
         row = rows[index]

@@ -25,7 +25,7 @@ class LensNumbers(NamedTuple):
     """(3, 3) rotation from the world to the camera."""
     t: NDArray[np.float64]
     """(3,) position of the world's origin in the camera's frame."""
-    eye_m: NDArray[np.float64]
+    camera_m: NDArray[np.float64]
     """(3,) the camera in the world."""
     focal_px: tuple[float, float]
     middle_px: tuple[float, float]

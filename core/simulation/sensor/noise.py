@@ -42,7 +42,7 @@ def draw_hot_pixels(sensor: SensorSize, config: SensorConfig, rng: np.random.Gen
     return HotPixels(pixels, config.hot_pixel_hz * np.exp(rng.standard_normal(hot)))
 
 
-class NoiseLaw(NamedTuple):
+class NoiseModel(NamedTuple):
     """Background and hot pixels of a sensor as one Poisson process, which is drawn as such."""
 
     background_hz: float
@@ -55,12 +55,12 @@ class NoiseLaw(NamedTuple):
     total_hz: float
 
 
-def noise_law(sensor: SensorSize, config: SensorConfig, hot: HotPixels) -> NoiseLaw:
+def noise_model(sensor: SensorSize, config: SensorConfig, hot: HotPixels) -> NoiseModel:
     """The noise of a sensor. Leakage makes ON events only, shot noise both."""
     on_share = config.leak_share + 0.5 * (1.0 - config.leak_share)
     background_hz = float(config.noise_hz) * sensor.width_px * sensor.height_px
     hot_hz = np.cumsum(hot.rates_hz)
-    return NoiseLaw(
+    return NoiseModel(
         background_hz, on_share, hot.pixels, hot_hz, background_hz + (float(hot_hz[-1]) if len(hot_hz) else 0.0)
     )
 
@@ -68,7 +68,7 @@ def noise_law(sensor: SensorSize, config: SensorConfig, hot: HotPixels) -> Noise
 def merge_noise(
     signal: EventBuffer,
     last_event_us: NDArray[np.int64],
-    law: NoiseLaw,
+    law: NoiseModel,
     start_us: int,
     end_us: int,
     refractory_us: int,

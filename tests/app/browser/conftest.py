@@ -15,14 +15,14 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
-from app.front.door import BROWSER_COOKIE
+from app.client_session.tour import TOUR
 from app.modes.watch.commands import ShowSpace
 from app.server import App
 from app.session import Session
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.state.commands import SetZoom
-from app.visit.tour import TOUR
+from app.web.gateway import BROWSER_COOKIE
 from tests.ensure_chromium import find_chromium
 
 FLAGS = [

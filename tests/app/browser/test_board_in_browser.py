@@ -5,7 +5,7 @@ from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
 from core.cameras.calibration.coverage import cells_of
-from core.rally.live.replay_source import ReplaySource
+from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
 from tests.app.blinking_board import BOARD, POSES_M, SENSOR, blink, points_px
 

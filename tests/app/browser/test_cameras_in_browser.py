@@ -8,11 +8,11 @@ from app.server import App
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
+from core.devices.bias_file import read_biases
+from core.devices.neuromorphic import open_camera
+from core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.events import Events
-from core.rally.devices.bias_file import read_biases
-from core.rally.devices.neuromorphic import open_camera
-from core.rally.devices.replayed_hardware import Replayed, ReplayedLibrary
-from core.rally.live.camera_source import CameraSource
+from core.live.camera_source import CameraSource
 from core.recordings import open_recording
 
 ROUND_US = 600_000

@@ -16,7 +16,7 @@ HAND = "setInterval(() => dispatchEvent(new PointerEvent('pointermove')), 50)"
 @pytest.fixture
 def page(chromium: Browser) -> Iterator[Page]:
     page = chromium.new_page()
-    script = (resources.files("app.front") / "page" / "drawing.js").read_text("utf-8")
+    script = (resources.files("app.web") / "page" / "drawing.js").read_text("utf-8")
     page.set_content("<p>nothing that takes time to draw</p>")
     page.add_script_tag(content=f"{BEFORE}\n{script}")
     yield page

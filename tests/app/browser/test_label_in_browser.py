@@ -10,7 +10,7 @@ import pytest
 from app.modes.label.commands.cursor import ChangeView, GoTo
 from app.modes.label.commands.hand import PlaceBall, SetState
 from app.modes.label.plan import plan_at
-from app.pictures.palette import Ink, palette
+from app.pictures.palette import PaletteIndex, palette
 from app.state.commands import Seek
 from app.views.image_view import FOV_RAD, UNIT
 from labels.conflicts import how_settled
@@ -450,7 +450,7 @@ def test_two_who_disagree_are_shown_side_by_side_and_keys_settle_it(
     rgb = palette("orange / blue")
     labelling.window.wait_for_pixels(
         "label-conflict",
-        lambda pixels: all(count_like(pixels, rgb[ink], 25) > 150 for ink in (Ink.MINE, Ink.THEIRS)),
+        lambda pixels: all(count_like(pixels, rgb[ink], 25) > 150 for ink in (PaletteIndex.MINE, PaletteIndex.THEIRS)),
     )
     labelling.keys("l")
     page.get_by_text("1 of 3 settled").wait_for()

@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from app.client_session.frame_throttle import FEW_EVERY_S
+from app.client_session.opening_moment import SLOW, SLOWEST, OpeningMoment
+from app.client_session.tour import TOUR
 from app.server import App
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally, join_simulation
@@ -16,16 +19,13 @@ from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
 from app.state.client_state import ClientState
 from app.state.commands import SetMethod
-from app.visit.opening_moment import SLOW, SLOWEST, OpeningMoment
-from app.visit.page_pace import FEW_EVERY_S
-from app.visit.tour import TOUR
+from core.chain.control.controller import BuiltInController
+from core.history.rally_history import Outcome, RallyHistory
+from core.history.rally_picture import LandingSpot
 from core.learning.runs.run_files import create_run
 from core.learning.runs.running import run_training
+from core.live.link import messages as m
 from core.physics.episode import Case
-from core.rally.control.controller import BuiltInController
-from core.rally.history.rally_history import Outcome, RallyHistory
-from core.rally.history.rally_picture import LandingSpot
-from core.rally.link import messages as m
 from core.recordings import open_recording
 from labels.model import LabelState
 from labels.store import find_layers
@@ -75,10 +75,10 @@ def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for,
 
 def test_a_page_that_the_processor_draws_is_spared_while_the_rally_runs(live_window, wait_for) -> None:
     live_window.page.wait_for_function("rallyscope.rallyRuns")
-    wait_for(lambda: live_window.session.is_spared, "the page to have told who draws it")
+    wait_for(lambda: live_window.session.is_throttled, "the page to have told who draws it")
     live_window.press("Pause")
     live_window.page.wait_for_function("!rallyscope.rallyRuns")
-    assert not live_window.session.is_spared
+    assert not live_window.session.is_throttled
     live_window.press("Play")
     live_window.page.wait_for_function("rallyscope.rallyRuns")
 

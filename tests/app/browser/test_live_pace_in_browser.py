@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.bench import live_pace
+from benchmarks.app import live_pace
 
 pytestmark = pytest.mark.browser
 

@@ -11,10 +11,10 @@ from app.server import App
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.state.commands import SetCamera, StopAt
+from core.history.missed_balls import MissedBallRequest, find_missed_ball
+from core.history.rally_history import Outcome
+from core.history.rally_picture import LandingSpot
 from core.physics.episode import Case
-from core.rally.history.missed_balls import MissedBallRequest, find_missed_ball
-from core.rally.history.rally_history import Outcome
-from core.rally.history.rally_picture import LandingSpot
 from labels.model import Label, LabelState
 from labels.store import LabelStore
 from tests.app.export.rrd.rerun_viewer import entities, viewer

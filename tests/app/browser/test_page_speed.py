@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
-from app.bench.page_speed import measure_in
+from benchmarks.app.page_speed import measure_in
 
 
 @pytest.mark.browser

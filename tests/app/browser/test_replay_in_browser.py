@@ -13,7 +13,7 @@ from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
 from core.errors import RecordingError
 from core.events import Events
-from core.rally.live.replay_source import ReplaySource
+from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
 
 SPACE = (slice(0, 720), slice(320, 870))

@@ -13,10 +13,10 @@ from app.server import App
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
-from core.rally.live.replay_source import ReplaySource
-from core.rally.robot import RobotClient, RobotServer, RobotWatchConfig
+from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
-from tests.core.rally.robot.limits import LIMITS
+from core.robot import RobotClient, RobotServer, RobotWatchConfig
+from tests.core.robot.limits import LIMITS
 
 
 class JumpingArm:

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from app.modes.watch.commands import EnlargeNextCamera, ShowLayer
-from app.scene.eye import LEAST_SHARE, Eye, eye_of
 from app.scene.painted import BALL_CORE_RGB, BALL_RING_RGB
+from app.scene.view_camera import MIN_SHARE, ViewCamera, view_camera_of
 from app.server import App
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.state.commands import Seek
 from core.geometry import matrix_from_quaternion
-from core.rally.history.played_bodies import PlayedBodies
+from core.history.played_bodies import PlayedBodies
 
 pytestmark = pytest.mark.browser
 BALL_US = 420_000
@@ -65,7 +65,7 @@ def canvas_of(window) -> tuple[int, int, int, int]:
 
 def pixel_of(window, p_world_m: np.ndarray) -> tuple[float, float]:
     """Column and row in the window of a point (3,), by the pinhole that the browser reports."""
-    eye: Eye = eye_of(window.session.client)
+    eye: ViewCamera = view_camera_of(window.session.client)
     left, top, width, height = canvas_of(window)
     x, y, z = matrix_from_quaternion(eye.wxyz).T @ (p_world_m - eye.p_world_m)
     f = height / 2 / np.tan(eye.fov_rad / 2)
@@ -83,7 +83,7 @@ def test_the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for)
     _, _, width, height = canvas_of(space)
     assert width >= 0.45 * size[0], "the middle is no slit"
     ball = space.rally.history.at(BALL_US, {}).picture.ball
-    radius = LEAST_SHARE * height
+    radius = MIN_SHARE * height
 
     def around_ball(window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is round the ball, and where its first pixel is: panels may have changed their widths once more."""

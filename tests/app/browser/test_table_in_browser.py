@@ -14,7 +14,7 @@ from app.views.image_view import FOV_RAD, UNIT
 from core.cameras import load_calibration, stereo_preset
 from core.cameras.calibration.table_corners import CORNERS
 from core.geometry import look_at
-from core.rally.live.replay_source import ReplaySource
+from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
 
 CLICKED = ("net-left", "net-right", "robot-centre", "post-left", "post-right")

@@ -2,9 +2,9 @@
 
 import pytest
 
+from app.client_session.tour.steps import PICTURE, TOURS
 from app.state.client_state import MODES
 from app.state.commands import SetMode
-from app.visit.tour.steps import PICTURE, TOURS
 
 pytestmark = pytest.mark.browser
 BOXES = """() => ["#rallyscope-tour", "#rallyscope-tour-frame"].map((name) => {

@@ -10,7 +10,7 @@ from PIL import Image
 from app.export.exporter import ExportState
 from app.modes.watch.commands import ShowSpace
 from app.scene.ball import BALL_RGB, CORE_RGB
-from app.scene.eye import Eye
+from app.scene.view_camera import ViewCamera
 from app.state.commands import StopAt
 from core.geometry import matrix_from_quaternion
 
@@ -34,14 +34,14 @@ def enter(window, title: str, wait_for) -> None:
     window.wait_until_camera_stands()
 
 
-def place(eye: Eye, p_world_m: np.ndarray, width: int, height: int) -> tuple[int, int]:
+def place(eye: ViewCamera, p_world_m: np.ndarray, width: int, height: int) -> tuple[int, int]:
     """Column and row of a point in a picture of that size."""
     x, y, z = matrix_from_quaternion(eye.wxyz).T @ (p_world_m - eye.p_world_m)
     f = height / 2 / math.tan(eye.fov_rad / 2)
     return round(width / 2 + f * x / z), round(height / 2 + f * y / z)
 
 
-def shows_ball(image: np.ndarray, eye: Eye, ball: np.ndarray) -> bool:
+def shows_ball(image: np.ndarray, eye: ViewCamera, ball: np.ndarray) -> bool:
     column, row = place(eye, ball, image.shape[1], image.shape[0])
     around = image[row - 6 : row + 7, column - 6 : column + 7].astype(int)
     return all((np.abs(around - rgb).max(axis=-1) < 70).any() for rgb in (CORE_RGB, BALL_RGB))

@@ -4,12 +4,12 @@ import types
 import pytest
 
 from app.cli import bench, main
-from app.cli.engine_arguments import EngineArguments
-from core.bench.partial_rows import tell_rows
+from app.cli.backend_arguments import BackendArguments
+from benchmarks.partial_rows import report_rows_to
 
 
 def arguments(*, json: bool) -> bench.BenchArguments:
-    engine = EngineArguments(jobs=None, cluster=None)
+    engine = BackendArguments(jobs=None, cluster=None)
     return bench.BenchArguments(name="detection", **dict.fromkeys(bench.OPTIONS), engine=engine, json=json)  # type: ignore[arg-type]
 
 
@@ -27,9 +27,9 @@ def test_rows_are_said_as_they_are_measured(monkeypatch, capsys) -> None:
     rows = [{"scene": "ball", "ratio": 1.5}, {"scene": "dark", "ratio": 2.0}]
 
     def measure(progress) -> dict[str, object]:
-        tell_rows(progress, rows[:1], 0.5)
+        report_rows_to(progress, rows[:1], 0.5)
         assert capsys.readouterr().err == "scene ball, ratio 1.500\n"  # before the second is measured
-        tell_rows(progress, rows[1:], 1.0)
+        report_rows_to(progress, rows[1:], 1.0)
         return {"rows": rows}
 
     monkeypatch.setattr(bench.importlib, "import_module", lambda name: types.SimpleNamespace(run=measure))

@@ -88,7 +88,7 @@ def test_a_client_of_a_server_that_compiles_gets_its_answer(cache) -> None:
         [*CLI, "sim-server", *bind], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
     )
     asking = (
-        "import sys, time; from core.rally.link.client import SimulationClient; from core.errors import NoAnswerError\n"
+        "import sys, time; from core.live.link.client import SimulationClient; from core.errors import NoAnswerError\n"
         "shares = []\n"
         "while True:\n"
         "    try: client = SimulationClient(sys.argv[1], preparing=shares.append); break\n"

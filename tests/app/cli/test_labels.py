@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from app.cli.main import main
+from benchmarks.labels.clips import MIDDLE_US, SENSOR, draw_clip
 from core.events import Events
 from core.recordings import RecordingWriter
 from labels.conflicts import settlement
 from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore
 from labels.store_contents import read_store
-from labels.trials.clips import MIDDLE_US, SENSOR, draw_clip
 
 UUID = "11111111-2222-4333-8444-555555555555"
 

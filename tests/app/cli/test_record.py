@@ -14,17 +14,17 @@ import pytest
 
 from app.cli import main
 from core.cameras import save_calibration, stereo_preset
-from core.rally.devices import neuromorphic
-from core.rally.devices.models import DVXPLORER, EVK4
-from core.rally.devices.replayed_hardware import Replayed, ReplayedLibrary
+from core.devices import neuromorphic
+from core.devices.models import DVXPLORER, EVK4
+from core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.recordings import open_recording
 
 STARTED = """
 import sys
 from pathlib import Path
 from app.cli import main
-from core.rally.devices import neuromorphic
-from core.rally.devices.replayed_hardware import Replayed, ReplayedLibrary
+from core.devices import neuromorphic
+from core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.recordings import open_recording
 recording = open_recording(Path(sys.argv[1]))
 library = ReplayedLibrary({

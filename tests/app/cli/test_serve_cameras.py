@@ -19,8 +19,8 @@ STARTED = """
 import sys
 from pathlib import Path
 from app.cli import main
-from core.rally.devices import neuromorphic
-from core.rally.devices.replayed_hardware import Replayed, ReplayedLibrary
+from core.devices import neuromorphic
+from core.devices.replayed_hardware import Replayed, ReplayedLibrary
 from core.recordings import open_recording
 recording = open_recording(Path(sys.argv[1]))
 library = ReplayedLibrary({

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from app.shared.live_rally import LiveRally
-from core.rally.live.replay_source import ReplaySource
-from core.rally.robot import RobotClient, RobotServer, RobotWatchConfig
+from core.live.replay_source import ReplaySource
 from core.recordings import open_recording
-from tests.core.rally.robot.limits import LIMITS
+from core.robot import RobotClient, RobotServer, RobotWatchConfig
+from tests.core.robot.limits import LIMITS
 
 PLACE = (-1.5, 0.125, 0.25)
 

@@ -12,7 +12,7 @@ import h5py
 import pytest
 
 from app.cli import main
-from core.rally.data_sets import CARD, MANIFEST
+from core.data_sets import CARD, MANIFEST
 from tests.processes import is_alive
 
 SMALL = ("--sensor", "48x32", "--serves", "1")

@@ -19,9 +19,9 @@ from core.events import SensorSize
 from core.learning.config import EnvironmentConfig, default_run
 from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
 from core.learning.runs.training import BALLS
-from core.learning.task.environment import deliver
-from core.rally.link.keys import ServerKeys, make_keys, read_server_keys
-from core.rally.link.server import ServerConfig, SimulationServer
+from core.learning.task.environment import draw_serve_batch
+from core.live.link.keys import ServerKeys, make_keys, read_server_keys
+from core.live.link.server import ServerConfig, SimulationServer
 from tests.core.learning.task.test_recorded_balls import write_states
 
 SHORT = ["--agent", "landing-model", "--state-source", "truth"]
@@ -150,7 +150,9 @@ def test_a_server_is_trained_on_by_what_its_cameras_see(tmp_path: Path) -> None:
         assert main(["train", "--source", address, *options, "--out", str(tmp_path / "run")]) == 0
     assert read_run(tmp_path / "run").environment.outcomes == "events"
     lines = read_lines(seed_files(tmp_path / "run", 0).metrics)[0]
-    (truth,) = deliver(6.0, 1, EnvironmentConfig(state_source="truth"), np.random.default_rng([0, BALLS, 0])).states
+    (truth,) = draw_serve_batch(
+        6.0, 1, EnvironmentConfig(state_source="truth"), np.random.default_rng([0, BALLS, 0])
+    ).states
     (line,) = lines
     assert line["state"] == pytest.approx(truth.tolist(), abs=0.3) and line["state"] != truth.tolist()
     assert line["landing_m"] != [None, None]

@@ -9,7 +9,7 @@ import pytest
 from app.export.film_file import film_file
 from app.export.selection import Span
 from app.export.unfinished import ExportCancelledError
-from app.export.view_film import MOST_FRAMES, ViewFilmPlan, export_view_film
+from app.export.view_film import MAX_FRAMES, ViewFilmPlan, export_view_film
 from core.errors import CommandError
 
 
@@ -53,7 +53,7 @@ def test_slower_films_have_more_frames(speed: float, fps: float, count: int) -> 
 
 
 def test_a_film_that_is_too_long_is_refused_before_it_begins() -> None:
-    with pytest.raises(CommandError, match=f"up to {MOST_FRAMES} frames"):
+    with pytest.raises(CommandError, match=f"up to {MAX_FRAMES} frames"):
         plan(span=Span(0, 600_000_000), speed=0.1).times_us()
 
 

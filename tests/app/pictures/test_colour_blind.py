@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from app.pictures.palette import METHOD_RGB, Ink, palette
+from app.pictures.palette import METHOD_RGB, PaletteIndex, palette
 from app.scene.landing import CASE_RGB
 
 SEES = {
@@ -44,13 +44,13 @@ def too_alike(colours: Colours) -> list[str]:
     ]
 
 
-def inks(*names: Ink) -> Colours:
+def inks(*names: PaletteIndex) -> Colours:
     rgb = palette("orange / blue")
     return {ink.name: tuple(rgb[ink].tolist()) for ink in names}
 
 
 def in_time_bar(*names: str) -> Colours:
-    script = (files("app.front") / "page" / "timebar.js").read_text()
+    script = (files("app.web") / "page" / "timebar.js").read_text()
     found = dict(re.findall(r"(\w+): \"(#[0-9a-f]{6})\"", script))
     return {name: tuple(bytes.fromhex(found[name][1:])) for name in names}
 
@@ -58,12 +58,20 @@ def in_time_bar(*names: str) -> Colours:
 @pytest.mark.parametrize(
     "colours",
     [
-        inks(Ink.LABEL, Ink.PARTLY, Ink.OCCLUDED, Ink.OUT_OF_FRAME, Ink.NO_BALL, Ink.DRAFT, Ink.ASKS),
-        inks(Ink.HULL, Ink.HULL_REJECTED, Ink.TRUTH, Ink.ROI),
-        inks(Ink.CIRCLE, Ink.TRUTH, Ink.ROI, Ink.HULL_REJECTED),
-        inks(Ink.ON, Ink.OFF),
-        inks(Ink.MINE, Ink.THEIRS, Ink.ON, Ink.OFF),
-        inks(Ink.MINE, Ink.THEIRS, Ink.EPIPOLAR),
+        inks(
+            PaletteIndex.LABEL,
+            PaletteIndex.PARTLY,
+            PaletteIndex.OCCLUDED,
+            PaletteIndex.OUT_OF_FRAME,
+            PaletteIndex.NO_BALL,
+            PaletteIndex.DRAFT,
+            PaletteIndex.ASKS,
+        ),
+        inks(PaletteIndex.HULL, PaletteIndex.HULL_REJECTED, PaletteIndex.TRUTH, PaletteIndex.ROI),
+        inks(PaletteIndex.CIRCLE, PaletteIndex.TRUTH, PaletteIndex.ROI, PaletteIndex.HULL_REJECTED),
+        inks(PaletteIndex.ON, PaletteIndex.OFF),
+        inks(PaletteIndex.MINE, PaletteIndex.THEIRS, PaletteIndex.ON, PaletteIndex.OFF),
+        inks(PaletteIndex.MINE, PaletteIndex.THEIRS, PaletteIndex.EPIPOLAR),
         {str(method): rgb for method, rgb in METHOD_RGB.items()},
         {case.name: rgb for case, rgb in CASE_RGB.items()},
         in_time_bar("found", "missed", "false"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.pictures.palette import CLUSTER_COLOURS, POLARITY_COLOURS, RAMP_COLOURS, Ink, palette
+from app.pictures.palette import CLUSTER_COLOURS, POLARITY_COLOURS, RAMP_COLOURS, PaletteIndex, palette
 from app.pictures.png import encode_png
 from core.events.image import OFF_EVENT, ON_EVENT
 
@@ -18,16 +18,16 @@ def test_every_pixel_gets_exactly_its_palette_colour(colours) -> None:
 
 
 def test_a_polarity_image_is_a_picture_already() -> None:
-    assert (Ink.OFF, Ink.ON) == (OFF_EVENT, ON_EVENT)
+    assert (PaletteIndex.OFF, PaletteIndex.ON) == (OFF_EVENT, ON_EVENT)
 
 
 def test_inks_do_not_run_into_each_other() -> None:
-    assert max(ink for ink in Ink if ink < Ink.CLUSTER) < Ink.CLUSTER
-    assert Ink.CLUSTER + CLUSTER_COLOURS <= Ink.RAMP and Ink.RAMP + RAMP_COLOURS <= 256
-    named = [tuple(palette("orange / blue")[ink]) for ink in Ink if ink < Ink.RAMP]
+    assert max(ink for ink in PaletteIndex if ink < PaletteIndex.CLUSTER) < PaletteIndex.CLUSTER
+    assert PaletteIndex.CLUSTER + CLUSTER_COLOURS <= PaletteIndex.RAMP and PaletteIndex.RAMP + RAMP_COLOURS <= 256
+    named = [tuple(palette("orange / blue")[ink]) for ink in PaletteIndex if ink < PaletteIndex.RAMP]
     assert len(set(named)) == len(named)
 
 
 def test_the_ramp_gets_brighter() -> None:
-    ramp = palette("orange / blue")[Ink.RAMP : Ink.RAMP + RAMP_COLOURS].astype(int).sum(axis=1)
+    ramp = palette("orange / blue")[PaletteIndex.RAMP : PaletteIndex.RAMP + RAMP_COLOURS].astype(int).sum(axis=1)
     assert np.all(np.diff(ramp) > 0)

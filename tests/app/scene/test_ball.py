@@ -8,8 +8,8 @@ import pytest
 import viser
 
 from app.scene.ball import BallActors
-from app.scene.eye import LEAST_SHARE, LIFT_M, Eye
 from app.scene.painted import GLOW_TO
+from app.scene.view_camera import LIFT_M, MIN_SHARE, ViewCamera
 from core.table import BALL_RADIUS_M
 
 SPRITES = ("/world/ball-sprite", "/world/truth-sprite")
@@ -43,8 +43,8 @@ def test_from_near_the_ball_is_as_large_as_it_is_and_from_far_a_share_of_the_pic
     fov_rad, wxyz = math.radians(40), np.array([1.0, 0.0, 0.0, 0.0])  # looks along +z
     for away_m in (1.0, 6.0, 20.0):
         at = np.array([0.0, 0.0, 1.0])
-        ball.show(at, None, Eye(at - (0.0, 0.0, away_m), wxyz, fov_rad))
-        least_m = LEAST_SHARE * 2 * away_m * math.tan(fov_rad / 2)
+        ball.show(at, None, ViewCamera(at - (0.0, 0.0, away_m), wxyz, fov_rad))
+        least_m = MIN_SHARE * 2 * away_m * math.tan(fov_rad / 2)
         image = server.scene._handle_from_node_name["/world/ball-sprite"]
         nearer = float(np.linalg.norm(image.position - at)) / away_m
         wanted_m = max(BALL_RADIUS_M, least_m) * (1 - nearer)

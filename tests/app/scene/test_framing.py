@@ -9,7 +9,7 @@ from app.scene.framing import MARGIN, framed
 from app.scene.viewpoints import FRAMED, STAGE, VIEWPOINTS, stage_with, standpoint
 from app.views.viewpoint import Viewpoint
 from core.geometry import look_at
-from core.rally.history.rally_picture import People
+from core.history.rally_picture import People
 from core.simulation.bodies import make_actors
 
 ASPECTS = [0.4, 0.8, 1.0, 1.16, 1.78]

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from app.scene.eye import Eye
 from app.scene.notes import apart, note_text
+from app.scene.view_camera import ViewCamera
 
 
 def test_the_time_is_rounded_to_what_can_be_read() -> None:
@@ -14,6 +14,6 @@ def test_the_time_is_rounded_to_what_can_be_read() -> None:
 
 
 def test_two_points_are_apart_by_a_share_of_the_picture() -> None:
-    eye = Eye(np.zeros(3), np.array([1.0, 0, 0, 0]), 2 * math.atan(0.5))
+    eye = ViewCamera(np.zeros(3), np.array([1.0, 0, 0, 0]), 2 * math.atan(0.5))
     assert apart(eye, np.array([0.0, 0, 4]), np.array([1.0, 0, 4])) == pytest.approx(0.25)
     assert apart(eye, np.array([0.0, 0, 4]), np.array([0.0, 0, 9])) == pytest.approx(0.0, abs=1e-6)

@@ -5,7 +5,7 @@ import pytest
 
 from app.scene.people import balls_of, cylinders_of, part_colours
 from core.geometry import matrix_from_quaternion
-from core.rally.history.rally_picture import People
+from core.history.rally_picture import People
 from core.simulation.bodies import make_actors
 from core.simulation.bodies.parts import blade, rod
 

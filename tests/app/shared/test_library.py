@@ -20,7 +20,7 @@ def library(tmp_path: Path) -> Library:
 def test_recordings_have_files_of_the_workspace_and_guests_their_own(library: Library, tmp_path: Path) -> None:
     guest = tmp_path / "guest.raw"
     assert library.file_of("mine") == tmp_path / "data" / "recordings" / "mine.h5"
-    assert library.file_of(library.add_guest(guest)) == guest
+    assert library.file_of(library.add_external(guest)) == guest
 
 
 @pytest.mark.parametrize(("name", "says"), [("live", "no file yet"), ("../mine", "no such recording")])

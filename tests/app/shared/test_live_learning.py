@@ -13,8 +13,8 @@ from app.shared.policies import BUILT_IN, LEARNS, learning_start, let_play, run_
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
 from core.errors import CommandError
-from core.rally.online_learning.progress import LearnedBall
-from core.rally.online_learning.start import NOTHING
+from core.online_learning.progress import LearnedBall
+from core.online_learning.start import NOTHING
 
 
 @pytest.fixture(scope="module")

@@ -120,7 +120,7 @@ def test_a_damaged_file_of_what_was_seen_does_no_harm(tmp_path: Path) -> None:
     workspace = Workspace(tmp_path)
     (workspace.browsers / f"{BROWSER}.seen").write_bytes(b"\xff\xfe\x00" * 100_000 + b"\n" * 1000)
     memory = BrowserMemory(workspace)
-    assert len(memory.seen(BROWSER)) <= browser_memory.MOST_SEEN
+    assert len(memory.seen(BROWSER)) <= browser_memory.MAX_SEEN
     memory.note_seen(BROWSER, "tour")
     assert memory.knows(BROWSER)
 
@@ -143,5 +143,5 @@ def test_what_was_seen_grows_no_file_without_end(tmp_path: Path) -> None:
     memory = BrowserMemory(Workspace(tmp_path))
     for number in range(600):
         memory.note_seen(BROWSER, f"thing-{number:04d}")
-    assert (tmp_path / "browsers" / f"{BROWSER}.seen").stat().st_size < 2 * browser_memory.MOST_SEEN_BYTES
-    assert 0 < len(memory.seen(BROWSER)) <= browser_memory.MOST_SEEN
+    assert (tmp_path / "browsers" / f"{BROWSER}.seen").stat().st_size < 2 * browser_memory.MAX_SEEN_BYTES
+    assert 0 < len(memory.seen(BROWSER)) <= browser_memory.MAX_SEEN

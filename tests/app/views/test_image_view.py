@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from viser._messages import ViewerCameraMessage
 
-from app.bench.bare_browser import BareBrowser
 from app.modes.watch.commands import ShowSpace
 from app.server import App
 from app.shared.library import Library
 from app.shared.workspace import Workspace
+from benchmarks.app.bare_browser import BareBrowser
 
 Point = tuple[float, float, float]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from app.pictures.canvas import Region
-from app.pictures.palette import METHOD_RGB, Ink, method_ink, palette
+from app.pictures.palette import METHOD_RGB, PaletteIndex, method_colour_index, palette
 from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import KEPT, AnswerCache
 from app.views.methods_picture import MethodsRequest, answer_methods, verdict
@@ -20,9 +20,9 @@ EMPTY = Window(Events.empty(SensorSize(64, 64)), 0, 10_000)
 
 
 def test_every_method_has_a_colour_that_nothing_else_has() -> None:
-    inks = [method_ink(method) for method in METHODS]
-    others = {int(ink) for ink in Ink} - {Ink.METHOD}
-    assert len(set(inks)) == len(METHODS) and not others & set(inks) and max(inks) < Ink.RAMP
+    inks = [method_colour_index(method) for method in METHODS]
+    others = {int(ink) for ink in PaletteIndex} - {PaletteIndex.METHOD}
+    assert len(set(inks)) == len(METHODS) and not others & set(inks) and max(inks) < PaletteIndex.RAMP
     assert len(set(METHOD_RGB.values())) == len(METHODS)
     assert [tuple(palette("red / green")[ink]) for ink in inks] == [METHOD_RGB[method] for method in METHODS]
 

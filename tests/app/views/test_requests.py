@@ -9,7 +9,7 @@ import pytest
 
 from app.modes.tune.candidates import candidates_html, cluster_at
 from app.pictures.canvas import Canvas, Region
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from app.state.client_state import Overlay, RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
 from app.views.requests import TuneRequest, render_answers, render_tune, window_before
@@ -74,7 +74,7 @@ def test_a_rejected_ball_is_outlined_in_red_with_the_number_that_failed(
     canvas = Canvas(around)
     draw_stages(canvas, window_before(stream, BALL_US, SEEN.window.window_us), lost, overlay, "polarity")
     assert (ball in rejected_up_to(lost, overlay)) == red
-    assert (np.count_nonzero(canvas.image == Ink.HULL_REJECTED) > 200) == red
+    assert (np.count_nonzero(canvas.image == PaletteIndex.HULL_REJECTED) > 200) == red
 
 
 def test_the_result_shows_nothing_rejected_beside_a_ball(stream: CameraStream) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from core.jobs import Engine, open_jobs
+from core.jobs import JobBackend, open_jobs
 
 pytest.importorskip("distributed")
 TLS = "DASK_DISTRIBUTED__COMM__TLS__"
@@ -62,7 +62,7 @@ def test_pieces_are_worked_on_behind_certificates_and_a_stranger_is_told_nothing
     own_cluster.start(2, "--no-nanny", DASK_DISTRIBUTED__COMM__DEFAULT_SCHEME="tls", **ours)
     address = own_cluster.address
     assert address.startswith("tls://127.0.0.1:")
-    with open_jobs(Engine(jobs=1), 3) as jobs:
+    with open_jobs(JobBackend(jobs=1), 3) as jobs:
         here = jobs.run(digest, [0, 1, 2])
     assert ask(address, ours) == str(here)
     refused = "no scheduler of a cluster answers; is `dask scheduler` running there, and this its address"

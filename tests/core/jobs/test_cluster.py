@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from core.errors import CommandError, ConfigError, JobsError
-from core.jobs import Engine, PiecesStoppedError, open_jobs
+from core.jobs import JobBackend, TasksStoppedError, open_jobs
 from core.jobs.versions import check_versions, versions_here
 
 pytest.importorskip("distributed")
@@ -25,9 +25,9 @@ def test_results_are_those_of_this_machine_to_the_last_bit(cluster) -> None:
     from pieces import digest, threads
 
     seeds, heard, shares = list(range(9)), [], []
-    with open_jobs(Engine(jobs=1), 9) as jobs:
+    with open_jobs(JobBackend(jobs=1), 9) as jobs:
         here = jobs.run(digest, seeds)
-    with open_jobs(Engine(cluster=cluster.address), 9) as jobs:
+    with open_jobs(JobBackend(cluster=cluster.address), 9) as jobs:
         there = jobs.run(digest, seeds, done=lambda number, _: heard.append(number), progress=shares.append)
         assert jobs.run(threads, [0, 1]) == [(1, "1")] * 2
     assert here == there and sorted(heard) == seeds
@@ -39,7 +39,7 @@ def test_an_error_of_a_piece_is_raised_as_it_is(cluster) -> None:
 
     with (
         pytest.raises(ConfigError, match="no such serve; expected 3 to 9, got 2"),
-        open_jobs(Engine(cluster=cluster.address), 4) as jobs,
+        open_jobs(JobBackend(cluster=cluster.address), 4) as jobs,
     ):
         jobs.run(fail, [0, 1, 2, 3])
 
@@ -48,11 +48,11 @@ def test_what_is_cancelled_stops_on_the_workers_too(cluster, tmp_path: Path, wai
     from pieces import slowly, until_stopped
 
     pieces = [(str(tmp_path), number) for number in range(6)]
-    with pytest.raises(PiecesStoppedError), open_jobs(Engine(cluster=cluster.address), 6) as jobs:
+    with pytest.raises(TasksStoppedError), open_jobs(JobBackend(cluster=cluster.address), 6) as jobs:
         jobs.run(until_stopped, pieces, cancelled=lambda: len(begun(tmp_path)) == 2)
     wait_until(lambda: len(list(tmp_path.glob("stopped-*"))) == 2)
     shares = []
-    with pytest.raises(PiecesStoppedError), open_jobs(Engine(cluster=cluster.address), 6) as jobs:
+    with pytest.raises(TasksStoppedError), open_jobs(JobBackend(cluster=cluster.address), 6) as jobs:
         jobs.run(slowly, pieces, progress=shares.append, cancelled=lambda: bool(shares) and shares[-1] > 0)
     assert shares[-1] in (pytest.approx(1 / 12), pytest.approx(2 / 12)), "half of one piece or of two"
     assert len(list(tmp_path.glob("begun-*"))) <= 6, "those that waited were never begun"
@@ -71,7 +71,7 @@ def test_a_worker_that_is_killed_halfway_takes_nothing_along(own_cluster, tmp_pa
 
     killer = threading.Thread(target=kill)
     killer.start()
-    with open_jobs(Engine(cluster=own_cluster.address), 6) as jobs:
+    with open_jobs(JobBackend(cluster=own_cluster.address), 6) as jobs:
         assert jobs.run(slowly, pieces) == [0, 1, 2, 3, 4, 5]
     killer.join()
     assert own_cluster.processes[-1].wait(10) == -signal.SIGKILL
@@ -85,7 +85,7 @@ def test_a_piece_that_kills_every_worker_is_given_up_and_the_others_are_done(own
     heard = []
     with (
         pytest.raises(JobsError, match=r"1 of 5 pieces of work were given up: .* got ball-1;"),
-        open_jobs(Engine(cluster=own_cluster.address), 5) as jobs,
+        open_jobs(JobBackend(cluster=own_cluster.address), 5) as jobs,
     ):
         jobs.run(die, [1, 0, 2, 3, 4], name=lambda piece: f"ball-{piece}", done=lambda number, _: heard.append(number))
     assert sorted(heard) == [1, 2, 3, 4]
@@ -105,7 +105,7 @@ def test_a_scheduler_that_is_gone_is_one_line(own_cluster, tmp_path: Path) -> No
 
     with (
         pytest.raises(JobsError, match=r"gone|dropped") as error,
-        open_jobs(Engine(cluster=own_cluster.address), 1) as jobs,
+        open_jobs(JobBackend(cluster=own_cluster.address), 1) as jobs,
     ):
         jobs.run(slowly, [(str(tmp_path), 0)], cancelled=kill_when_begun)
     assert "\n" not in str(error.value) and "what is done stays" in str(error.value) and gone
@@ -117,7 +117,7 @@ def test_where_no_scheduler_is_one_line_says_so(free_port: int, monkeypatch: pyt
         pytest.raises(
             JobsError, match=r"no scheduler of a cluster answers; is `dask scheduler` running there"
         ) as error,
-        open_jobs(Engine(cluster=f"tcp://127.0.0.1:{free_port}"), 1),
+        open_jobs(JobBackend(cluster=f"tcp://127.0.0.1:{free_port}"), 1),
     ):
         pass
     assert "\n" not in str(error.value)
@@ -126,7 +126,7 @@ def test_where_no_scheduler_is_one_line_says_so(free_port: int, monkeypatch: pyt
 def test_without_certificates_nothing_is_sent(monkeypatch: pytest.MonkeyPatch) -> None:
     with (
         pytest.raises(JobsError, match="certificates are missing; expected a file in DASK_DISTRIBUTED__COMM__TLS"),
-        open_jobs(Engine(cluster="tls://192.0.2.1:8786"), 1),
+        open_jobs(JobBackend(cluster="tls://192.0.2.1:8786"), 1),
     ):
         pass
 
@@ -137,7 +137,7 @@ def test_workers_of_another_version_are_refused_with_what_differs(cluster, monke
     expected = (
         r"worker tcp://127.0.0.1:\d+: a worker has other versions than this process; expected numpy 1.0, numba 0.1, "
     )
-    with pytest.raises(JobsError, match=expected) as error, open_jobs(Engine(cluster=cluster.address), 1):
+    with pytest.raises(JobsError, match=expected) as error, open_jobs(JobBackend(cluster=cluster.address), 1):
         pass
     assert "\n" not in str(error.value) and f"got numpy {versions_here()['numpy']}, " in str(error.value)
 
@@ -145,7 +145,7 @@ def test_workers_of_another_version_are_refused_with_what_differs(cluster, monke
 def test_a_worker_that_comes_later_is_looked_at_too(cluster, monkeypatch: pytest.MonkeyPatch) -> None:
     from pieces import digest
 
-    with open_jobs(Engine(cluster=cluster.address), 1) as jobs:
+    with open_jobs(JobBackend(cluster=cluster.address), 1) as jobs:
         monkeypatch.setattr("core.jobs.cluster.versions_here", lambda: versions_here() | {"python": "2.7"})
         with pytest.raises(JobsError, match="other versions"):
             jobs.run(digest, [0])
@@ -167,7 +167,7 @@ def test_a_cluster_without_workers_is_one_line(own_cluster, monkeypatch: pytest.
     monkeypatch.setattr("core.jobs.cluster.LOOK_EVERY_S", 0.1)
     with (
         pytest.raises(JobsError, match=r"the cluster has no workers; start some: `dask worker tcp://127.0.0.1:"),
-        open_jobs(Engine(cluster=own_cluster.address), 1) as jobs,
+        open_jobs(JobBackend(cluster=own_cluster.address), 1) as jobs,
     ):
         jobs.run(digest, [0])
 
@@ -175,7 +175,7 @@ def test_a_cluster_without_workers_is_one_line(own_cluster, monkeypatch: pytest.
 def test_what_is_shared_is_seen_by_all_workers(cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "a.h5"
     file.write_bytes(b"abc")
-    with open_jobs(Engine(cluster=cluster.address), 1) as jobs:
+    with open_jobs(JobBackend(cluster=cluster.address), 1) as jobs:
         assert jobs.share_folder(tmp_path) == tmp_path and list(tmp_path.iterdir()) == [file]
         assert jobs.share_file(file) == file
         there = Path.stat
@@ -196,6 +196,6 @@ def test_without_dask_the_remedy_is_said(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.delitem(sys.modules, "core.jobs.cluster", raising=False)
     with (
         pytest.raises(CommandError, match=r"a cluster needs dask; pip install 'rallyscope\[cluster\]'"),
-        open_jobs(Engine(cluster="tcp://127.0.0.1:8786"), 1),
+        open_jobs(JobBackend(cluster="tcp://127.0.0.1:8786"), 1),
     ):
         pass

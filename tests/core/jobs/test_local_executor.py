@@ -8,17 +8,17 @@ from pathlib import Path
 import pytest
 
 from core.errors import ConfigError, JobsError
-from core.jobs import HERE, Engine, PiecesStoppedError, open_jobs
+from core.jobs import HERE, JobBackend, TasksStoppedError, open_jobs
 from core.jobs.local_executor import TRIES
 
-TWO = Engine(jobs=2)
+TWO = JobBackend(jobs=2)
 
 
 def test_results_are_in_order_and_the_same_to_the_last_bit_here_and_in_processes() -> None:
     from pieces import digest
 
     seeds, heard, shares = list(range(7)), [], []
-    with open_jobs(Engine(jobs=1), 7) as jobs:
+    with open_jobs(JobBackend(jobs=1), 7) as jobs:
         here = jobs.run(digest, seeds)
     with open_jobs(TWO, 7) as jobs:
         there = jobs.run(
@@ -58,8 +58,8 @@ def test_a_piece_that_kills_every_process_is_given_up_in_one_line_and_the_others
     assert not multiprocessing.active_children()
 
 
-@pytest.mark.parametrize("engine", [Engine(jobs=1), TWO], ids=["here", "processes"])
-def test_an_error_of_a_piece_is_raised_as_it_is(engine: Engine) -> None:
+@pytest.mark.parametrize("engine", [JobBackend(jobs=1), TWO], ids=["here", "processes"])
+def test_an_error_of_a_piece_is_raised_as_it_is(engine: JobBackend) -> None:
     from pieces import fail
 
     with pytest.raises(ConfigError, match="no such serve; expected 3 to 9, got 2"), open_jobs(engine, 4) as jobs:
@@ -71,7 +71,7 @@ def test_what_is_cancelled_ends_at_once_and_leaves_no_process(tmp_path: Path) ->
     from pieces import slowly
 
     begun = []
-    with pytest.raises(PiecesStoppedError), open_jobs(TWO, 4) as jobs:
+    with pytest.raises(TasksStoppedError), open_jobs(TWO, 4) as jobs:
         jobs.run(
             slowly,
             [(str(tmp_path), number) for number in range(4)],
@@ -90,7 +90,7 @@ def test_here_a_piece_is_cancelled_when_it_tells_how_far_it_is(tmp_path: Path) -
     ended = threading.Event()
     timer = threading.Timer(0.2, ended.set)
     timer.start()
-    with pytest.raises(PiecesStoppedError), open_jobs(Engine(jobs=1), 2) as jobs:
+    with pytest.raises(TasksStoppedError), open_jobs(JobBackend(jobs=1), 2) as jobs:
         jobs.run(slowly, [(str(tmp_path), 0), (str(tmp_path), 1)], cancelled=ended.is_set)
     timer.join()
     assert len(list(tmp_path.glob("begun-*"))) == 1

@@ -9,18 +9,18 @@ from pathlib import Path
 import pytest
 
 from app.cli import main
-from core.bench.learning.plan import Counts, plan
-from core.bench.learning.runs import train_seed
-from core.bench.perception.bench_paper_perception import run_seed
-from core.bench.perception.plan import METHODS
+from benchmarks.learning.plan import Counts, plan
+from benchmarks.learning.runs import train_seed
+from benchmarks.perception.bench_paper_perception import run_seed
+from benchmarks.perception.plan import METHODS
+from core.data_sets import plan_data_set, run_data_set
+from core.data_sets.plan import DataSetPlan, Making, PlannedRecording
+from core.data_sets.run import LOCK
 from core.errors import JobsError
 from core.events import SensorSize
-from core.jobs import ALONE, Engine, open_jobs
+from core.jobs import ALONE, JobBackend, open_jobs
 from core.learning import create_run, default_run, run_training
 from core.learning.config import CurriculumConfig
-from core.rally.data_sets import plan_data_set, run_data_set
-from core.rally.data_sets.plan import DataSetPlan, Making, PlannedRecording
-from core.rally.data_sets.run import LOCK
 from core.recordings import open_recording
 from labels.model import Label, LabelState
 from labels.store import LabelStore
@@ -36,7 +36,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 def test_a_data_set_is_the_same_byte_for_byte_and_goes_on_wherever_it_was_begun(cluster, tmp_path: Path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
-    engine = Engine(cluster=cluster.address)
+    engine = JobBackend(cluster=cluster.address)
     run_data_set(PLAN, here, engine=ALONE)
     begun = replace(PLAN, recordings=PLAN.recordings[:1])
     assert run_data_set(begun, there, engine=ALONE).made == (PLAN.recordings[0].name,)
@@ -49,7 +49,7 @@ def test_a_data_set_is_the_same_byte_for_byte_and_goes_on_wherever_it_was_begun(
 
 def test_when_nobody_answers_the_data_set_stays_as_it_is(free_port: int, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr("core.jobs.cluster.CONNECT_S", 0.5)
-    engine = Engine(cluster=f"tcp://127.0.0.1:{free_port}")
+    engine = JobBackend(cluster=f"tcp://127.0.0.1:{free_port}")
     with pytest.raises(JobsError, match="no scheduler"):
         run_data_set(PLAN, tmp_path, engine=engine)
     assert not list(tmp_path.glob("*.h5")) and not list(tmp_path.glob(".*partial*"))
@@ -59,7 +59,7 @@ def test_a_trained_seed_is_the_same_to_the_last_bit_but_for_its_time(cluster) ->
     counts = Counts(seeds=2, minor_seeds=1, balls=10, shorten=100)
     experiment = next(one for one in plan(counts) if one.name == "model-5")
     answers = []
-    for engine in (ALONE, Engine(cluster=cluster.address)):
+    for engine in (ALONE, JobBackend(cluster=cluster.address)):
         with open_jobs(engine, 2) as jobs:
             answers.append(jobs.run(train_seed, [(experiment, 0), (experiment, 1)]))
     for answer in (*answers[0], *answers[1]):
@@ -72,7 +72,7 @@ def test_the_seeds_of_a_run_are_the_same_to_the_last_byte(cluster, tmp_path: Pat
     short = CurriculumConfig(speeds_mps=(5.0,), episodes=(20,))
     config = replace(config, curriculum=short, environment=replace(config.environment, state_source="truth"))
     found = []
-    for name, engine in (("here", ALONE), ("there", Engine(cluster=cluster.address))):
+    for name, engine in (("here", ALONE), ("there", JobBackend(cluster=cluster.address))):
         create_run(tmp_path / name, config)
         assert run_training(tmp_path / name, engine=engine) == "finished"
         folders = sorted(path for path in (tmp_path / name).glob("seed-*/**/*") if path.is_file())
@@ -92,7 +92,7 @@ def test_what_methods_find_is_measured_there_and_only_their_times_differ(cluster
     )
     planned, seed = DataSetPlan("one flight", 3, (flight,)), 3
     found = []
-    for name, engine in (("here", ALONE), ("there", Engine(cluster=cluster.address))):
+    for name, engine in (("here", ALONE), ("there", JobBackend(cluster=cluster.address))):
         run = run_seed(planned, tmp_path / name, lambda share: None, with_recordings=False, engine=engine)
         found.append([replace(result, cpu_ms=()) for result in run.results])
         assert all(result.cpu_ms for result in run.results) and run.seed == seed

@@ -7,10 +7,10 @@ from core.detection import DetectorConfig, refined_config
 from core.detection.methods import make_detector
 from core.metrics import WindowAnswers, run_detector, score_answers
 from core.metrics.compare import (
+    ClassifiedRun,
     Comparison,
-    JudgedRun,
+    ErrorRun,
     MethodRun,
-    Stretch,
     bin_edges,
     compare_methods,
     curves_over_time,
@@ -49,7 +49,7 @@ def run_with(off_px: dict[int, float], *, window_us: int = 1000) -> MethodRun:
     return MethodRun("refined", window_us, answers, np.linspace(1e-4, 3e-4, len(ends)))
 
 
-def judge(off_px: dict[int, float], *, window_us: int = 1000) -> JudgedRun:
+def judge(off_px: dict[int, float], *, window_us: int = 1000) -> ClassifiedRun:
     return judge_run(run_with(off_px, window_us=window_us), REFERENCE)
 
 
@@ -64,17 +64,17 @@ def test_misses_and_false_answers_in_a_row_are_stretches_and_lead_to_their_first
     judged = judge({5000: NAN, 6000: NAN, 12_000: 30.0, 15_000: NAN})
     assert judged.recall == pytest.approx(15 / 19) and judged.precision == pytest.approx(16 / 17)
     assert missed_stretches(judged, REFERENCE) == (
-        Stretch(5000, 6000, 2, 6000, (30.0, 50.0)),
-        Stretch(12_000, 12_000, 1, 13_000, (44.0, 50.0)),
-        Stretch(15_000, 15_000, 1, 16_000, (50.0, 50.0)),
+        ErrorRun(5000, 6000, 2, 6000, (30.0, 50.0)),
+        ErrorRun(12_000, 12_000, 1, 13_000, (44.0, 50.0)),
+        ErrorRun(15_000, 15_000, 1, 16_000, (50.0, 50.0)),
     )
-    assert false_stretches(judged) == (Stretch(12_000 - LATE_US, 12_000 - LATE_US, 1, 12_000, (73.5, 50.0)),)
+    assert false_stretches(judged) == (ErrorRun(12_000 - LATE_US, 12_000 - LATE_US, 1, 12_000, (73.5, 50.0)),)
 
 
 def test_a_method_that_never_answers_misses_everything_and_has_no_error() -> None:
     judged = judge(dict.fromkeys(range(1000, END_US + 1, 1000), NAN))
     assert judged.recall == 0.0 and np.isnan(judged.precision) and np.isnan(judged.error_at(50))
-    assert missed_stretches(judged, REFERENCE) == (Stretch(1000, 19_000, 19, 1000, (22.0, 50.0)),)
+    assert missed_stretches(judged, REFERENCE) == (ErrorRun(1000, 19_000, 19, 1000, (22.0, 50.0)),)
     curves = curves_over_time(judged, np.array([0, END_US]))
     assert curves.recall.tolist() == [0.0] and np.isnan(curves.error_px).all() and curves.step_s[0] == 2e-4
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.bench.ignorance.filter_rows import held_out
+from benchmarks.ignorance.filter_rows import held_out
 from core.metrics.spinning_flights import (
-    MOST_SPIN_RADPS,
+    MAX_SPIN_RADPS,
     NOISE_M,
     ForeseenPoints,
     foresee_flights,
@@ -34,7 +34,7 @@ def simulated(count: int, seed: int) -> list[RecordedFlight]:
         start = np.array([1.3, rng.uniform(-0.3, 0.3), rng.uniform(0.2, 0.5), *velocity, *spin])
         t_s = np.arange(0, 0.62, 1 / 179)
         ps = simulate_flight(start, t_s, with_constants(0.1, *constants.tolist()))
-        if np.linalg.norm(spin) <= MOST_SPIN_RADPS and ps[:, 2].min() > 0:
+        if np.linalg.norm(spin) <= MAX_SPIN_RADPS and ps[:, 2].min() > 0:
             flights.append(RecordedFlight(str(len(flights)), t_s, ps))
     return flights
 

@@ -8,9 +8,9 @@ import h5py
 import numpy as np
 import pytest
 
-from core.bench.damage.hdf5_damage import ELSEWHERE
-from core.bench.damage.open_recording_whole import open_recording_whole
-from core.bench.damage.sample_recording import DURATION_US, EVENTS, write_elsewhere, write_sample_recording
+from benchmarks.damage.hdf5_damage import ELSEWHERE
+from benchmarks.damage.open_recording_whole import open_recording_whole
+from benchmarks.damage.sample_recording import DURATION_US, EVENTS, write_elsewhere, write_sample_recording
 from core.errors import RecordingError
 from core.recordings import open_recording
 

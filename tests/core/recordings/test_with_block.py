@@ -7,7 +7,7 @@ import pytest
 from app.export.frozen import freeze
 from app.export.selection import Span
 from core.errors import RecordingError
-from core.rally.live.ring_recording import RingRecording
+from core.live.ring_recording import RingRecording
 from core.recordings import open_recording
 
 

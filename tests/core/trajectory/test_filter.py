@@ -226,7 +226,9 @@ def test_a_flight_is_as_likely_as_its_points_from_the_eighth_on() -> None:
     t_s, truth = fly_up(np.concatenate([START, REAL]), 0.05)
     noise = 1e-6 * np.eye(3)
     config = FilterConfig(adapt_points=0)
-    begun = [BallFilter(config, 0, truth[0, :3], noise, restless=restless, odds=0.25) for restless in (False, True)]
+    begun = [
+        BallFilter(config, 0, truth[0, :3], noise, needs_tick=needs_tick, odds=0.25) for needs_tick in (False, True)
+    ]
     assert [one.log_odds for one in begun] == [np.log(0.25)] * 2
     assert begun[0].unrest == ProcessNoise(LIFT * config.magnus, config.air_noise, config.bounce_noise_mps, 0.0, 0.15)
     assert begun[1].unrest[1:3] == (config.restless_air, config.restless_bounce_mps)
@@ -246,7 +248,7 @@ def test_a_flight_is_as_likely_as_its_points_from_the_eighth_on() -> None:
 
 def test_points_that_do_not_fit_are_counted_until_one_does() -> None:
     _, truth = fly_up(np.concatenate([START, REAL]), 0.03)
-    one = BallFilter(FilterConfig(), 0, truth[0, :3], 1e-6 * np.eye(3), restless=False, odds=1.0)
+    one = BallFilter(FilterConfig(), 0, truth[0, :3], 1e-6 * np.eye(3), needs_tick=False, odds=1.0)
     strays = []
     for k in range(1, 30):
         one.take(1000 * k, truth[k, :3] + (0.5 if k in (20, 21, 22, 25) else 0.0), 1e-6 * np.eye(3))
@@ -255,7 +257,7 @@ def test_points_that_do_not_fit_are_counted_until_one_does() -> None:
 
 
 def test_the_scale_of_the_noise_begins_with_what_was_said_and_is_bounded() -> None:
-    one = BallFilter(FilterConfig(adapt_points=8), 0, np.zeros(3), np.eye(3), restless=False, odds=1.0)
+    one = BallFilter(FilterConfig(adapt_points=8), 0, np.zeros(3), np.eye(3), needs_tick=False, odds=1.0)
     np.testing.assert_array_equal(one.noise_scales, 1.0)
     one._tally[:] = [[24.0, -8.0, 1e9], [8.0, 0.0, 0.0]]
     np.testing.assert_allclose(one.noise_scales, [(8 + 24) / 16, 0.01, 100.0])
@@ -264,7 +266,7 @@ def test_the_scale_of_the_noise_begins_with_what_was_said_and_is_bounded() -> No
 def test_the_first_spread_is_what_the_configuration_says() -> None:
     config = FilterConfig(ahead_m=0.003)
     noise = np.array([[2e-6, 1e-6, 0.0], [1e-6, 3e-6, 0.0], [0.0, 0.0, 4e-6]])
-    one = BallFilter(config, 0, np.array([1.0, 2.0, 3.0]), noise, restless=False, odds=1.0)
+    one = BallFilter(config, 0, np.array([1.0, 2.0, 3.0]), noise, needs_tick=False, odds=1.0)
     np.testing.assert_allclose(one.covariance[:3, :3], noise + 9e-6 * np.eye(3))
     sigmas = [10.0] * 3 + [config.spin_sigma_radps] * 3
     sigmas += [config.drag_sigma, config.restitution_sigma, config.friction_sigma, config.table_sigma_m, 0.003]

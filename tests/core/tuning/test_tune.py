@@ -11,7 +11,7 @@ import pytest
 from core.config import config_to_mapping, get_setting, replace_setting
 from core.detection import DetectorConfig
 from core.errors import CommandError, ConfigError, RecordingError
-from core.jobs import Engine
+from core.jobs import JobBackend
 from core.metrics.grid_score import GridScore
 from core.recordings import Recording, open_recording
 from core.tuning import TuningConfig, choose_parameters, report_of, truth_objective, tune
@@ -37,7 +37,7 @@ def objective(serve_recording: Path, recording: Recording) -> TruthObjective:
 
 def search(objective: TruthObjective, *, trials: int = 17, jobs: int = 1, **more) -> TuningResult | None:
     parameters = choose_parameters("auto", BAD, NAMES)
-    return tune(objective, "auto", BAD, parameters, TuningConfig(trials=trials), engine=Engine(jobs=jobs), **more)
+    return tune(objective, "auto", BAD, parameters, TuningConfig(trials=trials), engine=JobBackend(jobs=jobs), **more)
 
 
 @pytest.fixture(scope="module")

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.labels.assistance import try_interpolation
 from labels.arrays import LabelArrays, label_arrays
 from labels.assist.curve import CurveConfig, find_breaks, interpolate, split_segments
 from labels.model import Label, LabelState
-from labels.trials.assistance import try_interpolation
 
 
 def along(t_us: np.ndarray, x: np.ndarray, y: np.ndarray) -> LabelArrays:

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.labels.assistance import try_queue
+from benchmarks.labels.clips import MIDDLE_US, SENSOR, draw_clip
 from core.cameras import Camera
 from core.events import Events
 from labels.arrays import LabelArrays, label_arrays
@@ -15,8 +17,6 @@ from labels.assist.residual import residual_of_neighbours
 from labels.assist.review import QueueConfig, review_queue
 from labels.model import Label, LabelState, PositionSource, Provenance
 from labels.store import LabelStore, Layer
-from labels.trials.assistance import try_queue
-from labels.trials.clips import MIDDLE_US, SENSOR, draw_clip
 
 T = np.arange(0, 60_000, 2000)
 

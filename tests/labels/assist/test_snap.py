@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.labels.assistance import try_snap
+from benchmarks.labels.clips import MIDDLE_US, SENSOR, Clip, draw_clip
 from core.events import Events, SensorSize
 from core.simulation.sensor.sensor import SensorConfig
 from labels.assist.snap import snap
-from labels.trials.assistance import try_snap
-from labels.trials.clips import MIDDLE_US, SENSOR, Clip, draw_clip
 
 
 @pytest.fixture(scope="module")

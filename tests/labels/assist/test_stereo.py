@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from benchmarks.labels.assistance import try_stereo_flags
 from core.cameras import Camera, ball_circles, stereo_preset
 from core.events import SensorSize
 from core.table import BALL_RADIUS_M, GRAVITY_MPS2
@@ -12,7 +13,6 @@ from labels.assist.curve import NOT_COVERED
 from labels.assist.flight import FittedFlight, curve_of_flight, fit_flight
 from labels.assist.stereo import check_stereo, epipolar_curve, nearest_on_curve
 from labels.model import Label, LabelState
-from labels.trials.assistance import try_stereo_flags
 
 CAMERAS = stereo_preset("side")
 LEFT, RIGHT = CAMERAS["left"], CAMERAS["right"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.labels.assistance import FRAME_US, TrialServes, make_serves
+from benchmarks.labels.whole_flights import try_whole_flights
 from core.recordings import PixelTruth, open_recording
 from labels.assist import Proposals, propose, whole_flight
-from labels.trials.assistance import FRAME_US, TrialServes, make_serves
-from labels.trials.whole_flights import try_whole_flights
 
 SIGMA_PX = 0.3
 

@@ -20,7 +20,7 @@ from labels.model import Label, LabelState
 from labels.store import LabelStore, UndoStep
 
 SNAP_REACH_US: Final = 17_000
-LEAST_RADIUS_PX: Final = 0.5
+MIN_RADIUS_PX: Final = 0.5
 FIRST_RADIUS_PX: Final = 5.0
 """What a radius that was never given is resized from."""
 
@@ -127,7 +127,7 @@ class Resize:
                 return label_from_click(click.x_px, click.y_px, picture, None, None, r_px=r_px)
             if before is None or before.x_px is None or before.y_px is None:
                 return None
-            r_px = max((before.r_px or FIRST_RADIUS_PX) + self.by_px, LEAST_RADIUS_PX)
+            r_px = max((before.r_px or FIRST_RADIUS_PX) + self.by_px, MIN_RADIUS_PX)
             return placed(before, before.x_px, before.y_px, r_px, picture)
 
         return change_label(labelling, labelling.t_us, make, wall_s)

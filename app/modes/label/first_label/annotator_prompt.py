@@ -7,9 +7,9 @@ from collections.abc import Callable
 import viser
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.label.first_label.annotator import annotator_from
 from app.widgets import when_clicked
-from app.words.file_text import html_text
 from core.errors import CommandError
 
 

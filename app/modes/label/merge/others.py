@@ -22,9 +22,9 @@ FOLDER: Final = "labels-of-others"
 SUFFIX: Final = ".sqlite"
 DEEPEST: Final = 3
 """Folders: `labels-of-others/bea/<recording>/labels.sqlite`."""
-MOST_ENTRIES: Final = 2_000
+MAX_ENTRIES: Final = 2_000
 """Of one folder and all that is in it."""
-MOST_STORES: Final = 100
+MAX_STORES: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class OtherStores:
         return tuple(found)
 
     def _files(self) -> list[tuple[Path, Path]]:
-        return [(place, path) for place in self._places for path in sorted(_stores_below(place))[:MOST_STORES]]
+        return [(place, path) for place in self._places for path in sorted(_stores_below(place))[:MAX_STORES]]
 
     def _layers(self, path: Path) -> tuple[Layer, ...] | None:
         try:
@@ -103,7 +103,7 @@ def others_to_compare(annotator: str, layers: Iterable[Layer], stores: Iterable[
 
 def _stores_below(place: Path) -> Iterator[Path]:
     """Files with the suffix of a store, no deeper than is said; nothing hidden."""
-    left = MOST_ENTRIES
+    left = MAX_ENTRIES
     waiting = [(place, 1)]
     while waiting:
         folder, depth = waiting.pop(0)

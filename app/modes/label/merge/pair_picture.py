@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from app.modes.label.label_picture import CircleMark, Mark
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from core.text.plain_text import plain
 from labels.model import Label
 
@@ -17,16 +17,18 @@ LARGEST_PX: Final = 4_000.0
 
 def pair_marks(mine: Label | None, theirs: Label | None) -> tuple[Mark, ...]:
     """Both circles; a label without a position has none."""
-    return tuple(mark for label, ink in ((mine, Ink.MINE), (theirs, Ink.THEIRS)) for mark in _marks(label, ink))
+    return tuple(
+        mark for label, ink in ((mine, PaletteIndex.MINE), (theirs, PaletteIndex.THEIRS)) for mark in _marks(label, ink)
+    )
 
 
 def pair_legend(
     mine: tuple[str, Label | None], theirs: tuple[str, Label | None]
-) -> tuple[tuple[str, Ink], tuple[str, Ink]]:
+) -> tuple[tuple[str, PaletteIndex], tuple[str, PaletteIndex]]:
     """A line for each annotator, with the colour of the circle."""
-    return (f"{short_name(mine[0])}: {label_words(mine[1])}", Ink.MINE), (
+    return (f"{short_name(mine[0])}: {label_words(mine[1])}", PaletteIndex.MINE), (
         f"{short_name(theirs[0])}: {label_words(theirs[1])}",
-        Ink.THEIRS,
+        PaletteIndex.THEIRS,
     )
 
 
@@ -53,7 +55,7 @@ def short_name(annotator: str) -> str:
     return plain(annotator, LONGEST_NAME)
 
 
-def _marks(label: Label | None, ink: Ink) -> tuple[Mark, ...]:
+def _marks(label: Label | None, ink: PaletteIndex) -> tuple[Mark, ...]:
     if label is None or label.x_px is None or label.y_px is None:
         return ()
     radius = None if label.r_px is None else min(label.r_px, LARGEST_PX)

@@ -8,13 +8,13 @@ from typing import Final
 import viser
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.label.labelling import Labelling
 from app.modes.label.merge.comparer import LabelComparer
 from app.modes.label.merge.comparison import LabelComparison
 from app.modes.label.merge.pair_picture import apart_px, pair_legend, short_name
 from app.views.mosaic import css_colour
 from app.widgets import Listing, when_clicked
-from app.words.file_text import html_text
 from labels.conflicts import WITHIN_PX, how_settled
 from labels.model import Label
 

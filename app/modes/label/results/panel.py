@@ -8,8 +8,8 @@ from typing import Final
 import viser
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.widgets import when_clicked
-from app.words.file_text import html_text
 from labels.formats import FORMATS
 
 TITLES: Final = {

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Final
 
 from app.export.unfinished import Cancelled, Progress
+from app.formatting.percent import percent
 from app.modes.download import download_export
 from app.modes.label.editor import LabelEditor
 from app.modes.label.results.label_files import LabelFiles, LabelFilesRequest, zip_label_files
 from app.modes.label.results.panel import LabelResultsPanel
 from app.modes.mode import ModeHost
 from app.state.commands import AskForScore
-from app.words.percent import percent
 from core.errors import CommandError
 from labels.formats import ExportOptions
 from labels.store import LabelStore, Layer, has_labels

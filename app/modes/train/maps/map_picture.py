@@ -25,7 +25,7 @@ LINE_RGB: Final = (214, 219, 226)
 ARROW_RGB: Final = (255, 255, 255)
 LOST_RGB: Final = (20, 20, 24)
 """A target's dot where fewer than `MOST_RETURNED` come back."""
-MOST_RETURNED: Final = 0.9
+MAX_RETURNED: Final = 0.9
 ERROR_COLOURS: Final = (
     (0.0, (40, 140, 96)),
     (50.0, (104, 160, 70)),
@@ -52,7 +52,7 @@ def draw_map(found: PolicyMap) -> Picture:
             length_px = PIXELS_PER_M * max(0.02, float(np.hypot(*(landing - target))))
             tip = min(0.4, 9 / length_px)
             cv2.arrowedLine(picture, _pixel(target), _pixel(landing), ARROW_RGB, 2, cv2.LINE_AA, 0, tip)
-        dot = ARROW_RGB if returned >= MOST_RETURNED else LOST_RGB
+        dot = ARROW_RGB if returned >= MAX_RETURNED else LOST_RGB
         cv2.circle(picture, _pixel(target), 6, dot, cv2.FILLED, cv2.LINE_AA)
     _draw_legend(picture)
     return picture

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from app.modes.train.maps.map_picture import MOST_RETURNED, draw_map
+from app.formatting.percent import percent
+from app.modes.train.maps.map_picture import MAX_RETURNED, draw_map
 from app.modes.train.plan_view import encode_plan
 from app.modes.train.view import Details
 from app.shared.training.run_state import RunState
 from app.shared.workspace import Workspace
-from app.words.percent import percent
 from core.errors import RallyscopeError
 from core.learning.agents.policy import read_policy
 from core.learning.config import EnvironmentConfig
@@ -80,7 +80,7 @@ def map_words(found: PolicyMap, seed: int) -> tuple[str, ...]:
     lines = [
         f"The last policy of seed {seed}: {len(inside)} targets, the same {found.serves} serves at "
         f"{found.speed_mps:g} m/s to each, without noise on the action. Arrows go from the target to the mean landing; "
-        f"a black dot: fewer than {percent(MOST_RETURNED)} came back.",
+        f"a black dot: fewer than {percent(MAX_RETURNED)} came back.",
     ]
     if found.trained.is_one:
         x, y = found.trained.low_m

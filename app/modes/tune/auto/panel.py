@@ -20,7 +20,7 @@ from core.errors import CommandError
 from core.tuning import TuningConfig, choose_parameters
 from core.tuning.parameters import tunable_parameters
 
-MOST_TRIALS: Final = 5000
+MAX_TRIALS: Final = 5000
 LARGEST_SEED: Final = 2**31 - 1
 
 
@@ -47,7 +47,7 @@ class AutoTunePanel:
         config = TuningConfig()
         with self.folder:
             self._against = gui.add_dropdown("Against", get_args(Against), hint="What is right")
-            self._trials = gui.add_number("Trials", config.trials, min=1, max=MOST_TRIALS, step=1)
+            self._trials = gui.add_number("Trials", config.trials, min=1, max=MAX_TRIALS, step=1)
             self._seed = gui.add_number("Seed", config.seed, min=0, max=LARGEST_SEED, step=1)
             self._all_cameras = gui.add_checkbox("All cameras", True, hint="Or only the one that is looked at")
             self._place = gui.add_dropdown("Where", places, visible=len(places) > 1, hint="Where the trials are made")
@@ -79,7 +79,7 @@ class AutoTunePanel:
         chosen = tuple(name for name, tick in self._ticks.items() if tick.visible and tick.value)
         if not chosen:
             raise CommandError("no thresholds to tune", remedy="tick some under Thresholds")
-        trials, seed = _whole(self._trials.value, 1, MOST_TRIALS), _whole(self._seed.value, 0, LARGEST_SEED)
+        trials, seed = _whole(self._trials.value, 1, MAX_TRIALS), _whole(self._seed.value, 0, LARGEST_SEED)
         return AutoTuneForm(
             method,
             cast(Against, against),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from app import theme
-from app.words.file_text import html_text
+from app.formatting.file_text import html_text
 from core.text.json_text import parse_json
 from core.tuning.split_score import Figures
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.tune.compare.report import method_css
 from app.modes.tune.compare.run import CompareAnswer
-from app.words.file_text import html_text
 from core.detection.methods import METHODS
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from app.state.client_state import ClientState
 from app.state.commands import Command, LookAt, SetCamera, SetMethod, StopAt
 from core.detection.methods import Method
 from core.errors import CommandError
-from core.metrics.compare import Stretch
+from core.metrics.compare import ErrorRun
 
 PROGRESS_EVERY_S: Final = 0.1
 
@@ -134,7 +134,7 @@ class CompareOverTime:
         self._wanted = wanted
         self.show(self._active)
 
-    def _jump(self, method: Method, stretch: Stretch) -> None:
+    def _jump(self, method: Method, stretch: ErrorRun) -> None:
         """Look at the first window of a stretch, with the method whose it is, and nearby if the view is zoomed."""
         state, answer = self._host.state, self._answer
         if state is None or answer is None:

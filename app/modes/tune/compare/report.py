@@ -6,13 +6,13 @@ import math
 from typing import Final
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.tune.compare.run import CompareAnswer, ComparedMethod
 from app.pictures.palette import METHOD_RGB
-from app.words.file_text import html_text
 from core.detection.methods import Method
-from core.metrics.compare import Stretch
+from core.metrics.compare import ErrorRun
 
-MOST_STRETCHES: Final = 40
+MAX_STRETCHES: Final = 40
 """That have a button; the longest ones."""
 CELL: Final = "padding-right:8px;white-space:nowrap"
 
@@ -46,10 +46,10 @@ def method_css(method: Method) -> str:
     return f"rgb({red},{green},{blue})"
 
 
-def stretch_names(stretches: tuple[Stretch, ...]) -> dict[str, Stretch]:
+def stretch_names(stretches: tuple[ErrorRun, ...]) -> dict[str, ErrorRun]:
     """The longest ones by the names of their buttons, in order of time; no two names are alike."""
-    longest = sorted(stretches, key=lambda one: -one.count)[:MOST_STRETCHES]
-    names: dict[str, Stretch] = {}
+    longest = sorted(stretches, key=lambda one: -one.count)[:MAX_STRETCHES]
+    names: dict[str, ErrorRun] = {}
     for one in sorted(longest, key=lambda one: one.start_us):
         times = f" ×{one.count}" if one.count > 1 else ""
         names[f"{one.start_us / 1e6:.4f} s{times}"] = one
@@ -67,8 +67,8 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
         what = f"{count} of {len(one.judged.t_us)} answers are false"
     if answer.kind == "method":
         what += f", if {html_text(answer.reference)} is right"
-    more = len(stretches) - MOST_STRETCHES
-    rest = f", the {MOST_STRETCHES} longest of them" if more > 0 else ""
+    more = len(stretches) - MAX_STRETCHES
+    rest = f", the {MAX_STRETCHES} longest of them" if more > 0 else ""
     where = "in one stretch" if len(stretches) == 1 else f"in {len(stretches)} stretches"
     places = f", {where}{rest}: choose one to look at it" if stretches else ""
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:0 12px'>{what}{places}</div>"

@@ -15,9 +15,9 @@ from core.detection import DetectorConfig
 from core.detection.methods import Method
 from core.errors import CommandError
 from core.metrics.compare import (
+    ClassifiedRun,
     CurvesOverTime,
-    JudgedRun,
-    Stretch,
+    ErrorRun,
     bin_edges,
     compare_methods,
     curves_over_time,
@@ -58,10 +58,10 @@ class CompareRequest:
 class ComparedMethod:
     """What is shown of one method."""
 
-    judged: JudgedRun
+    judged: ClassifiedRun
     curves: CurvesOverTime
-    missed: tuple[Stretch, ...]
-    false: tuple[Stretch, ...]
+    missed: tuple[ErrorRun, ...]
+    false: tuple[ErrorRun, ...]
 
     @property
     def method(self) -> Method:

@@ -12,7 +12,7 @@ from app.modes.tune.compare.report import comparison_html, stretch_names, stretc
 from app.modes.tune.compare.run import CompareAnswer
 from app.widgets import Choice, Listing
 from core.detection.methods import Method
-from core.metrics.compare import Stretch
+from core.metrics.compare import ErrorRun
 
 WIDTH_PX: Final = 350
 KINDS: Final = ("missed", "false")
@@ -25,12 +25,12 @@ class CompareSidePanel:
         self,
         gui: viser.GuiApi,
         later: Callable[[Callable[[], None]], None],
-        jump: Callable[[Method, Stretch], None],
+        jump: Callable[[Method, ErrorRun], None],
     ) -> None:
         """`later` calls something in the loop."""
         self._answer: CompareAnswer | None = None
         self._kind = KINDS[0]
-        self._names: dict[str, Stretch] = {}
+        self._names: dict[str, ErrorRun] = {}
         self.panel = gui.add_panel(visible=False)
         with self.panel.add_tab("Methods over time", viser.Icon.CHART_LINE):
             self._table = gui.add_html("")

@@ -19,8 +19,8 @@ from app.modes.watch.learning.words import (
 from app.shared.live_rally import LiveRally
 from app.shared.policies import learning_start, start_choices
 from app.widgets import Listing, plot_axis, when_changed, when_clicked
-from core.rally.online_learning.progress import LearningProgress
-from core.rally.online_learning.start import NOTHING
+from core.online_learning.progress import LearningProgress
+from core.online_learning.start import NOTHING
 
 SHOW_EVERY_S: Final = 0.25
 STARTS_EVERY_S: Final = 2.0

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.watch.learned_words import balls_text
-from app.words.file_text import html_text
-from core.rally.online_learning.progress import WINDOW, LearningProgress
+from core.online_learning.progress import WINDOW, LearningProgress
 
 Array = NDArray[np.float64]
 SHOWN: Final = 300

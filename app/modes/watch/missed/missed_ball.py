@@ -10,9 +10,9 @@ from app.modes.mode import ModeHost
 from app.modes.watch.missed.missed_panel import MissedPanel
 from app.state.client_state import ModeName
 from app.state.commands import LookInto
-from core.rally.history.missed_balls import MissedBall, MissedBallRequest
-from core.rally.history.rally_history import RallyHistory
-from core.rally.live.ring_recording import RingRecording
+from core.history.missed_balls import MissedBall, MissedBallRequest
+from core.history.rally_history import RallyHistory
+from core.live.ring_recording import RingRecording
 from core.recordings import Recording
 
 LOOK_EVERY_S: Final = 0.7

@@ -7,11 +7,11 @@ from typing import Final
 
 import viser
 
+from app.formatting.file_text import html_text
 from app.modes.watch.figures import muted
 from app.state.client_state import ModeName
 from app.widgets import when_clicked
-from app.words.file_text import html_text
-from core.rally.history.missed_balls import MissedBall
+from core.history.missed_balls import MissedBall
 
 LAST: Final = 1e6
 """In the order of the controls."""

@@ -10,8 +10,8 @@ from app.modes.in_pool import do_in_pool
 from app.modes.mode import ModeHost
 from app.modes.watch.robot.words import robot_html
 from app.widgets import when_clicked
-from core.rally.live.robot_step_test import RobotStepTest
-from core.rally.robot import RobotClient
+from core.robot import RobotClient
+from core.robot.robot_step_test import RobotStepTest
 
 SHOW_EVERY_S: Final = 0.2
 STOP, START, STEP_TEST = "Stop the robot", "Start the robot", "Step test"

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.watch.figures import coloured, figures_html, muted
-from app.words.file_text import html_text
-from core.rally.live.robot_step_test import StepTestReport
-from core.rally.robot import RobotLimits, RobotStatus
+from core.robot import RobotLimits, RobotStatus
+from core.robot.robot_step_test import StepTestReport
 
 PARTIES: Final = {"robot": "the robot itself", "rallyscope": "Rallyscope"}
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from app import theme
+from app.formatting.file_text import html_text
 from app.modes.watch.figures import coloured, figures_html
 from app.state.board_guide import BoardGuide
 from app.state.swept_cells import CELL_COUNT, SweptCells
-from app.words.file_text import html_text
 from core.cameras.calibration.board_cover import emptiest_ninth, ninth_words
 
 GOOD_SHARE: Final = 0.7

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from app.formatting.file_text import html_text
 from app.modes.watch.figures import figures_html, muted
 from app.state.table_clicks import CORNER_NAMES, TableClicks
-from app.words.file_text import html_text
 from core.cameras import Camera
 from core.cameras.calibration.table_corners import CLICKS_AT_LEAST
 from core.cameras.calibration.table_pose import TablePose, clicks_of, find_table_pose

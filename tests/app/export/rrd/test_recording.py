@@ -19,9 +19,9 @@ from app.export.small_png import polarity_png
 from app.export.steps import follow_span
 from app.export.unfinished import ExportCancelledError
 from app.pictures.palette import palette
+from core.chain import ChainConfig
 from core.detection import DetectorConfig
 from core.errors import CommandError
-from core.rally import ChainConfig
 from core.recordings import RecordingWriter, open_recording
 from labels.model import Label, LabelState
 from labels.store import LabelStore

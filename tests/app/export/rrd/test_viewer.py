@@ -13,9 +13,9 @@ from app.export.unfinished import ExportCancelledError
 from core.cameras import stereo_preset
 from core.errors import CommandError
 from core.events import SensorSize
-from core.rally.link.client import SimulationClient
-from core.rally.link.server import ServerConfig, SimulationServer
-from core.rally.live.ring_recording import RingRecording
+from core.live.link.client import SimulationClient
+from core.live.link.server import ServerConfig, SimulationServer
+from core.live.ring_recording import RingRecording
 from core.recordings import open_recording
 from tests.app.export.rrd.rerun_viewer import end, entities, free_port, viewer
 

@@ -19,7 +19,7 @@ from app.scene.ball import BALL_RGB, CORE_RGB
 from app.scene.painted import RING_TO
 from app.views.viewpoint import FOV_RAD, Viewpoint
 from core.events import SensorSize
-from core.rally.history.rally_picture import RallyPicture
+from core.history.rally_picture import RallyPicture
 from core.recordings import RecordingWriter, open_recording
 
 PART = ["--start-us", "100000", "--end-us", "200000"]

@@ -17,7 +17,7 @@ from app.export.scenes.training_film import (
     EVERY,
     FRAMES_PER_S,
     MARGIN_PX,
-    MOST_BALLS,
+    MAX_BALLS,
     SIZE,
     FilmedBalls,
     draw_chart,
@@ -49,9 +49,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_tenth_ball_is_shown_from_the_first_to_the_last() -> None:
     assert shown_balls(0) == () and shown_balls(1) == (0,)
     assert shown_balls(24) == (0, 10, 20, 23) and shown_balls(21) == (0, 10, 20)
-    assert len(shown_balls(10 * MOST_BALLS)) == MOST_BALLS + 1  # and the last
+    assert len(shown_balls(10 * MAX_BALLS)) == MAX_BALLS + 1  # and the last
     long = shown_balls(1_000_000)
-    assert len(long) <= MOST_BALLS + 1 and long[0] == 0 and long[-1] == 999_999
+    assert len(long) <= MAX_BALLS + 1 and long[0] == 0 and long[-1] == 999_999
     assert set(np.diff(long[:-1]) % EVERY) == {0}
 
 

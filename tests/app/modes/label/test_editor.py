@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from app.cli.main import main
-from app.modes.label.assistant import Assistant
+from app.modes.label.assistant import LabelSuggestions
 from app.modes.label.commands.assisted import AddProposals
 from app.modes.label.commands.by_name import COMMANDS
 from app.modes.label.commands.cursor import ChangeView, GoTo, StepBy
@@ -22,7 +22,7 @@ from app.modes.label.labelling import Labelling, begin_labelling
 from app.modes.label.plan import CameraWork, LabelScene, PicturePlan, agreement_at, centre_at, plan_at
 from app.modes.label.view import LabelView
 from app.modes.services import LABEL_TOOL
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from core.detection import DetectorConfig
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter, open_recording
@@ -59,7 +59,7 @@ class Bench:
         labelling = begin_labelling(self.recording, view, 2000, time.monotonic())
         self.editor = LabelEditor(stores, labelling, callbacks, session)
         self.pool = ThreadPoolExecutor(1)
-        self.assistant = Assistant(self.editor, self.pool)
+        self.assistant = LabelSuggestions(self.editor, self.pool)
         self.wait(lambda: set(cameras) <= set(self.work.saved))
 
     @property
@@ -152,7 +152,7 @@ def test_a_click_where_no_circle_fits_is_not_stored_but_asks_for_a_radius(bench:
     assert "no circle fits here: drag to set the radius, or press X for absent" in bench.work.asking.question
     assert not bench.work.here.labels and not bench.errors
     marks = bench.look().main.marks
-    assert [(mark.x_px, mark.y_px, mark.r_px, mark.ink) for mark in marks] == [(*EMPTY, None, Ink.ASKS)]
+    assert [(mark.x_px, mark.y_px, mark.r_px, mark.ink) for mark in marks] == [(*EMPTY, None, PaletteIndex.ASKS)]
     stored = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna"))
     assert stored.all() == () and stored.version == 0
     bench.editor.send(PlaceBall(*EMPTY, 6.5))

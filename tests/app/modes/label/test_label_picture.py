@@ -18,7 +18,7 @@ from app.modes.label.label_strip import (
 )
 from app.modes.label.plan import busiest_place
 from app.pictures.canvas import Region
-from app.pictures.palette import Ink, palette
+from app.pictures.palette import PaletteIndex, palette
 from core.events import Events, SensorSize
 from labels.arrays import STATES
 from labels.model import LabelState
@@ -53,20 +53,22 @@ def draw(picture: PictureKey) -> np.ndarray:
 def test_a_pixel_is_a_crisp_block_wherever_the_picture_is_cropped(frame: int | None) -> None:
     picture = draw(key(Region(16, 8, 16, 9), frame=frame))
     assert picture.shape == (720, 1280, 3)
-    colour = palette("orange / blue")[Ink.ON] if frame is None else (250, 10, 20)
+    colour = palette("orange / blue")[PaletteIndex.ON] if frame is None else (250, 10, 20)
     block = np.all(picture == colour, axis=2)
     assert block[160:240, 320:400].all() and block.sum() == 80 * 80
 
 
 def test_marks_are_drawn_over_events_and_frames_alike() -> None:
     marks = (
-        CircleMark(30.0, 20.0, 5.0, Ink.LABEL, (1.0, 0.0, 1.0)),
-        LineMark(((0.0, 0.0), (63.0, 35.0)), Ink.EPIPOLAR),
+        CircleMark(30.0, 20.0, 5.0, PaletteIndex.LABEL, (1.0, 0.0, 1.0)),
+        LineMark(((0.0, 0.0), (63.0, 35.0)), PaletteIndex.EPIPOLAR),
     )
     for frame in (None, 0):
         bare = draw(key(Region.of_sensor(SIZE), frame=frame))
-        drawn = draw(key(Region.of_sensor(SIZE), frame=frame, marks=(*marks, BoxMark(Region(4, 4, 8, 8), Ink.TEXT))))
-        for ink in (Ink.LABEL, Ink.EPIPOLAR, Ink.SIGMA, Ink.TEXT):
+        drawn = draw(
+            key(Region.of_sensor(SIZE), frame=frame, marks=(*marks, BoxMark(Region(4, 4, 8, 8), PaletteIndex.TEXT)))
+        )
+        for ink in (PaletteIndex.LABEL, PaletteIndex.EPIPOLAR, PaletteIndex.SIGMA, PaletteIndex.TEXT):
             there = np.all(drawn == palette("orange / blue")[ink], axis=2)
             assert there.sum() > 40 and not np.all(bare == palette("orange / blue")[ink], axis=2).any()
 
@@ -79,7 +81,7 @@ def test_a_small_picture_of_a_large_sensor_is_binned() -> None:
 def test_a_region_beyond_the_sensor_is_shown_as_outside() -> None:
     for frame in (None, 0):
         picture = draw(key(Region(-32, -18, 64, 36), frame=frame))
-        assert np.all(picture[:300, :600] == palette("orange / blue")[Ink.OUTSIDE])
+        assert np.all(picture[:300, :600] == palette("orange / blue")[PaletteIndex.OUTSIDE])
 
 
 def test_the_strip_shows_every_state_the_proposals_and_the_cursor() -> None:
@@ -90,21 +92,25 @@ def test_the_strip_shows_every_state_the_proposals_and_the_cursor() -> None:
     assert image.shape == (HEIGHT_PX, WIDTH_PX)
     strip = image[STATUS_PX:]
     columns = (t_us / 100_000 * (WIDTH_PX - 1)).round().astype(int)
-    assert len(set(strip[2, columns].tolist())) == 5 and strip[2, columns[3] + 60] == Ink.UNCHECKED
+    assert len(set(strip[2, columns].tolist())) == 5 and strip[2, columns[3] + 60] == PaletteIndex.UNCHECKED
     at = [round(t / 100_000 * (WIDTH_PX - 1)) for t in (60_000, 70_000, 90_000)]
-    assert strip[2, at[0]] == Ink.CURSOR and strip[2, at[1]] == Ink.EPIPOLAR
-    assert strip[2, at[2]] == Ink.UNCHECKED and strip[STRIP_PX - 2, at[2]] == Ink.DRAFT
-    assert (image[:STATUS_PX] == Ink.BACKGROUND).all(), "room for the line of text"
+    assert strip[2, at[0]] == PaletteIndex.CURSOR and strip[2, at[1]] == PaletteIndex.EPIPOLAR
+    assert strip[2, at[2]] == PaletteIndex.UNCHECKED and strip[STRIP_PX - 2, at[2]] == PaletteIndex.DRAFT
+    assert (image[:STATUS_PX] == PaletteIndex.BACKGROUND).all(), "room for the line of text"
 
 
 def test_the_line_above_the_strip_is_real_letters_side_by_side_on_the_sheet() -> None:
     none = np.array([], np.int64)
-    words = (("NOT SAVED", Ink.HULL_REJECTED), ("12 of 51", Ink.TEXT), ("visible, partly occluded", Ink.LABEL))
-    data = StripData(0, 100_000, none, np.array([], np.uint8), none, (), (*words, ("anna", Ink.NO_BALL)))
+    words = (
+        ("NOT SAVED", PaletteIndex.HULL_REJECTED),
+        ("12 of 51", PaletteIndex.TEXT),
+        ("visible, partly occluded", PaletteIndex.LABEL),
+    )
+    data = StripData(0, 100_000, none, np.array([], np.uint8), none, (), (*words, ("anna", PaletteIndex.NO_BALL)))
     texts = status_texts(data, 500.0, "orange / blue")
     assert [one.text for one in texts] == ["NOT SAVED", "12 of 51", "visible, partly occluded", "anna"]
     assert {one.y for one in texts} == {500.0} and all(one.is_title for one in texts), "none gives way"
-    css = "#{:02x}{:02x}{:02x}".format(*palette("orange / blue")[Ink.HULL_REJECTED])
+    css = "#{:02x}{:02x}{:02x}".format(*palette("orange / blue")[PaletteIndex.HULL_REJECTED])
     assert texts[0].colour == css
     sheet_px_for_css_px = WIDTH_PX / 480  # in a window of 1000 pixels
     for one, following in itertools.pairwise(texts):

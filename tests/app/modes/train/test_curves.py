@@ -5,7 +5,7 @@ import pytest
 
 from app.modes.train.curves import (
     FEWEST,
-    MOST_POINTS,
+    MAX_POINTS,
     curves_of,
     interval_curves,
     mean_curve,
@@ -44,12 +44,12 @@ def test_a_rolling_mean_is_the_mean_of_the_last_ones_that_are_known() -> None:
     assert len(rolling_mean(np.empty(0), 10)) == 0
 
 
-@pytest.mark.parametrize("longest", [1, 7, MOST_POINTS, MOST_POINTS + 1, 12_345])
+@pytest.mark.parametrize("longest", [1, 7, MAX_POINTS, MAX_POINTS + 1, 12_345])
 def test_an_axis_has_at_most_a_thousand_points_and_ends_with_the_last_episode(longest: int) -> None:
     axis = shared_axis(longest)
-    assert len(axis) <= MOST_POINTS and axis[-1] == longest and axis[0] >= 1
+    assert len(axis) <= MAX_POINTS and axis[-1] == longest and axis[0] >= 1
     assert (np.diff(axis) > 0).all()
-    assert longest > MOST_POINTS or len(axis) == longest
+    assert longest > MAX_POINTS or len(axis) == longest
 
 
 def test_a_shorter_curve_ends_where_it_ends() -> None:

@@ -6,8 +6,8 @@ import importlib.util
 import pytest
 
 from app.modes.train.presets import (
-    MOST_EPISODES,
-    MOST_SEEDS,
+    MAX_EPISODES,
+    MAX_SEEDS,
     PACES,
     PRESETS,
     TRAIN_NOW,
@@ -55,8 +55,8 @@ def test_a_short_stage_is_evaluated_at_least_ten_times_and_a_long_one_as_in_the_
     "config",
     [
         stages(*(1,) * 11),
-        stages(MOST_EPISODES + 1),
-        dataclasses.replace(stages(10), seeds=MOST_SEEDS + 1),
+        stages(MAX_EPISODES + 1),
+        dataclasses.replace(stages(10), seeds=MAX_SEEDS + 1),
         replace_setting(stages(10), ("environment", "state_source"), "events"),
     ],
 )

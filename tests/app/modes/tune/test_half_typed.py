@@ -2,7 +2,7 @@
 
 import pytest
 
-from app.modes.tune.settings import REST_S, HeldEdit, is_half_typed
+from app.modes.tune.settings import REST_S, DebouncedEdit, is_half_typed
 from app.state.commands import EditSetting
 from core.config import field_specs, replace_setting
 from core.detection import DetectorConfig
@@ -24,7 +24,7 @@ def test_boxes_and_choices_are_never_half_typed() -> None:
 def test_a_number_that_does_not_go_with_the_others_waits_for_the_rest_of_it() -> None:
     """Of the 30 of a largest radius the 3 comes first: below the smallest radius, 10."""
     config = replace_setting(DetectorConfig(), ("localise", "radius_min_px"), 10.0)
-    held, largest = HeldEdit(), ("localise", "radius_max_px")
+    held, largest = DebouncedEdit(), ("localise", "radius_max_px")
     assert held.hold(EditSetting(largest, 3.0), config)
     assert held.rested(5.0) is None
     assert not held.hold(EditSetting(("window", "window_us"), 500), config)
@@ -34,7 +34,7 @@ def test_a_number_that_does_not_go_with_the_others_waits_for_the_rest_of_it() ->
 
 
 def test_what_stays_refused_is_judged_once_and_anew_after_more_was_typed() -> None:
-    held, even = HeldEdit(), EditSetting(("ebpp", "kernel_px"), 4)
+    held, even = DebouncedEdit(), EditSetting(("ebpp", "kernel_px"), 4)
     assert held.hold(EditSetting(("ebpp", "kernel_px"), 2), DetectorConfig())
     assert held.rested(10.0) is None
     assert held.hold(even, DetectorConfig())

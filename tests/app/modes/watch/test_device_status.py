@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from app import theme
 from app.modes.watch.device_status import device_rows, lost_words
-from core.rally.devices import ClockEstimate
-from core.rally.devices.camera_feed import FeedCounts
-from core.rally.live.camera_source import CameraReport
+from core.devices import ClockEstimate
+from core.devices.camera_feed import FeedCounts
+from core.live.camera_source import CameraReport
 
 CLOCK = ClockEstimate(0.0, 0.0, 12.34e-6, 420.0, 60_000_000)
 

@@ -3,7 +3,7 @@
 from app import theme
 from app.modes.watch.drift_words import drift_row
 from core.cameras.epipolar import EpipolarDrift
-from core.rally.chain.calibration_drift import DriftReport
+from core.chain.calibration_drift import DriftReport
 
 PAIR = ("left", "<b>right")
 

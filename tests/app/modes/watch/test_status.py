@@ -10,9 +10,9 @@ from app import theme
 from app.modes.watch.learned_words import learned_words
 from app.modes.watch.missed.missed_panel import missed_html
 from app.modes.watch.status import live_html, moment_html
-from core.rally.history.missed_balls import MissedBall
-from core.rally.history.rally_history import RallyHistory, RallyMoment, RallyStep, ShownPrediction
-from core.rally.link.messages import WorldState
+from core.history.missed_balls import MissedBall
+from core.history.rally_history import RallyHistory, RallyMoment, RallyStep, ShownPrediction
+from core.live.link.messages import WorldState
 from core.trajectory.filter_config import FilterConfig
 from core.trajectory.learned_constants import nothing_learned
 

@@ -8,10 +8,10 @@ import pytest
 from app import theme
 from app.modes.watch.status import moment_html
 from app.modes.watch.stream_status import camera_rows, stream_html
+from core.history.rally_history import Outcome, RallyHistory, RallyMoment
+from core.history.rally_picture import LandingSpot
+from core.live.stream_watch import CameraHealth, StreamHealth
 from core.physics.episode import Case
-from core.rally.history.rally_history import Outcome, RallyHistory, RallyMoment
-from core.rally.history.rally_picture import LandingSpot
-from core.rally.live.stream_watch import CameraHealth, StreamHealth
 
 WELL = StreamHealth(1.0, 0.01, False, 0, (CameraHealth("left", 0, 0, 0), CameraHealth("right", 0, 0, 0)))
 

@@ -74,7 +74,7 @@ def test_nothing_is_left_of_a_bad_file(workspace, library, tmp_path, content) ->
 def test_nothing_is_left_of_one_that_is_cancelled_or_has_no_room(workspace, library, tmp_path, monkeypatch) -> None:
     file = write_npz(tmp_path / "clip.npz")
     assert bring_in(file, library, workspace, cancelled=lambda: True) is None and not left_in(workspace)
-    monkeypatch.setattr("app.shared.files.arriving.LEAST_FREE_BYTES", 10**18)
+    monkeypatch.setattr("app.shared.files.arriving.MIN_FREE_BYTES", 10**18)
     with pytest.raises(RecordingError, match="too full"):
         bring_in(file, library, workspace)
     assert not left_in(workspace)

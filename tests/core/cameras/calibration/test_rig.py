@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.bench.calibration.swept_ball import BallSwing, click_corners, seen_by
+from benchmarks.calibration.swept_ball import BallSwing, click_corners, seen_by
 from core.cameras import Camera, stereo_preset
 from core.cameras.calibration.point_track import PointTrack
 from core.cameras.calibration.rig import RigConfig, calibrate_rig

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from core.bench.detection.exactness import compare_labels
+from benchmarks.detection.exactness import compare_labels
 from core.detection.fast.cluster import grid_labels
 from core.detection.stages.cluster import ClusterConfig, cluster_labels
 from core.events import Events, SensorSize

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from core.bench.detection.exactness import compare_detectors, compare_random
+from benchmarks.detection.exactness import compare_detectors, compare_random
 from core.config import replace_setting
 from core.detection import (
     Detection,

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.bench.detection.drawn_scenes import draw_flight
+from benchmarks.detection.drawn_scenes import draw_flight
 from core.cameras import stereo_preset
 from core.detection import RefinedDetection, make_detector
 from core.detection.refined.sensor_delay import FEWEST, estimate_delay

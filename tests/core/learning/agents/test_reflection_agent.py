@@ -9,13 +9,13 @@ from core.errors import ConfigError
 from core.learning.agents.agent import StageProgress
 from core.learning.agents.policy import read_policy, save_policy
 from core.learning.agents.reflection_agent import ReflectionAgent
+from core.learning.agents.reflection_model import ReflectionModel
 from core.learning.agents.replay import ReplayBuffer
-from core.learning.agents.state_belief import FEWEST_BALLS, StateBelief
-from core.learning.agents.stroke_law import StrokeLaw
+from core.learning.agents.state_posterior import FEWEST_BALLS, StatePosterior
 from core.learning.config import EnvironmentConfig, LandingModelConfig, RunConfig, default_run, environment_profile
 from core.learning.evaluation.episode_record import landing_errors_mm
 from core.learning.runs.training import Training
-from core.learning.task.environment import Deliveries, deliver, play, validation_balls
+from core.learning.task.environment import ServeBatch, draw_serve_batch, play, validation_balls
 from core.learning.task.reward import Weights
 from core.physics.episode import Outcomes
 
@@ -30,16 +30,16 @@ def reflection_run(environment: EnvironmentConfig, speed_mps: float, **changes: 
     return dataclasses.replace(base, environment=environment, curriculum=curriculum, landing_model=model, **changes)  # type: ignore[arg-type]
 
 
-def struck(count: int, seed: int) -> tuple[Deliveries, np.ndarray, Outcomes]:
+def struck(count: int, seed: int) -> tuple[ServeBatch, np.ndarray, Outcomes]:
     """Hard serves of 9 m/s with random strokes."""
     rng = np.random.default_rng(seed)
-    balls = deliver(9.0, count, TRUTH, rng)
+    balls = draw_serve_batch(9.0, count, TRUTH, rng)
     actions = rng.uniform(-1, 1, (count, 3))
     return balls, actions, play(balls, actions, TRUTH)
 
 
-def law_of(balls: Deliveries, actions: np.ndarray, velocities: np.ndarray) -> StrokeLaw:
-    return StrokeLaw(balls.states, balls.racket_speeds_mps, actions, velocities, TRUTH.task.stroke)
+def law_of(balls: ServeBatch, actions: np.ndarray, velocities: np.ndarray) -> ReflectionModel:
+    return ReflectionModel(balls.states, balls.racket_speeds_mps, actions, velocities, TRUTH.task.stroke)
 
 
 def test_the_law_s_numbers_are_those_of_the_rubber_and_hold_for_other_strokes() -> None:
@@ -63,8 +63,8 @@ def test_a_stroke_that_went_wrong_moves_no_number() -> None:
 
 
 def test_states_are_believed_nearer_to_the_truth_than_they_are_perceived() -> None:
-    balls = deliver(9.0, 3000, NOISY, np.random.default_rng(4))
-    belief = StateBelief(balls.states[:200], NOISY)
+    balls = draw_serve_batch(9.0, 3000, NOISY, np.random.default_rng(4))
+    belief = StatePosterior(balls.states[:200], NOISY)
     truth = balls.arrivals.observations[200:]
     perceived_off = (balls.states[200:] - truth).std(axis=0)[1:]
     believed_off = (belief(balls.states[200:]) - truth).std(axis=0)[1:]
@@ -73,17 +73,17 @@ def test_states_are_believed_nearer_to_the_truth_than_they_are_perceived() -> No
 
 
 def test_a_state_is_taken_as_it_is_where_no_noise_is_told_or_few_balls_are_known() -> None:
-    balls = deliver(9.0, 50, NOISY, np.random.default_rng(5))
-    few = StateBelief(balls.states[: FEWEST_BALLS - 1], NOISY)
+    balls = draw_serve_batch(9.0, 50, NOISY, np.random.default_rng(5))
+    few = StatePosterior(balls.states[: FEWEST_BALLS - 1], NOISY)
     np.testing.assert_array_equal(few(balls.states), balls.states)
-    np.testing.assert_array_equal(StateBelief(balls.states, TRUTH)(balls.states), balls.states)
+    np.testing.assert_array_equal(StatePosterior(balls.states, TRUTH)(balls.states), balls.states)
     exact = dataclasses.replace(NOISY, position_noise_m=0.0, velocity_noise=0.0)
-    np.testing.assert_allclose(StateBelief(balls.states, exact)(balls.states), balls.states, atol=1e-12)
+    np.testing.assert_allclose(StatePosterior(balls.states, exact)(balls.states), balls.states, atol=1e-12)
 
 
 def test_noise_alone_is_believed_to_be_one_ball() -> None:
     noise = np.random.default_rng(6).normal(0.0, 0.003, (400, 6)) + np.array([-1.42, 0.1, 0.2, -8.0, 0.5, 1.7])
-    believed = StateBelief(noise, NOISY)(noise)
+    believed = StatePosterior(noise, NOISY)(noise)
     assert (np.abs(believed - noise.mean(axis=0))[:, 1:].max(axis=0) < 0.0005).all()
 
 
@@ -110,7 +110,10 @@ def test_its_policy_is_one_as_any_other(tmp_path) -> None:
     for _ in range(25):
         training.play_episode()
     save_policy(training.policy, tmp_path / "policy.safetensors")
-    policy, balls = read_policy(tmp_path / "policy.safetensors"), deliver(5.0, 50, TRUTH, np.random.default_rng(0))
+    policy, balls = (
+        read_policy(tmp_path / "policy.safetensors"),
+        draw_serve_batch(5.0, 50, TRUTH, np.random.default_rng(0)),
+    )
     known = balls.states, balls.racket_speeds_mps, balls.goals_m
     np.testing.assert_allclose(policy(*known), training._agent.act(*known), atol=1e-3)
 

@@ -9,7 +9,7 @@ from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig, GoalConfig, environment_profile
 from core.learning.evaluation.policy_evaluator import MISSED_MM
 from core.learning.evaluation.policy_map import MAP_SEED, map_policy, target_grid
-from core.learning.task.environment import Deliveries, deliver, evaluation_balls, play, validation_balls
+from core.learning.task.environment import ServeBatch, draw_serve_batch, evaluation_balls, play, validation_balls
 from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
 KNOWN = environment_profile(state_source="truth")
@@ -22,8 +22,8 @@ def aims_roughly(states: np.ndarray, racket_speeds_mps: np.ndarray, goals_m: np.
     return np.column_stack([np.zeros(len(states)), 0.4 * (goals_m[:, 0] - 0.7), 0.5 * turn])
 
 
-def serves_of(environment: EnvironmentConfig) -> Deliveries:
-    return deliver(5.0, 12, environment, np.random.default_rng([MAP_SEED, 5000]), "validation")
+def serves_of(environment: EnvironmentConfig) -> ServeBatch:
+    return draw_serve_batch(5.0, 12, environment, np.random.default_rng([MAP_SEED, 5000]), "validation")
 
 
 def test_the_grid_covers_the_opponents_half_and_nothing_else() -> None:
@@ -63,7 +63,7 @@ def test_the_same_serves_go_to_every_target_and_every_map_is_the_same() -> None:
 def test_the_serves_are_those_of_no_training_and_no_evaluation() -> None:
     ours = {tuple(row) for row in serves_of(KNOWN).serves.states().round(9).tolist()}
     others = [evaluation_balls(5.0, 500, KNOWN), validation_balls(5.0, 500, KNOWN)]
-    others += [deliver(5.0, 500, KNOWN, np.random.default_rng([seed, 0, 0])) for seed in range(5)]
+    others += [draw_serve_batch(5.0, 500, KNOWN, np.random.default_rng([seed, 0, 0])) for seed in range(5)]
     for dealt in others:
         assert not ours & {tuple(row) for row in dealt.serves.states().round(9).tolist()}
 

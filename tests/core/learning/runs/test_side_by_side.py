@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from core.errors import ConfigError
-from core.jobs import ALONE, Engine
+from core.jobs import ALONE, JobBackend
 from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig
 from core.learning.runs.control import Control, read_status, write_control
 from core.learning.runs.run_files import create_run, read_lines, seed_files
@@ -27,7 +27,7 @@ CONFIG = RunConfig(
     first_seed=SEEDS[0],
     seeds=len(SEEDS),
 )
-TWO = Engine(jobs=2)
+TWO = JobBackend(jobs=2)
 
 
 def files_of(run: Path) -> dict[str, bytes]:

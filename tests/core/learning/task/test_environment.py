@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 from core.learning.config import EnvironmentConfig, GoalConfig, environment_profile
 from core.learning.evaluation.episode_record import landing_errors_mm, really_seen
 from core.learning.gym_environment import OneStepReturn, register_environment
-from core.learning.task.environment import deliver, draw_goals, evaluation_balls, play
+from core.learning.task.environment import draw_goals, draw_serve_batch, evaluation_balls, play
 from core.physics.episode import Case
 
 TRUTH = EnvironmentConfig(state_source="truth")
@@ -23,7 +23,7 @@ def test_mujoco_and_the_closed_form_play_the_same_episodes(source: str) -> None:
     config = dataclasses.replace(config, actuator_error_deg=1.0)
     rng = np.random.default_rng(0)
     for speed in (3.0, 6.0, 9.0):
-        balls = deliver(speed, 12, config, rng)
+        balls = draw_serve_batch(speed, 12, config, rng)
         actions = rng.uniform(-1, 1, (12, 3))
         ours = play(balls, actions, config)
         theirs = play(balls, actions, dataclasses.replace(config, engine="mujoco"))
@@ -33,7 +33,7 @@ def test_mujoco_and_the_closed_form_play_the_same_episodes(source: str) -> None:
 
 def test_every_ball_is_played_on_its_own() -> None:
     rng = np.random.default_rng(1)
-    balls = deliver(5.0, 20, TRUTH, rng)
+    balls = draw_serve_batch(5.0, 20, TRUTH, rng)
     actions = rng.uniform(-1, 1, (20, 3))
     together = play(balls, actions, TRUTH)
     for i in range(20):
@@ -63,7 +63,7 @@ def test_goals_are_spread_over_the_box_or_fixed_in_its_middle() -> None:
 
 def test_noise_is_as_large_as_it_says_and_leaves_the_hitting_plane_where_it_is() -> None:
     config = dataclasses.replace(TRUTH, state_source="truth+noise", position_noise_m=0.005, velocity_noise=0.01)
-    balls = deliver(5.0, 4000, config, np.random.default_rng(2))
+    balls = draw_serve_batch(5.0, 4000, config, np.random.default_rng(2))
     off = balls.states - balls.arrivals.observations
     speed = np.linalg.norm(balls.arrivals.states[:, 3:6], axis=1, keepdims=True)
     assert np.all(off[:, 0] == 0)
@@ -76,7 +76,7 @@ def test_noise_is_as_large_as_it_says_and_leaves_the_hitting_plane_where_it_is()
 
 def test_an_actuator_bias_moves_every_landing() -> None:
     rng = np.random.default_rng(3)
-    balls = deliver(5.0, 50, TRUTH, rng)
+    balls = draw_serve_batch(5.0, 50, TRUTH, rng)
     biased = dataclasses.replace(balls, action_errors=np.full((50, 3), 1 / 15))
     moved = play(biased, np.zeros((50, 3)), TRUTH).landings_m - play(balls, np.zeros((50, 3)), TRUTH).landings_m
     distance_mm = 1000 * np.hypot(*moved.T)
@@ -85,7 +85,7 @@ def test_an_actuator_bias_moves_every_landing() -> None:
 
 def test_only_what_happened_before_the_first_contact_counts_as_seen() -> None:
     rng = np.random.default_rng(4)
-    balls = deliver(4.0, 3000, TRUTH, rng)
+    balls = draw_serve_batch(4.0, 3000, TRUTH, rng)
     outcomes = play(balls, rng.uniform(-1, 1, (3000, 3)), TRUTH)
     seen = really_seen(outcomes)
     case = outcomes.case
@@ -107,7 +107,7 @@ def test_gymnasium_accepts_the_environment() -> None:
 
 
 def test_the_gymnasium_form_gives_the_outcomes_of_the_vectorised_one() -> None:
-    balls = deliver(5.0, 10, TRUTH, np.random.default_rng(5))
+    balls = draw_serve_batch(5.0, 10, TRUTH, np.random.default_rng(5))
     environment = OneStepReturn(deliveries=balls)
     actions = np.random.default_rng(6).uniform(-1, 1, (10, 3))
     outcomes = play(balls, np.float32(actions).astype(np.float64), TRUTH)
@@ -122,7 +122,7 @@ def test_the_gymnasium_form_gives_the_outcomes_of_the_vectorised_one() -> None:
 
 def test_a_ball_that_is_not_where_it_was_expected_is_missed() -> None:
     config = dataclasses.replace(TRUTH, state_source="truth+noise", position_noise_m=0.1, velocity_noise=0.0)
-    balls = deliver(5.0, 300, config, np.random.default_rng(7))
+    balls = draw_serve_batch(5.0, 300, config, np.random.default_rng(7))
     outcomes = play(balls, np.zeros((300, 3)), config)
     off_m = np.hypot(*(balls.states - balls.arrivals.observations)[:, 1:3].T)
     missed = outcomes.case == Case.MISSED

@@ -9,7 +9,7 @@ from core.errors import ConfigError
 from core.learning.config import CurriculumConfig, EnvironmentConfig, RunConfig, default_run
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator, score_played
 from core.learning.runs.training import Training
-from core.learning.task.environment import Deliveries, evaluation_balls, play
+from core.learning.task.environment import ServeBatch, evaluation_balls, play
 from core.learning.task.episode_backend import ClosedFormBackend, observe_all
 from core.physics.episode import Case, Outcomes
 
@@ -28,7 +28,7 @@ class CrookedCourt:
     def begin(self, seed: int) -> None:
         self.begun.append(seed)
 
-    def meet(self, delivery: Deliveries) -> Deliveries:
+    def observe(self, delivery: ServeBatch) -> ServeBatch:
         self.met += 1
         seen = self.met % 3 != 0
         states = delivery.arrivals.observations + np.array([0, SHIFT_M, 0, 0, 0, 0])
@@ -37,7 +37,7 @@ class CrookedCourt:
             delivery, seen=np.array([seen]), states=states if seen else 0 * states, aim_ps_m=aim_p, aim_t_s=aim_t
         )
 
-    def play(self, delivery: Deliveries, action: np.ndarray) -> Outcomes:
+    def play(self, delivery: ServeBatch, action: np.ndarray) -> Outcomes:
         return play(delivery, action, EVENTS)
 
     def close(self) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from core.learning.config import EnvironmentConfig, environment_profile
-from core.learning.task.environment import deliver
+from core.learning.task.environment import draw_serve_batch
 from core.learning.task.normalise import normal_goals, normal_observations, normal_racket_speeds, normal_states
 
 
@@ -38,7 +38,7 @@ def test_states_racket_speed_and_goal_follow_each_other() -> None:
 def test_serves_of_all_speeds_are_of_the_order_of_one() -> None:
     config = environment_profile(serves="hard", state_source="truth")
     rng = np.random.default_rng(0)
-    states = np.concatenate([deliver(speed, 60, config, rng).states for speed in (3.0, 5.0, 7.0, 9.0)])
+    states = np.concatenate([draw_serve_batch(speed, 60, config, rng).states for speed in (3.0, 5.0, 7.0, 9.0)])
     seen = normal_states(states)
     assert np.abs(seen.mean(0)).max() < 0.7
     assert (seen.std(0)[1:] > 0.3).all() and (seen.std(0) < 1.5).all() and np.abs(seen).max() < 4

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.learning.config import EnvironmentConfig
-from core.learning.task.environment import deliver
+from core.learning.task.environment import draw_serve_batch
 from core.learning.task.point_errors import MEASURED, SeenFlight, fit_point_errors
 from core.simulation.episodes.closed_form import sample_serves
 
@@ -12,7 +12,7 @@ TRUTH = EnvironmentConfig(state_source="truth")
 
 
 def flights(count: int, seed: int) -> list[SeenFlight]:
-    balls = deliver(5.0, count, TRUTH, np.random.default_rng(seed))
+    balls = draw_serve_batch(5.0, count, TRUTH, np.random.default_rng(seed))
     t_s = np.arange(0.02, float(balls.arrivals.t_s.min()), 0.002)
     truth_m = sample_serves(balls.serves, balls.arrivals, np.broadcast_to(t_s, (count, len(t_s))), TRUTH.task)
     errors_m = MEASURED.draw(t_s, truth_m, balls.arrivals.bounce_t_s, np.random.default_rng(seed + 1))

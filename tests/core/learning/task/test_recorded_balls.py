@@ -9,7 +9,7 @@ import pytest
 
 from core.errors import ConfigError
 from core.learning.config import EnvironmentConfig, RunConfig, environment_profile
-from core.learning.task.environment import deliver, evaluation_balls, validation_balls
+from core.learning.task.environment import draw_serve_batch, evaluation_balls, validation_balls
 from core.learning.task.racket_table import racket_table
 from core.learning.task.recorded_balls import BLOCK, PARTS, SHARES, part_of_flights, recorded_balls
 from core.physics.ball_states import KEYS
@@ -51,7 +51,7 @@ def test_blocks_of_flights_are_dealt_to_the_parts_and_none_twice() -> None:
 
 def test_what_is_trained_on_is_never_evaluated_or_chosen_by(tmp_path: Path) -> None:
     config = environment(write_states(tmp_path / "a.json", 700))
-    trained = deliver(5.0, 8000, config, np.random.default_rng(0))
+    trained = draw_serve_batch(5.0, 8000, config, np.random.default_rng(0))
     tested, chosen = evaluation_balls(5.0, 500, config), validation_balls(5.0, 500, config)
     sides = [flights(balls.serves.states()) for balls in (trained, tested, chosen)]
     assert not sides[0] & sides[1] and not sides[0] & sides[2] and not sides[1] & sides[2]
@@ -61,7 +61,7 @@ def test_what_is_trained_on_is_never_evaluated_or_chosen_by(tmp_path: Path) -> N
 
 def test_balls_come_with_their_spin_and_a_racket_speed_for_their_own(tmp_path: Path) -> None:
     config = environment(write_states(tmp_path / "a.json", 700))
-    balls = deliver(5.0, 50, config, np.random.default_rng(0))
+    balls = draw_serve_batch(5.0, 50, config, np.random.default_rng(0))
     np.testing.assert_array_equal(balls.states[:, :9], balls.arrivals.states)
     assert not balls.states[:, 9:].any(), "known exactly"
     incoming, racket = racket_table(RunConfig(agent="landing-model", environment=config))

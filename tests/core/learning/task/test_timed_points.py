@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.learning.config import EnvironmentConfig, TimingConfig
-from core.learning.task.environment import deliver, play, strokes_of
+from core.learning.task.environment import draw_serve_batch, play, strokes_of
 from core.learning.task.timed_points import FollowingRacket, observe_in_time, turned_share
 from core.physics.episode import Case
 from core.simulation.episodes.racket import RacketConfig
@@ -20,7 +20,7 @@ def timed(**changes: float) -> EnvironmentConfig:
 
 
 def dealt(config: EnvironmentConfig, speed: float = 5.0, count: int = 12, seed: int = 3):
-    return deliver(speed, count, config, np.random.default_rng(seed))
+    return draw_serve_batch(speed, count, config, np.random.default_rng(seed))
 
 
 def test_without_errors_the_state_is_nearly_the_truth_and_the_bounce_was_found_by_itself() -> None:

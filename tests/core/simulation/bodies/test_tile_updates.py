@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from core.bench.simulation.dense_sensor import compare_events, dense_events
+from benchmarks.simulation.dense_sensor import compare_events, dense_events
 from core.cameras import Camera
 from core.events import Events, SensorSize, concatenate_events
 from core.geometry import look_at

@@ -14,8 +14,8 @@ from core.physics.episode import Strokes
 from core.physics.flight import air_from_config, fly
 from core.physics.task import TaskConfig, task_profile
 from core.simulation.episodes import draw_serves, fly_serves, simulate_episodes
+from core.simulation.episodes.ball_outcome import BallOutcome, RallyClassifier
 from core.simulation.episodes.episode_path import trace_episode
-from core.simulation.episodes.judge import BallOutcome, RallyJudge
 from core.simulation.episodes.mujoco_episode import simulate_episodes_mujoco
 from core.simulation.episodes.mujoco_rally import MujocoRally
 from core.simulation.episodes.racket import target_for_ball
@@ -62,7 +62,7 @@ def test_mujoco_s_own_air_is_our_air() -> None:
 def play(
     rally: MujocoRally, duration_s: float, dt_s: float | None = None
 ) -> tuple[list[RallyEvent], list[BallOutcome]]:
-    judge = RallyJudge(rally.task)
+    judge = RallyClassifier(rally.task)
     events: list[RallyEvent] = []
     decided: list[BallOutcome] = []
     while rally.time_s < duration_s - 1e-9:
@@ -72,13 +72,13 @@ def play(
     return events, decided
 
 
-def served_and_aimed(seed: int, dt_s: float) -> tuple[MujocoRally, RallyJudge, Strokes, np.ndarray]:
+def served_and_aimed(seed: int, dt_s: float) -> tuple[MujocoRally, RallyClassifier, Strokes, np.ndarray]:
     rng = np.random.default_rng(seed)
     serves = draw_serves(5.0, 1, PAPER, rng)
     arrivals = fly_serves(serves, PAPER)
     strokes = strokes_from_actions(rng.uniform(-1, 1, (1, 3)), 1.0, PAPER.stroke)
     rally = MujocoRally(PAPER, dt_s=dt_s)
-    judge = RallyJudge(PAPER)
+    judge = RallyClassifier(PAPER)
     judge.feed([rally.serve(serves.ps_m[0], serves.vs_mps[0])])
     target = target_for_ball(arrivals.states[0, :3], strokes.qs_wxyz[0], strokes.vs_mps[0], float(arrivals.t_s[0]))
     rally.aim_racket(target)
@@ -180,6 +180,6 @@ def test_impossible_serves_and_steps_are_refused() -> None:
 def test_the_numba_physics_does_not_load_mujoco() -> None:
     code = (
         "import sys, core.physics, core.simulation.episodes.episode_path, core.simulation.episodes.racket, "
-        "core.simulation.episodes.judge; sys.exit('mujoco' in sys.modules)"
+        "core.simulation.episodes.ball_outcome; sys.exit('mujoco' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

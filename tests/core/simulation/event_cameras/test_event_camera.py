@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.bench.simulation.dense_sensor import compare_events, dense_events
+from benchmarks.simulation.dense_sensor import compare_events, dense_events
 from core.errors import ConfigError
 from core.events import Events, concatenate_events
 from core.simulation import SceneConfig, SensorConfig, scene_named

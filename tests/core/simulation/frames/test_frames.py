@@ -15,7 +15,7 @@ from core.simulation.bodies.picture import BodyPicture
 from core.simulation.flights.ball_path import BallPath, ParabolicPath, VisibleRange
 from core.simulation.frames.colours import coloured_scenes
 from core.simulation.frames.frame_bodies import tinted_parts
-from core.simulation.frames.frames import LEAST_INSTANTS, FrameCamera, FrameConfig, FrameTrack, chosen_instants
+from core.simulation.frames.frames import MIN_INSTANTS, FrameCamera, FrameConfig, FrameTrack, chosen_instants
 from core.simulation.scenes.background import make_background
 from core.simulation.scenes.ball_view import ball_shading_rows
 from core.simulation.scenes.block_view import view_numbers
@@ -124,9 +124,9 @@ def test_noise_is_drawn_from_the_seed_and_as_large_as_it_says(small_camera) -> N
 
 
 def test_the_faster_something_moves_the_more_instants_and_never_fewer_than_eight() -> None:
-    assert len(chosen_instants(LEAST_INSTANTS + 1)) == LEAST_INSTANTS + 1
+    assert len(chosen_instants(MIN_INSTANTS + 1)) == MIN_INSTANTS + 1
     counts = [len(chosen_instants(count)) for count in (9, 20, 100, 300)]
-    assert counts == sorted(counts) and min(counts) > LEAST_INSTANTS and counts[-1] > 90
+    assert counts == sorted(counts) and min(counts) > MIN_INSTANTS and counts[-1] > 90
     for count in (9, 23, 300):
         chosen = chosen_instants(count)
         assert chosen[0] == 0 and chosen[-1] == count - 1, "both edges of the exposure"

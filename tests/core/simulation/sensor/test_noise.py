@@ -4,7 +4,7 @@ import numpy as np
 
 from core.events import SensorSize
 from core.simulation import SensorConfig
-from core.simulation.sensor.noise import HotPixels, merge_noise, noise_law
+from core.simulation.sensor.noise import HotPixels, merge_noise, noise_model
 from core.simulation.sensor.pixels import EventBuffer
 
 SENSOR = SensorSize(64, 48)
@@ -23,7 +23,7 @@ def buffer_of(t_us: np.ndarray, pixel: np.ndarray, on: np.ndarray) -> EventBuffe
 
 def merge(signal: EventBuffer, config: SensorConfig, hot: HotPixels = COLD, seed: int = 0, span_us: int = 10_000):
     last = np.full(COUNT, LONG_AGO)
-    law = noise_law(SENSOR, config, hot)
+    law = noise_model(SENSOR, config, hot)
     rng = np.random.default_rng(seed)
     return merge_noise(signal, last, law, 20_000, 20_000 + span_us, config.refractory_us, 64, rng), last
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from app.bench.bare_browser import BareBrowser
 from app.modes.label.editor import LabelEditor
 from app.modes.label.keyboard.held_keys import HeldKeys
 from app.modes.label.keyboard.keys import KEYS
@@ -17,6 +16,7 @@ from app.server import App
 from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.state.commands import Seek
+from benchmarks.app.bare_browser import BareBrowser
 
 BALL_US = 300_000
 

@@ -6,7 +6,7 @@ from app.modes.label.label_picture import CircleMark
 from app.modes.label.merge.comparison import LabelComparison, LabelsOf, compare_labels
 from app.modes.label.merge.pair_picture import LARGEST_PX, apart_px, pair_legend, pair_marks
 from app.modes.label.merge.panel import counts_html, pair_html
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from labels.arrays import label_arrays
 from labels.conflicts import Settled, settlement
 from labels.model import Label, LabelState, PositionSource, Provenance
@@ -67,10 +67,13 @@ def test_the_other_label_is_seen_where_it_matters_and_nowhere_else(compared: Lab
 
 def test_both_labels_are_drawn_and_named_each_in_its_colour(compared: LabelComparison) -> None:
     mine, theirs = compared.mine.labels[20], compared.theirs.labels[20]
-    assert pair_marks(mine, theirs) == (CircleMark(10.0, 0.0, 5.0, Ink.MINE), CircleMark(50.0, 0.0, 5.0, Ink.THEIRS))
+    assert pair_marks(mine, theirs) == (
+        CircleMark(10.0, 0.0, 5.0, PaletteIndex.MINE),
+        CircleMark(50.0, 0.0, 5.0, PaletteIndex.THEIRS),
+    )
     assert pair_legend(("anna", mine), ("bea", nothing(1))) == (
-        ("anna: visible, r 5.00 px", Ink.MINE),
-        ("bea: no ball", Ink.THEIRS),
+        ("anna: visible, r 5.00 px", PaletteIndex.MINE),
+        ("bea: no ball", PaletteIndex.THEIRS),
     )
     assert apart_px(mine, theirs) == 40.0 and apart_px(mine, nothing(1)) is None
     text = pair_html(compared, 20, mine)
@@ -85,4 +88,4 @@ def test_a_hostile_name_and_an_endless_radius_are_only_text_and_a_large_circle(c
     odd = compare_labels("left", "x", of("anna", ball(20, 1.0)), of("<b>\x1b\u202e" + "x" * 500, huge), DURATION_US)
     text = pair_html(odd, 20, odd.mine.labels[20]) + counts_html(odd)
     assert "<b>\\" not in text and "\x1b" not in text and "\u202e" not in text and len(text) < 2_000
-    assert pair_marks(None, huge) == (CircleMark(1e300, 0.0, LARGEST_PX, Ink.THEIRS),)
+    assert pair_marks(None, huge) == (CircleMark(1e300, 0.0, LARGEST_PX, PaletteIndex.THEIRS),)

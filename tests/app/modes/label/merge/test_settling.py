@@ -20,7 +20,7 @@ from app.modes.label.merge.panel import panel_html
 from app.modes.label.plan import CameraWork, LabelScene, centre_at, plan_at
 from app.modes.label.view import LabelView
 from app.modes.services import LABEL_TOOL
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from core.recordings import open_recording
 from labels.conflicts import find_conflicts, how_settled
 from labels.model import Label, LabelState, PositionSource
@@ -142,7 +142,7 @@ def test_what_differs_is_counted_and_both_are_drawn(desk: Desk) -> None:
     assert found.open_us.tolist() == list(AT_US) and (found.agreed, found.only_mine) == (1, 1)
     assert found.only_theirs_us.tolist() == [50_000]
     plan = desk.look(AT_US[0])
-    assert [mark.ink for mark in plan.main.marks[:2]] == [Ink.MINE, Ink.THEIRS]
+    assert [mark.ink for mark in plan.main.marks[:2]] == [PaletteIndex.MINE, PaletteIndex.THEIRS]
     assert [text for text, _ in plan.legend] == ["anna: visible, r 6.00 px", "bea: visible, r 8.00 px"]
     assert "0 of 4 settled" in panel_html(desk.work, "", (), waiting=True)
     assert desk.look(30_000).legend == () and len(desk.look(50_000).legend) == 2

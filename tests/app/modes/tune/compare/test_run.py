@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from app.modes.tune.compare.charts import chart_titles, method_columns
-from app.modes.tune.compare.report import MOST_STRETCHES, comparison_html, stretch_names, stretches_html
+from app.modes.tune.compare.report import MAX_STRETCHES, comparison_html, stretch_names, stretches_html
 from app.modes.tune.compare.run import CompareRequest, KnownReferences, known_reference, run_comparison
 from core.detection.methods import METHODS, method_config
 from core.errors import CommandError
-from core.metrics.compare import Stretch
+from core.metrics.compare import ErrorRun
 from core.recordings import CameraStream, open_recording
 from labels.model import Label, LabelState
 from labels.store import LabelStore
@@ -127,9 +127,9 @@ def test_a_part_without_events_is_refused(stream, tmp_path: Path) -> None:
 
 
 def test_names_of_stretches_are_in_order_and_not_too_many() -> None:
-    many = tuple(Stretch(1000 * k, 1000 * k + 500, 1 + k % 3, 1000 * k, (0.0, 0.0)) for k in range(MOST_STRETCHES + 9))
+    many = tuple(ErrorRun(1000 * k, 1000 * k + 500, 1 + k % 3, 1000 * k, (0.0, 0.0)) for k in range(MAX_STRETCHES + 9))
     names = stretch_names(many)
-    assert len(names) == MOST_STRETCHES and list(names) == sorted(names)
+    assert len(names) == MAX_STRETCHES and list(names) == sorted(names)
     assert names["0.0020 s ×3"] == many[2] and sum(one.count == 3 for one in names.values()) == 16
     assert stretch_names(()) == {}
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from app.modes.watch.learning.words import RANGE_MM, SHOWN, chart_columns, learning_html, reason_html
+from core.online_learning.progress import LearnedBall, LearningProgress
 from core.physics.episode import Case
-from core.rally.online_learning.progress import LearnedBall, LearningProgress
 
 
 def balls(*errors_mm: float, random: bool = False) -> tuple[LearnedBall, ...]:

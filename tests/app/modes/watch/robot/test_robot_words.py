@@ -4,12 +4,12 @@ from dataclasses import replace
 
 from app import theme
 from app.modes.watch.robot.words import limits_words, robot_html
-from core.rally.control.step_test import CommandLatency
-from core.rally.live.robot_step_test import StepTestReport
-from core.rally.robot import RobotState, RobotStatus
-from core.rally.robot.robot_clock import ClockOffset
-from core.rally.robot.robot_watch import RobotCounts, StopNote
-from tests.core.rally.robot.limits import LIMITS
+from core.chain.control.step_test import CommandLatency
+from core.robot import RobotState, RobotStatus
+from core.robot.robot_clock import ClockOffset
+from core.robot.robot_step_test import StepTestReport
+from core.robot.robot_watch import RobotCounts, StopNote
+from tests.core.robot.limits import LIMITS
 
 STATE = RobotState(
     session="s", t_us=1, p_m=(-1.6, 0.0, 0.25), q_wxyz=(1.0, 0.0, 0.0, 0.0), v_mps=(3.0, 4.0, 0.0),

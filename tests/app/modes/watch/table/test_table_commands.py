@@ -12,7 +12,7 @@ from app.modes.watch.table.commands import (
 )
 from app.modes.watch.table.words import PosesRequest, corner_option, find_poses, poses_html
 from app.pictures.canvas import Canvas, Region
-from app.pictures.palette import Ink
+from app.pictures.palette import PaletteIndex
 from app.state.client_state import ClientState, Configs
 from app.state.playback import Playhead
 from app.state.table_clicks import CORNER_NAMES, TableClicks
@@ -82,7 +82,7 @@ def test_marks_are_numbered_and_the_table_that_fits_them_is_drawn() -> None:
     draw_table_clicks(canvas, "left", PAIR["left"], clicks_in("left"))
     inside = [text.text for text in canvas.texts]
     assert inside and set(inside) <= {str(number) for number in range(1, 11)}
-    assert (canvas.image == Ink.EPIPOLAR).sum() > 1000 and (canvas.image == Ink.LABEL).any()
+    assert (canvas.image == PaletteIndex.EPIPOLAR).sum() > 1000 and (canvas.image == PaletteIndex.LABEL).any()
     few = Canvas(Region.of_sensor(PAIR["left"].sensor))
     draw_table_clicks(few, "left", PAIR["left"], clicks_in("left", CORNER_NAMES[:3]))
-    assert not (few.image == Ink.EPIPOLAR).any()
+    assert not (few.image == PaletteIndex.EPIPOLAR).any()

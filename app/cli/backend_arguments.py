@@ -1,0 +1,39 @@
+"""Where a verb does its many pieces of work: the same two flags for all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from app.cli.arguments import PositiveInt, flag
+from core.jobs import JobBackend
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BackendArguments:
+    """Of a verb whose pieces are sent to the workers, and their results back."""
+
+    TITLE: ClassVar = "where it is done; the results do not depend on it"
+    jobs: PositiveInt | None = flag("pieces worked on at a time on this machine", "N", "one per core")
+    cluster: str | None = flag(
+        "instead on the workers of a Dask cluster, at its scheduler's address; beyond this machine tls://",
+        "tcp://HOST:PORT",
+    )
+
+    def engine(self) -> JobBackend:
+        """What was asked for.
+
+        Raises:
+            JobsError: for both flags, or an address that is none of a cluster, or one of a plain one elsewhere.
+        """
+        return JobBackend(jobs=self.jobs, cluster=self.cluster)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SharedBackendArguments(BackendArguments):
+    """Of a verb whose workers open or write the files themselves."""
+
+    TITLE: ClassVar = (
+        "where it is done; the results do not depend on it; the machines of a cluster must share the folders of all "
+        "files that are read or written, under the same paths"
+    )

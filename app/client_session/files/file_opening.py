@@ -1,0 +1,214 @@
+"""Opening a file for one browser: the list, the import with its progress, and what was recognised."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from app.background.jobs import Job, Progress
+from app.client_session.files.facts import facts_message, list_message, problem_message
+from app.modes.services import Services
+from app.shared.files import OfferedFile, bring_in
+from app.web.pages import Message
+from core.errors import RallyscopeError, RecordingError
+from core.files import end_unfinished
+from core.recordings.sources.kinds import kind_of
+
+logger = logging.getLogger(__name__)
+BUSY = "A file is being opened already; wait for it, or cancel it."
+GONE = "That file is not in the list any more."
+
+
+class FilePage(Protocol):
+    """The page, as far as files go."""
+
+    def listen(self, kind: str, listener: Callable[[Message], None]) -> None: ...
+    def send(self, kind: str, values: Message) -> None: ...
+    def receive(self, take: Callable[[Path], None]) -> None: ...
+
+
+class FileSession(Protocol):
+    """What it needs of the session."""
+
+    def later(self, act: Callable[[], None]) -> None: ...
+    def open_recording(self, name: str) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    path: Path
+    name: str
+    """As the person knows it."""
+    received: bool = False
+    """From the browser: it lies in a folder of its own, which goes when it is done with."""
+
+    def release(self) -> None:
+        if self.received:
+            end_unfinished(self.path.parent)
+
+
+class FileOpening:
+    """Owned by the session; every method but the page's callbacks is called by its loop."""
+
+    def __init__(self, page: FilePage, services: Services, pool: Executor, session: FileSession) -> None:
+        self._page = page
+        self._services = services
+        self._pool = pool
+        self._session = session
+        self._job: Job[Message | None] | None = None
+        self._called = ""
+        self._number = 0
+        self._dialogs = 0
+        self._told_share = -1.0
+        self._lock = threading.Lock()
+        self._closed = False
+        self._arrived: set[_Source] = set()
+        """Received, and not begun yet."""
+        page.listen("files", self._asked)
+        page.receive(self._received)
+
+    def show_dialog(self) -> None:
+        """Let the page show its dialog."""
+        self._dialogs += 1
+        self._page.send("files_dialog", {"number": self._dialogs})
+
+    def open_listed(self, name: str) -> bool:
+        """Import an event file by its name in the list of recordings; False if it is none of them."""
+        path = self._services.library.file_to_import(name)
+        if path is None:
+            return False
+        self._begin(_Source(path, path.name))
+        return True
+
+    def tick(self) -> None:
+        """Say how far the import is."""
+        if self._job is not None and self._job.share > self._told_share + 0.005:
+            self._told_share = self._job.share
+            self._tell({"state": "importing", "share": round(self._told_share, 3)})
+
+    def close(self) -> None:
+        """The browser is gone: what it still wanted is not wanted any more."""
+        with self._lock:
+            self._closed = True
+            arrived, self._arrived = self._arrived, set()
+        for source in arrived:
+            source.release()
+        self._cancel()
+
+    # What the page asks for; nothing in a message is trusted.
+
+    def _asked(self, message: Message) -> None:
+        match message.get("do"):
+            case "list":
+                self._pool.submit(self._list)
+            case "open":
+                key = str(message.get("key"))[:64]
+                self._pool.submit(self._find, key)
+            case "cancel":
+                self._cancel()
+
+    def _list(self) -> None:
+        try:
+            self._page.send("files", list_message(self._services.files.all()))
+        except RallyscopeError as error:
+            logger.warning("the files cannot be listed: %s", error)
+
+    def _find(self, key: str) -> None:
+        file = self._services.files.find(key)
+        self._session.later(lambda: self._open_offered(file))
+
+    def _open_offered(self, file: OfferedFile | None) -> None:
+        if file is None:
+            self._tell_anew("", {"state": "failed", "problem": GONE})
+        else:
+            self._begin(_Source(file.path, file.path.name))
+
+    def _received(self, path: Path) -> None:
+        """In the server's event loop."""
+        source = _Source(path, path.name, received=True)
+        with self._lock:
+            closed = self._closed
+            if not closed:
+                self._arrived.add(source)
+        if closed:
+            source.release()
+        else:
+            self._session.later(lambda: self._begin(source))
+
+    # The import ----------------------------------------------------------------------------------------------------
+
+    def _begin(self, source: _Source) -> None:
+        with self._lock:
+            self._arrived.discard(source)
+            closed = self._closed
+        if closed or self._job is not None:
+            source.release()
+            if not closed:
+                self._tell({"state": "importing", "share": round(self._told_share, 3), "problem": BUSY})
+            return
+        services, number = self._services, self._number + 1
+
+        def work(progress: Progress, cancelled: Callable[[], bool]) -> Message | None:
+            try:
+                kind = kind_of(source.path)
+                name = bring_in(
+                    source.path,
+                    services.library,
+                    services.workspace,
+                    received=source.received,
+                    progress=progress,
+                    cancelled=cancelled,
+                )
+                if name is None:
+                    return None
+                recording = services.library.open(name)
+                if not recording.cameras:
+                    raise RecordingError("no cameras in this recording", where=source.path, remedy="choose another")
+                return facts_message(name, source.name, kind, recording)
+            finally:
+                source.release()
+
+        self._told_share = 0.0
+        self._tell_anew(source.name, {"state": "importing", "share": 0.0})
+        self._job = Job(
+            work,
+            lambda facts: self._session.later(lambda: self._done(number, facts)),
+            lambda error: self._session.later(lambda: self._failed(number, source, error)),
+        )
+
+    def _done(self, number: int, facts: Message | None) -> None:
+        if number != self._number or self._job is None:
+            return
+        self._job = None
+        if facts is not None:
+            self._tell(facts)
+            self._session.open_recording(str(facts["name"]))
+
+    def _failed(self, number: int, source: _Source, error: Exception) -> None:
+        if number != self._number or self._job is None:
+            return
+        self._job = None
+        if isinstance(error, RallyscopeError):
+            self._tell(problem_message(source.name, source.path, error))
+        else:
+            logger.error("unexpected error while a file was opened", exc_info=error)
+            self._tell({"state": "failed", "problem": "This is a bug; the terminal shows where."})
+
+    def _cancel(self) -> None:
+        if self._job is not None:
+            self._job.cancel()
+            self._job = None
+            self._tell({"state": "cancelled"})
+
+    def _tell_anew(self, name: str, values: Message) -> None:
+        self._number += 1
+        self._called = name
+        self._tell(values)
+
+    def _tell(self, values: Message) -> None:
+        self._page.send("opening", {"number": self._number, "file": self._called, **values})

@@ -1,0 +1,44 @@
+"""How often a browser is shown what moves by itself.
+
+A page without a graphics card is drawn by the processor: every change anywhere on it costs 20 to 40 ms (Chromium at
+1280x720), where a panel is drawn anew some times more. A live rally that runs on the same processor would have to wait
+for the pictures of it. So such a page gets few, and all that changed at once; what stands in panels changes less often
+still.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from app.state.client_state import ClientState
+from app.web.pages import Message
+
+FEW_EVERY_S: Final = 0.2
+
+
+class FrameThrottle:
+    """Of one browser; used by its loop, but for `hurry`."""
+
+    def __init__(self) -> None:
+        self._by_software = False
+        self._hurried = True
+        self._shown_s = float("-inf")
+
+    def hear(self, message: Message) -> None:
+        """The page tells who draws it."""
+        self._by_software = message.get("software") is True
+
+    def hurry(self) -> None:
+        """Somebody asked for something and waits; called from any thread."""
+        self._hurried = True
+
+    def spares(self, state: ClientState | None) -> bool:
+        """Whether this is a live rally on a page that the processor draws."""
+        return self._by_software and state is not None and state.playhead.live and state.playhead.playing
+
+    def is_due(self, state: ClientState | None, wall_s: float) -> bool:
+        """Whether the browser gets its next picture now."""
+        if self.spares(state) and wall_s - self._shown_s < FEW_EVERY_S and not self._hurried:
+            return False
+        self._hurried, self._shown_s = False, wall_s
+        return True

@@ -1,0 +1,163 @@
+"""What a session has to do with its page: the link in the address, and the settings that are kept for the browser."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Final, Protocol
+
+from app.client_session.view_link import Values, commands_of, link_of, values_of
+from app.state.browser_memory import BrowserMemory, Remembered
+from app.state.client_state import ClientState, Configs, TuneView
+from app.state.playback import Playhead
+from app.state.undo import History
+from app.web.pages import Message, PageConnection, Pages
+from core.detection import DetectorConfig
+
+LINK_EVERY_S: Final = 0.3
+LINK_PLAYING_S: Final = 1.0
+KEEP_EVERY_S: Final = 1.0
+FIRST_ZOOM: Final = 6.0
+MISSING: Final = "Its recording is not in this workspace."
+Listener = Callable[[Message], None]
+
+
+class PageSession(Protocol):
+    """What it needs of the session."""
+
+    def later(self, act: Callable[[], None]) -> None: ...
+    def open_recording(self, name: str) -> None: ...
+    def note(self, title: str, body: str, color: str) -> None: ...
+
+    @property
+    def state(self) -> ClientState | None: ...
+
+
+class SessionPage:
+    """Owned by the session: every method but `listen` and `send` is called by its loop."""
+
+    def __init__(
+        self, visit: PageConnection, pages: Pages, memory: BrowserMemory, pool: Executor, session: PageSession
+    ) -> None:
+        self._visit = visit
+        self._pages = pages
+        self._memory = memory
+        self._pool = pool
+        self._session = session
+        self._link: Values = values_of(visit.link)
+        self.is_new = bool(visit.browser) and not visit.link and not memory.knows(visit.browser)
+        """This browser was never here before, and came without a link."""
+        self._shown_link = ""
+        self._linked_s = self._kept_s = 0.0
+        self._kept: Remembered | None = None
+        self._closed = False
+        self._listeners: dict[str, Listener] = {"open_link": self._open_link}
+        if visit.page:
+            pages.open(visit.page, self._hear)
+
+    def listen(self, kind: str, listener: Listener) -> None:
+        """Let `listener` be called in the loop with every message of this kind. Nothing in it is trusted."""
+        self._listeners[kind] = listener
+
+    def receive(self, take: Callable[[Path], None]) -> None:
+        """Let `take` have the files that the page sends, in the server's event loop; they are its own from then on."""
+        if self._visit.page:
+            self._pages.uploads.open(self._visit.page, take)
+
+    def send(self, kind: str, values: Message) -> None:
+        """Let the page know; the latest message of a kind is what counts."""
+        if self._visit.page:
+            self._pages.send(self._visit.page, kind, values)
+
+    @property
+    def seen(self) -> frozenset[str]:
+        """What this browser was shown already."""
+        return self._memory.seen(self._visit.browser)
+
+    @property
+    def has_link(self) -> bool:
+        """Whether it came with a link."""
+        return bool(self._visit.link)
+
+    def note_seen(self, what: str) -> None:
+        """Keep that it was shown something."""
+        self._pool.submit(self._memory.note_seen, self._visit.browser, what)
+
+    def first_recording(self, usual: str, offered: tuple[str, ...]) -> str:
+        """The recording to begin with: the link's, or the usual one where the link's is not there."""
+        name = self._link.get("recording", usual)
+        if name == usual or name in offered:
+            return name
+        self._link = {}
+        self._session.later(lambda: self._session.note("The link leads nowhere", MISSING, "yellow"))
+        return usual
+
+    def first_state(
+        self, name: str, cameras: tuple[str, ...], playhead: Playhead, config: DetectorConfig, *, at_ball: bool = False
+    ) -> ClientState:
+        """What the browser begins with: as it was left, and what the command line asked for as its last step.
+
+        Where it opens at a ball Tune is zoomed on that, unless a link says how it was looked at.
+        """
+        tune = TuneView(zoom=FIRST_ZOOM) if at_ball and not self._link else TuneView()
+        remembered = self._memory.recall(self._visit.browser)
+        fresh = Configs(config, config)
+        if remembered is None:
+            return ClientState(name, cameras, cameras[0], playhead, History(fresh), tune=tune)
+        history = remembered.configs
+        if config != DetectorConfig():
+            history = history.change(fresh, topic=None, wall_s=time.monotonic())
+        return ClientState(name, cameras, cameras[0], playhead, history, dict(remembered.own_configs), tune=tune)
+
+    def follow_link(self, state: ClientState) -> ClientState:
+        """Once the recording of a link is open: go where it leads."""
+        if self._link.get("recording", state.recording) != state.recording:
+            return state
+        link, self._link = self._link, {}
+        for command in commands_of(link, state):
+            state = command.apply(state, time.monotonic())
+        return state
+
+    def tick(self, state: ClientState, now_us: int, wall_s: float) -> None:
+        """Show the link of what is shown, keep the settings."""
+        every_s = LINK_PLAYING_S if state.playhead.playing else LINK_EVERY_S
+        if self._visit.page and wall_s - self._linked_s >= every_s and not self._link:
+            self._linked_s = wall_s
+            link = link_of(state, now_us)
+            if link != self._shown_link:
+                self._shown_link = link
+                self.send("link", {"link": link})
+        if wall_s - self._kept_s >= KEEP_EVERY_S:
+            self._kept_s = wall_s
+            self._keep(state, lambda browser, remembered: self._pool.submit(self._memory.keep, browser, remembered))
+
+    def close(self, state: ClientState | None) -> None:
+        """The browser is gone; what it had chosen last is written down before this returns."""
+        if self._closed:
+            return
+        self._closed = True
+        if state is not None:
+            self._keep(state, self._memory.keep)
+        if self._visit.page:
+            self._pages.uploads.close(self._visit.page)
+            self._pages.close(self._visit.page)
+
+    def _keep(self, state: ClientState, keep: Callable[[str, Remembered], object]) -> None:
+        """Have the settings written down if they are not those that were found or written before."""
+        remembered = Remembered(state.configs, state.own_configs)
+        known, self._kept = self._kept, remembered
+        if known is not None and known != remembered and self._visit.browser:
+            keep(self._visit.browser, remembered)
+
+    def _hear(self, message: Message) -> None:
+        listener = self._listeners.get(str(message["type"]))
+        if listener is not None:
+            self._session.later(lambda: listener(message))
+
+    def _open_link(self, message: Message) -> None:
+        self._link = values_of(str(message.get("link", "")))
+        name = self._link.get("recording")
+        if name is not None:
+            self._session.open_recording(name)

@@ -1,0 +1,89 @@
+"""The tour of one browser: opens by itself where nobody was shown round, and never again once done or skipped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from app.client_session.tour.steps import TOURS
+from app.state.client_state import MODES, ModeName
+from app.web.pages import Json, Message
+
+TOUR: Final = "tour"
+"""What a browser has seen that skipped the tour, or was shown all of it."""
+BEGUN: Final = "tour begun"
+
+
+class TourPage(Protocol):
+    """The page, and what is kept for its browser."""
+
+    @property
+    def is_new(self) -> bool: ...
+    @property
+    def has_link(self) -> bool: ...
+    @property
+    def seen(self) -> frozenset[str]: ...
+    def note_seen(self, what: str) -> None: ...
+    def listen(self, kind: str, listener: Callable[[Message], None]) -> None: ...
+    def send(self, kind: str, values: Message) -> None: ...
+
+
+class Tour:
+    """Used by the session's loop."""
+
+    def __init__(self, page: TourPage) -> None:
+        self._page = page
+        seen = page.seen
+        self._by_itself = not page.has_link and TOUR not in seen and (page.is_new or BEGUN in seen)
+        self._done = {mode for mode in MODES if _of(mode) in seen}
+        self._shown: ModeName | None = None
+        self._mode: ModeName | None = None
+        self._number = 0
+        page.listen("tour", self._heard)
+
+    def tick(self, mode: ModeName) -> None:
+        """Follow the mode that is chosen."""
+        if mode == self._mode:
+            return
+        self._mode = mode
+        if self._shown is not None:  # whoever goes on has seen enough of it
+            self._note(self._shown)
+        if self._by_itself and mode not in self._done:
+            self._show(mode)
+        elif self._shown is not None:
+            self._show(None)
+
+    def show(self) -> None:
+        """Show the tour of this mode, seen or not."""
+        if self._mode is not None:
+            self._show(self._mode)
+
+    def _show(self, mode: ModeName | None) -> None:
+        self._shown = mode
+        self._number += 1
+        steps: list[Json] = [] if mode is None else [[step.title, step.text, step.at] for step in TOURS[mode]]
+        self._page.send("tour", {"number": self._number, "mode": mode or "", "steps": steps})
+        if mode is not None and self._by_itself:
+            self._page.note_seen(BEGUN)
+
+    def _heard(self, message: Message) -> None:
+        if message.get("do") == "show":
+            self.show()
+            return
+        if self._shown is None or message.get("number") != self._number:
+            return
+        shown, self._shown = self._shown, None
+        if message.get("do") == "skip":
+            self._by_itself = False
+            self._page.note_seen(TOUR)
+        elif message.get("do") == "done":
+            self._note(shown)
+
+    def _note(self, mode: ModeName) -> None:
+        if mode not in self._done:
+            self._done.add(mode)
+            self._page.note_seen(_of(mode))
+
+
+def _of(mode: ModeName) -> str:
+    return f"tour of {mode}"

@@ -1,0 +1,48 @@
+"""Where the long work that a browser starts is done: on this machine, or on the cluster that the command line named.
+
+A browser chooses between two words; an address never comes from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from core.errors import CommandError
+from core.jobs import JobBackend
+
+THIS_MACHINE: Final = "this machine"
+THE_CLUSTER: Final = "the cluster"
+
+
+@dataclass(frozen=True, slots=True)
+class JobBackends:
+    """What there is to choose from.
+
+    Raises:
+        JobsError: if the address is none of a cluster, or one of a plain one beyond this machine.
+    """
+
+    cluster: str | None = None
+    """Address of a Dask scheduler."""
+
+    def __post_init__(self) -> None:
+        JobBackend(cluster=self.cluster)
+
+    @property
+    def offered(self) -> tuple[str, ...]:
+        """The usual one first."""
+        return (THIS_MACHINE,) if self.cluster is None else (THIS_MACHINE, THE_CLUSTER)
+
+    def flags(self, place: str, jobs: int) -> tuple[str, ...]:
+        """Of the verb that does the work there; `jobs` at a time on this machine.
+
+        Raises:
+            CommandError: for a place that is not offered.
+        """
+        if place not in self.offered:
+            raise CommandError("no such place to work", expected=" or ".join(self.offered), got=repr(place[:20]))
+        return ("--jobs", str(jobs)) if self.cluster is None or place == THIS_MACHINE else ("--cluster", self.cluster)
+
+
+HERE_ONLY: Final = JobBackends()

@@ -1,0 +1,37 @@
+"""`python -m app.startup.demo FILE`: make the demo recording."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from app.background.child import give_way, send_to_parent
+from core.errors import RallyscopeError
+from core.files import end_with_parent
+from core.simulation import ensure_demo
+
+
+def main(path: Path) -> int:
+    """Make it, telling how far it is."""
+    end_with_parent()
+    give_way()
+    told = -1
+
+    def tell(share: float) -> None:
+        nonlocal told
+        if round(100 * share) > told:
+            told = round(100 * share)
+            send_to_parent(f"{told} of 100")
+
+    try:
+        ensure_demo(path, tell)
+    except RallyscopeError as error:
+        send_to_parent(str(error))
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1])))

@@ -1,0 +1,63 @@
+"""The card that a browser shows while not everything is ready."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import viser
+
+from app import theme
+from app.formatting.file_text import html_text
+from app.startup.steps import Step
+
+PLACE_PX: Final = (8, -8)
+SIZE_PX: Final = (430, 230)
+SIGNS: Final = {"waiting": "&#9675;", "running": "&#9684;", "done": "&#10003;", "failed": "&#10007;"}
+
+
+class PreparationPanel:
+    """The card of the first start, for one browser."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._panel = gui.add_panel(visible=False)
+        with self._panel.add_tab("Getting ready", viser.Icon.HOURGLASS):
+            self._card = gui.add_html("")
+        self._panel.float(x=PLACE_PX[0], y=PLACE_PX[1], width=SIZE_PX[0], height=SIZE_PX[1])
+
+    def show(self, steps: Sequence[Step]) -> None:
+        """Show what is done and what is not; nothing if everything is."""
+        content = card_html(steps)
+        if content and self._card.content != content:
+            self._card.content = content
+        self._panel.visible = bool(content)
+
+
+def card_html(steps: Sequence[Step]) -> str:
+    """The steps with their progress; empty if all are done."""
+    if all(step.state == "done" for step in steps):
+        return ""
+    rows = "".join(map(_row, steps))
+    note = "You can open a recording meanwhile; the live rally appears by itself."
+    return (
+        f"<div style='font-size:13px;padding:6px 14px;line-height:1.5'>{rows}"
+        f"<div style='color:{theme.MUTED};padding-top:6px'>{note}</div></div>"
+    )
+
+
+def _row(step: Step) -> str:
+    colours = {"waiting": theme.MUTED, "running": "inherit", "done": theme.GOOD, "failed": theme.BAD}
+    said = html_text(step.title)
+    if step.state == "running":
+        said += f" <b>{step.share:.0%}</b>" if step.share else " ..."
+        said += f"<div style='color:{theme.MUTED};font-size:11.5px'>{html_text(step.hint)}</div>" if step.hint else ""
+        said += _bar(step.share)
+    elif step.state == "failed":
+        said += f"<div style='font-size:11.5px'>{html_text(step.problem)}</div>"
+    sign = f"<span style='display:inline-block;width:20px'>{SIGNS[step.state]}</span>"
+    return f"<div style='color:{colours[step.state]};display:flex'>{sign}<div style='flex:1'>{said}</div></div>"
+
+
+def _bar(share: float) -> str:
+    filled = f"<div style='width:{share:.0%};height:4px;background:rgb{theme.BRAND_RGB};border-radius:2px'></div>"
+    return f"<div style='background:#3a3d44;height:4px;border-radius:2px;margin:2px 0 4px'>{filled}</div>"

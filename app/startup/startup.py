@@ -1,0 +1,219 @@
+"""Brings up the live rally and the demo recording beside the app, what is needed first first."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from app.background.child import ChildProcess, share_in
+from app.shared.live_rally import LiveRally, join_simulation
+from app.shared.simulation_process import SimulationProcess
+from app.shared.workspace import Workspace
+from app.startup.chain import compile_chain, marker
+from app.startup.steps import Preparation, Step
+from core.errors import RallyscopeError
+from core.live.link.keys import ClientKeys
+from core.live.link.live_source import LiveSource
+from core.robot import RobotClient
+
+logger = logging.getLogger(__name__)
+
+DEMO: Final = "demo"
+FIRST_ONLY: Final = "on the first start only, about half a minute"
+OWN_STEPS: Final = {
+    "simulation": Step("Compiling the simulation", FIRST_ONLY),
+    "chain": Step("Compiling the ball detector and the player", FIRST_ONLY),
+    "rally": Step("Starting the live rally"),
+    "demo": Step("Making the demo recording", "on the first start only, some seconds"),
+}
+REMOTE_STEPS: Final = {
+    "simulation": Step("Waiting for the simulation", "it is being compiled over there"),
+    "chain": OWN_STEPS["chain"],
+    "rally": OWN_STEPS["rally"],
+}
+REPLAY_STEPS: Final = {"chain": OWN_STEPS["chain"], "rally": OWN_STEPS["rally"]}
+
+
+class Startup:
+    """Prepares what one app needs.
+
+    Its children are ended with it; the live rally, once it is there, belongs to whoever took it.
+    """
+
+    def __init__(
+        self,
+        workspace: Workspace,
+        *,
+        address: str | None = None,
+        source: LiveSource | None = None,
+        arguments: Sequence[str] = (),
+        say: Callable[[str], None] = lambda line: None,
+        keys: ClientKeys | None = None,
+        robot: RobotClient | None = None,
+    ) -> None:
+        """Begin: watch the simulation at an address, or start one with the arguments of `rallyscope sim-server`.
+
+        Or watch a `source` that is there already, and is closed with the rally, or by `stop` if nobody took that.
+        Beyond this machine the one at an address is watched with `keys`. A `robot` is closed as a `source` is.
+        """
+        self._workspace = workspace
+        self._address, self._source, self._keys, self._robot = address, source, keys, robot
+        self._say = say
+        self._lock = threading.Lock()
+        self._stopped = False
+        steps = REPLAY_STEPS if source is not None else OWN_STEPS if address is None else REMOTE_STEPS
+        self.preparation = Preparation(dict(steps), self._say_unless_stopped)
+        self._children: list[ChildProcess] = []
+        self._news = threading.Event()
+        self._taker: Callable[[LiveRally], None] | None = None
+        self._live: LiveRally | None = None
+        self.problem: RallyscopeError | None = None
+        """Why there will be no live rally."""
+        self._process: SimulationProcess | None = None
+        if address is None and source is None:
+            self._process = SimulationProcess(*arguments, on_progress=self._simulation_progress)
+        self._chain_is_compiled = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._guarded, args=(act, name), name=f"start-{name}", daemon=True)
+            for name, act in (("chain", self._compile_chain), ("rally", self._bring_up_live))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def remote(self) -> bool:
+        """Whether the simulation runs elsewhere."""
+        return self._address is not None
+
+    def wait_for_change(self) -> None:
+        """Until it is known whether the simulation is there, is being prepared, or is not there."""
+        self._news.wait()
+
+    def hand_over(self, taker: Callable[[LiveRally], None]) -> None:
+        """`taker` gets the live rally, at once if it is there, else as soon as it is, from another thread."""
+        with self._lock:
+            self._taker = taker
+            live = self._live
+        if live is not None:
+            taker(live)
+
+    def stop(self) -> None:
+        """End what is still being prepared; nothing is said from now on."""
+        with self._lock:
+            self._stopped = True
+            children, process = tuple(self._children), self._process
+            taken = self._taker is not None and self._live is not None
+        for child in children:
+            child.stop()
+        if process is not None and not taken:
+            process.stop()
+        if self._source is not None and not taken:
+            self._source.close()
+        if self._robot is not None and not taken:
+            self._robot.close()
+
+    # The steps, each in a thread.
+
+    def _say_unless_stopped(self, line: str) -> None:
+        with self._lock:
+            if not self._stopped:
+                self._say(line)
+
+    def _guarded(self, act: Callable[[], None], name: str) -> None:
+        try:
+            act()
+        except RallyscopeError as error:
+            self._fail(name, str(error))
+        except Exception:
+            logger.exception("%s failed", name)
+            self._fail(name, "this is a bug; the terminal shows where")
+
+    def _fail(self, name: str, problem: str) -> None:
+        if not self._stopped:
+            self.preparation.fail(name, problem)
+        self._chain_is_compiled.set()
+        self._news.set()
+
+    def _simulation_progress(self, share: float) -> None:
+        self.preparation.advance("simulation", share)
+        self._news.set()
+
+    def _compile_chain(self) -> None:
+        self.preparation.begin("chain")
+        place = marker()
+        if place is None:  # nothing that a child compiles could be kept
+            compile_chain(lambda ready, known: self.preparation.advance("chain", ready / known))
+        elif not place.exists() and self._run_child("chain", "app.startup.chain") and not self._stopped:
+            logger.warning("compiling ahead failed: %s", self._children[-1].last_words)  # the player does it, then
+        self.preparation.finish("chain")
+        self._chain_is_compiled.set()
+
+    def _bring_up_live(self) -> None:
+        if self._source is None:
+            self.preparation.begin("simulation")
+        try:
+            live = self._replayed_rally() if self._source is not None else self._simulated_rally()
+        except RallyscopeError as error:
+            self.problem = error
+            if not self._stopped:
+                self.preparation.fail("simulation" if self._source is None else "rally", str(error))
+            self._news.set()
+            return
+        with self._lock:
+            self._live, taker, stopped = live, self._taker, self._stopped
+        self.preparation.finish("rally")
+        self._news.set()
+        if stopped:
+            live.close()
+        elif taker is not None:
+            taker(live)
+
+    def _replayed_rally(self) -> LiveRally:
+        assert self._source is not None
+        self._chain_is_compiled.wait()
+        self.preparation.begin("rally")
+        return LiveRally(self._source, robot=self._robot)
+
+    def _simulated_rally(self) -> LiveRally:
+        return self._own_rally() if self._process is not None else self._remote_rally()
+
+    def _own_rally(self) -> LiveRally:
+        assert self._process is not None
+        address = self._process.wait()
+        self.preparation.finish("simulation")
+        threading.Thread(target=self._guarded, args=(self._make_demo, "demo"), name="start-demo", daemon=True).start()
+        self._chain_is_compiled.wait()
+        self.preparation.begin("rally")
+        return join_simulation(address, process=self._process)
+
+    def _remote_rally(self) -> LiveRally:
+        assert self._address is not None
+        live = join_simulation(self._address, preparing=self._simulation_progress, keys=self._keys, robot=self._robot)
+        self.preparation.finish("simulation")
+        self.preparation.begin("rally")
+        return live
+
+    def _make_demo(self) -> None:
+        self.preparation.begin("demo")
+        path = self._workspace.recording_path(DEMO)
+        if not path.exists() and self._run_child("demo", "app.startup.demo", str(path)):
+            self.preparation.fail("demo", self._children[-1].last_words)
+            return
+        self.preparation.finish("demo")
+
+    def _run_child(self, name: str, *command: str) -> int:
+        """Run a child to its end and give its exit code."""
+
+        def hear(line: str) -> None:
+            share = share_in(line)
+            if share is not None:
+                self.preparation.advance(name, share)
+
+        with self._lock:
+            if self._stopped:
+                return 1
+            child = ChildProcess(*command, on_line=hear)
+            self._children.append(child)
+        return child.wait()

@@ -1,5 +1,0 @@
-"""The guided tour: what it says, and to whom it opens by itself."""
-
-from app.visit.tour.tour import TOUR, Tour
-
-__all__ = ["TOUR", "Tour"]

@@ -1,0 +1,116 @@
+"""How long the app's process takes from a moved slider to the encoded picture, without browser and network."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from app.state.client_state import RenderSettings, TuneView
+from app.views.answer_cache import AnswerCache
+from app.views.requests import TuneRequest, WatchRequest, answer_request
+from benchmarks.app.door_cost import measure_door
+from benchmarks.app.live_pace import measure_pace
+from benchmarks.app.page_return import measure_return
+from benchmarks.app.page_speed import measure_page
+from benchmarks.app.soak.bench_soak import run_soak
+from benchmarks.machine import Row, describe_machine
+from benchmarks.partial_rows import report_rows_to
+from core.cameras import stereo_preset
+from core.config import replace_setting
+from core.detection import DetectorConfig
+from core.errors import CommandError
+from core.recordings import Recording, open_recording
+from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
+
+PICTURES: Final = 200
+NOISES_HZ: Final = (0.1, 1.0)
+SEED: Final = 1
+PARTS: Final[dict[str, Callable[[Path, Callable[[float], None]], list[Row]]]] = {
+    "door": lambda folder, progress: measure_door(progress),
+    "return": lambda folder, progress: [measure_return(folder, progress)],
+    "page": measure_page,
+    "pace": measure_pace,
+}
+"""What is measured in an empty folder."""
+
+
+def run(progress: Callable[[float], None], *, soak: float | None = None, only: str | None = None) -> dict[str, object]:
+    """The app under load for `soak` minutes, or how long its pictures take.
+
+    With `only` "door" what its door costs, with "return" how soon an open page is back after a killed server,
+    with "page" how soon a browser shows what is asked for, with "pace" whether the live rally keeps up while one shows
+    it.
+
+    Rows of the latter per view: p50, p99 and the largest number of milliseconds a picture takes, at random times of a
+    recording.
+
+    Each picture has another threshold than the one before, as when a slider is dragged; windows are 2 ms, cameras
+    1280x720. Wall time in this process, one picture at a time.
+
+    Raises:
+        CommandError: if `only` names another part.
+    """
+    if only not in (None, *PARTS):
+        expected = ", ".join(PARTS)
+        raise CommandError("no such part of the app to measure", expected=expected, got=only, where="--only")
+    if only is not None:
+        with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
+            return {"rows": PARTS[only](Path(folder), progress), "machine": describe_machine("viser")}
+    if soak is not None:
+        return run_soak(progress, soak)
+    rows: list[dict[str, object]] = []
+    with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
+        for number, noise_hz in enumerate(NOISES_HZ):
+            path = Path(folder) / f"{number}.h5"
+            config = StereoConfig(sensor=SensorConfig(noise_hz=noise_hz))
+            simulate_recording(path, config, stereo_preset(), [LaunchConfig()] * 2, seed=SEED)
+            recording = open_recording(path)
+            for name, make in _views(recording).items():
+                rows.append(_measure(name, noise_hz, make, recording.duration_us))
+                report_rows_to(progress, rows[-1:], len(rows) / (len(NOISES_HZ) * 4))
+            recording.close()
+    return {"rows": rows, "machine": describe_machine(), "pictures": PICTURES, "seed": SEED}
+
+
+def _views(recording: Recording) -> dict[str, Callable[[int, DetectorConfig], TuneRequest | WatchRequest]]:
+    stream, look = recording.cameras["left"], RenderSettings()
+    other, kept = DetectorConfig(), AnswerCache()
+    return {
+        "watch, both cameras": lambda t, config: WatchRequest(recording, t, look, config, True),
+        "tune": lambda t, config: TuneRequest(stream, t, look, TuneView(), (("A", config),), kept),
+        "tune, zoom 8": lambda t, config: TuneRequest(stream, t, look, TuneView(zoom=8.0), (("A", config),), kept),
+        "tune, A and B": lambda t, config: TuneRequest(
+            stream, t, look, TuneView(), (("A", config), ("B", other)), kept
+        ),
+    }
+
+
+def _measure(
+    name: str,
+    noise_hz: float,
+    make: Callable[[int, DetectorConfig], TuneRequest | WatchRequest],
+    duration_us: int,
+) -> dict[str, object]:
+    rng = np.random.default_rng(SEED)
+    seconds = []
+    for number in range(-5, PICTURES):  # the first ones load code and are not counted
+        config = replace_setting(DetectorConfig(), ("geometry", "circularity_min"), 0.5 + 0.001 * (number % 300))
+        request = make(int(rng.integers(50_000, duration_us)), config)
+        start_s = time.perf_counter()
+        answer_request(request)
+        if number >= 0:
+            seconds.append(time.perf_counter() - start_s)
+    ms = 1e3 * np.array(seconds)
+    return {
+        "view": name,
+        "noise_hz": noise_hz,
+        "p50_ms": float(np.median(ms)),
+        "p99_ms": float(np.percentile(ms, 99)),
+        "max_ms": float(ms.max()),
+        "pictures_per_s": float(1e3 / ms.mean()),
+    }

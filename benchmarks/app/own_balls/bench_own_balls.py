@@ -1,0 +1,182 @@
+"""`bench paper-perception --recorded`: every method on recordings of one's own, against what people labelled in them.
+
+A method is asked at every label, with a lead-in, as by `labels score`, and an answer counts as on the simulated
+recordings: within 8 px. Every annotator is scored apart; the methods have the settings that they come with, so that
+nothing here is tuned on what is scored.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from benchmarks.app.own_balls.agreement_of_set import agreement_of_set
+from benchmarks.app.own_balls.card import set_card, set_remarks
+from benchmarks.app.own_balls.figures import AnsweredLayer, OwnBallsRow, ball_numbers, rows_of
+from benchmarks.app.own_balls.labelled_set import LabelledLayer, OwnSet, own_recordings, read_own_set
+from benchmarks.app.own_balls.page import own_balls_page
+from benchmarks.machine import describe_machine
+from benchmarks.perception.plan import METHODS
+from core.detection import Detection, Detector, make_detector
+from core.detection.methods import Method, method_config, method_named
+from core.events import Window
+from core.files import replace_file
+from core.jobs import ALONE, HERE, JobBackend, TaskControl, open_jobs
+from core.metrics import WindowAnswers
+from core.metrics.timed import TimedDetector, one_opencv_thread
+from core.recordings import open_recording
+from labels.arrays import LabelArrays
+from labels.score import answers_at
+
+DATA: Final = Path("rallyscope-data")
+WARM_UP: Final = 3
+"""Labels with a ball that a method sees before it is timed: compiling is no part of a step."""
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AskedLayer:
+    """What a method is asked of one layer: a piece of work."""
+
+    method: Method
+    path: Path
+    camera: str
+    asked: LabelArrays
+
+    def __str__(self) -> str:
+        return f"{self.method} on {self.camera} of {self.path.name}"
+
+
+def run(
+    progress: Progress,
+    *,
+    recorded: str,
+    data: Path = DATA,
+    annotator: str | None = None,
+    only: str | None = None,
+    report: Path | None = None,
+    engine: JobBackend = HERE,
+) -> dict[str, object]:
+    """A row per annotator, kind of labels and method, recording by recording too, and the set's card.
+
+    Raises:
+        CommandError: if there are no recordings, no labels of them, or no such annotator or method.
+        JobsError: if a cluster cannot be used, or the workers of a piece keep dying.
+    """
+    methods = METHODS if only is None else (method_named(only),)
+    with open_jobs(ALONE if engine == HERE else engine, len(methods)) as jobs:
+        paths = [jobs.share_file(path) for path in own_recordings(recorded)]
+        own = read_own_set(paths, data / "labels", annotator)
+        layers = own.first_looks()
+        pieces = [AskedLayer(method, one.path, one.camera, one.asked) for method in methods for one in layers]
+        found = jobs.run(ask_layer, pieces, name=str, progress=progress)
+    numbers = _balls(own, layers)
+    answered = {
+        method: [
+            AnsweredLayer(answers, layer.asked, number, cpu_ms)
+            for (answers, cpu_ms), layer, number in zip(found[at : at + len(layers)], layers, numbers, strict=True)
+        ]
+        for method, at in zip(methods, range(0, len(found), len(layers)), strict=True)
+    }
+    rows = _rows(own, layers, answered)
+    told: dict[str, object] = {
+        "rows": [_finite(asdict(row)) for row in rows],
+        "recordings": _by_recording(own, layers, answered),
+        "agreement": [
+            _finite({"first": pair.first, "second": pair.second} | asdict(pair.found)) for pair in agreement_of_set(own)
+        ],
+        "card": set_card(own),
+        "remarks": list(set_remarks(own)),
+        "machine": describe_machine("numba", "opencv-python-headless", clock="processor time of one thread, warm"),
+    }
+    if report is not None:
+        replace_file(report, own_balls_page(told).encode(), durable=False)
+        told["report"] = str(report)
+    return told
+
+
+def ask_layer(piece: AskedLayer, control: TaskControl) -> tuple[WindowAnswers, np.ndarray]:
+    """What the method says at the labels, and the processor time in ms of the steps that answered."""
+    window_us = method_config(piece.method).window.window_us
+    seen = np.flatnonzero(piece.asked.seen)[:WARM_UP]
+    with closing(open_recording(piece.path)) as recording, one_opencv_thread():
+        stream = recording.cameras[piece.camera]
+        answers_at(stream, make_detector(piece.method, stream.sensor), piece.asked.t_us[seen], window_us)
+        detector = _NotedAnswers(make_detector(piece.method, stream.sensor))
+        answers = answers_at(stream, detector, piece.asked.t_us, window_us, progress=control)
+    return answers, 1e3 * np.array(detector.timed.seconds)[np.array(detector.answered, np.bool_)]
+
+
+class _NotedAnswers:
+    """A timed detector that notes which of its steps answered."""
+
+    def __init__(self, detector: Detector) -> None:
+        self.timed = TimedDetector(detector)
+        self.answered: list[bool] = []
+
+    @property
+    def extra_circles(self) -> int:
+        return self.timed.extra_circles
+
+    def reset(self) -> None:
+        self.timed.reset()
+
+    def step(self, window: Window) -> Detection | None:
+        found = self.timed.step(window)
+        self.answered.append(found is not None)
+        return found
+
+
+def _balls(own: OwnSet, layers: Sequence[LabelledLayer]) -> list[np.ndarray]:
+    """The number of the ball of each label asked about: one's labels of all cameras of a recording are of one ball."""
+    numbers: dict[int, np.ndarray] = {}
+    first = 0
+    for path in dict.fromkeys(layer.path for layer in layers):
+        for name in own.annotators:
+            mine = [at for at, one in enumerate(layers) if one.path == path and one.annotator == name]
+            for at, number in zip(mine, ball_numbers([layers[at].asked.t_us for at in mine]), strict=True):
+                numbers[at] = first + number
+            first += 1 + max((int(numbers[at].max(initial=0)) - first for at in mine), default=-1)
+    return [numbers[at] for at in range(len(layers))]
+
+
+def _rows(
+    own: OwnSet, layers: Sequence[LabelledLayer], answered: Mapping[str, Sequence[AnsweredLayer]]
+) -> list[OwnBallsRow]:
+    """By annotator, then by kind of labels, so that the methods stand below each other."""
+    rows: list[OwnBallsRow] = []
+    for name in own.annotators:
+        mine = [at for at, layer in enumerate(layers) if layer.annotator == name]
+        found = [row for method, parts in answered.items() for row in rows_of(method, name, [parts[at] for at in mine])]
+        groups = list(dict.fromkeys(row.group for row in found))
+        rows += sorted(found, key=lambda row: groups.index(row.group))
+    return rows
+
+
+def _by_recording(
+    own: OwnSet, layers: Sequence[LabelledLayer], answered: Mapping[str, Sequence[AnsweredLayer]]
+) -> list[dict[str, object]]:
+    """All labels of each recording, its cameras together."""
+    told: list[dict[str, object]] = []
+    for path in dict.fromkeys(layer.path for layer in layers):
+        for name in own.annotators:
+            mine = [at for at, one in enumerate(layers) if one.path == path and one.annotator == name]
+            for method, parts in answered.items():
+                for row in rows_of(method, name, [parts[at] for at in mine], kinds=False):
+                    told.append({"recording": path.name} | _finite(asdict(row)))
+    return told
+
+
+def _finite(figures: Mapping[str, object]) -> dict[str, object]:
+    """None for what nobody knows."""
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in figures.items()
+    }

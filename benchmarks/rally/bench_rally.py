@@ -1,0 +1,201 @@
+"""The rally through perception: how exactly the ball is seen, how many balls come back, how long a step takes.
+
+Balls of one speed follow one another in a simulated world with two cameras of the `side` placement and the racket in
+their picture; the built-in controller plays. Chains: `filter` is the live rally's; `fit` has its detector, and gravity
+through twelve points; `paper` has nothing that the paper has not; on request `auto`, the filter with the detector
+`auto`, and `known`: no cameras, the controller is told at the launch exactly what will arrive. The world goes on in
+blocks of 10 ms and waits for the chain: that block is the delay of perception, and how busy the machine is changes no
+outcome. Seeds are fixed.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.machine import describe_machine
+from benchmarks.partial_rows import report_rows_to
+from benchmarks.rally.known_balls import measure_known_balls
+from benchmarks.rally.rally_report import write_rally_report
+from core.cameras import stereo_preset
+from core.cameras.presets import SENSOR_720
+from core.chain.config import ChainConfig, published_chain
+from core.chain.control.controller import BuiltInController
+from core.chain.control.player import PlayerState
+from core.chain.follow import true_positions
+from core.events import SensorSize
+from core.files import replace_file
+from core.live.worlds.closed_loop import ClosedLoop, PlayedBall
+from core.live.worlds.world import Block, WorldConfig
+from core.physics.config import Profile
+from core.physics.episode import Case
+from core.physics.task import STAGE_SPEEDS_MPS, task_profile
+from core.recordings import BallTruth
+
+Array = NDArray[np.float64]
+
+ChainName = Literal["filter", "fit", "paper", "auto", "known"]
+CHAINS: Final[tuple[ChainName, ...]] = ("filter", "fit", "paper")
+"""Measured if none is named."""
+BALLS: Final = 20
+"""Per chain and speed."""
+SEED: Final = 2026
+FEWEST_POINTS: Final = 5
+"""A ball counts as seen from so many points in space on: what a prediction needs."""
+WINDOW_US: Final = 2000
+
+
+@dataclass(slots=True)
+class Watched:
+    """What was seen of one ball."""
+
+    t_us: list[int] = field(default_factory=list)
+    ps_world_m: list[Array] = field(default_factory=list)
+    truth: list[BallTruth] = field(default_factory=list)
+    step_s: list[float] = field(default_factory=list)
+
+    def on_progress(self, block: Block, states: list[PlayerState]) -> None:
+        """A block and its steps."""
+        self.truth.append(block.ball)
+        for state in states:
+            self.step_s.append(state.chain.seconds.total + state.control_s)
+            if state.chain.point is not None:
+                self.t_us.append(state.chain.point.t_us)
+                self.ps_world_m.append(state.chain.point.p_world_m)
+
+    def errors_m(self) -> Array:
+        """(N,) distance of every point from the truth; points without a true ball are left out."""
+        if not self.t_us:
+            return np.empty(0)
+        names = ("t_us", "p_world_m", "v_world_mps", "spin_radps", "visible")
+        whole = BallTruth(*(np.concatenate([getattr(part, name) for part in self.truth]) for name in names))
+        errors = np.linalg.norm(np.array(self.ps_world_m) - true_positions(whole, self.t_us), axis=1)
+        return errors[np.isfinite(errors)]
+
+
+def chain_named(name: Literal["filter", "fit", "paper", "auto"]) -> ChainConfig:
+    """`filter`: the live rally's; `fit`: its detector, gravity through twelve points; `paper`: as published; `auto`:
+    the filter with what the detector `auto` sees.
+    """
+    match name:
+        case "auto":
+            return ChainConfig.of_method("auto")
+        case "filter":
+            return ChainConfig()
+        case "fit":
+            return ChainConfig(prediction="fit")
+        case "paper":
+            return published_chain()
+
+
+def run(
+    progress: Callable[[float], None],
+    *,
+    chain: ChainName | None = None,
+    balls: int = BALLS,
+    speeds: tuple[float, ...] = STAGE_SPEEDS_MPS,
+    physics: Profile = "paper",
+    report: Path | None = None,
+) -> dict[str, object]:
+    """A row per chain and speed, and the machine; by default three chains. `report` is a page for the rows."""
+    chains: tuple[ChainName, ...] = CHAINS if chain is None else (chain,)
+    cases: list[tuple[ChainName, float]] = [(name, speed) for name in chains for speed in speeds]
+    rows: list[dict[str, object]] = []
+    for name, speed in cases:
+        task = task_profile(physics)
+        if name == "known":
+            row = measure_known_balls(task, speed, balls, SEED)
+        else:
+            row = measure_rally(SENSOR_720, speed, balls, chain=chain_named(name), world=WorldConfig(task=task))
+        rows.append({"chain": name} | row)
+        report_rows_to(progress, rows[-1:], len(rows) / len(cases))
+    clock = "wall time per step of chain and controller; `chain_cores` is time of steps per simulated time"
+    machine = describe_machine("numba", "numpy", "mujoco", clock=clock)
+    if report is not None:
+        replace_file(report, write_rally_report(rows, machine, SEED, physics).encode(), durable=False)
+    return {"rows": rows, "machine": machine}
+
+
+def measure_rally(
+    sensor: SensorSize,
+    speed_mps: float,
+    balls: int,
+    *,
+    seed: int = SEED,
+    chain: ChainConfig | None = None,
+    world: WorldConfig | None = None,
+) -> dict[str, object]:
+    """One row; `chain` may have settings of its own, such as another prediction. Both are told the world's physics."""
+    world = world or WorldConfig()
+    controller = BuiltInController(world.task)
+    loop = ClosedLoop(
+        world,
+        stereo_preset(sensor=sensor),
+        seed=seed,
+        chain=chain,
+        controller=controller,
+        window_us=WINDOW_US,
+        told=True,
+    )
+    watched, played = [], []
+    began_s = time.perf_counter()
+    try:
+        for _ in range(balls):
+            watch = Watched()
+            played.append(loop.play(speed_mps, watch.on_progress))
+            watched.append(watch)
+    finally:
+        loop.close()
+    return {
+        "sensor": str(sensor),
+        "speed_mps": speed_mps,
+        "balls": balls,
+        "seen": float(np.mean([len(one.t_us) >= FEWEST_POINTS for one in watched])),
+        **_returns(played, controller.goal_m),
+        **_errors(watched),
+        **_times(watched),
+        "wall_s_per_ball": (time.perf_counter() - began_s) / balls,
+    }
+
+
+def _returns(played: list[PlayedBall], goal_m: Array) -> dict[str, object]:
+    cases = Counter(ball.judged.outcome.case for ball in played)
+    misses = [float(np.linalg.norm(ball.judged.outcome.landing_m[:2] - goal_m)) for ball in played if ball.returned]
+    aims = [ball.aim_error_m for ball in played if math.isfinite(ball.aim_error_m)]
+    return {
+        "returned": cases[Case.RETURNED] / len(played),
+        "landing_mm_median": _millimetres(misses, 50),
+        "landing_mm_p95": _millimetres(misses, 95),
+        "aim_mm_median": _millimetres(aims, 50),
+        **{case.name.lower(): cases[case] for case in (Case.OWN_HALF, Case.NET, Case.OUT, Case.MISSED)},
+    }
+
+
+def _errors(watched: list[Watched]) -> dict[str, object]:
+    errors = np.concatenate([one.errors_m() for one in watched])
+    return {
+        "points": len(errors),
+        "point_mm_median": _millimetres(errors, 50),
+        "point_mm_p95": _millimetres(errors, 95),
+    }
+
+
+def _times(watched: list[Watched]) -> dict[str, object]:
+    steps_s = np.concatenate([np.array(one.step_s) for one in watched[1:] or watched])  # the first loads the kernels
+    return {
+        "step_ms_p50": 1e3 * float(np.percentile(steps_s, 50)),
+        "step_ms_p99": 1e3 * float(np.percentile(steps_s, 99)),
+        "chain_cores": float(steps_s.mean()) / (WINDOW_US * 1e-6),
+    }
+
+
+def _millimetres(values_m: list[float] | Array, share: float) -> float | None:
+    return 1e3 * float(np.percentile(values_m, share)) if len(values_m) else None

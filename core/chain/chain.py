@@ -1,0 +1,208 @@
+"""The chain: the windows of all cameras -> detections -> one point in space -> the prediction of its flight.
+
+One object for the live rally, recordings and learning; it knows nothing of where the windows come from.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras import Camera, StereoRig, TriangulatedPoint
+from core.chain.config import ChainConfig
+from core.chain.size_check import SizeCheck
+from core.chain.time_alignment import AlignedPixels, TimeAligner
+from core.chain.track_gating import TrackGate, Verdict
+from core.detection import Detection, Detector, TrackState, make_detector
+from core.detection.methods import states_of
+from core.errors import RecordingError
+from core.events import Window
+from core.trajectory import FilterPredictor, Prediction
+from core.trajectory.learned_constants import LearnedConstants
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BallPoint:
+    """The ball in space."""
+
+    t_us: int
+    """When: the cameras' common time."""
+    p_world_m: NDArray[np.float64]
+    residual_px: float
+    covariance_m2: NDArray[np.float64]
+    """(3, 3), from pixel noise."""
+    uvs_px: dict[str, tuple[float, float]]
+    """The pixels it was made of, by camera, at `t_us`."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageSeconds:
+    """Wall time of the stages of one step."""
+
+    detect: float
+    """All cameras together."""
+    triangulate: float
+    predict: float
+
+    @property
+    def total(self) -> float:
+        """The whole step."""
+        return self.detect + self.triangulate + self.predict
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChainState:
+    """What is known after one step."""
+
+    t_us: int
+    """Latest end of the windows."""
+    detections: dict[str, Detection | None]
+    """By camera, of this step's windows."""
+    point: BallPoint | None
+    """Of this step: the rays met and the point passed the gate."""
+    verdict: Verdict | None
+    """How the point stands to the flight; None without rays that meet."""
+    prediction: Prediction | None
+    """The newest of this flight, maybe of an earlier step; None before there is one and after the ball was struck."""
+    is_new: bool
+    """Whether the prediction was made in this step."""
+    bounces_us: tuple[int, ...]
+    """Bounces seen in this flight."""
+    seconds: StageSeconds
+    pixels: AlignedPixels | None = None
+    """What the cameras saw at their common time, also where the rays missed each other; None where it was no ball by
+    its size."""
+
+
+class RallyChain:
+    """Follows one ball with two or more calibrated cameras."""
+
+    def __init__(self, cameras: Mapping[str, Camera], config: ChainConfig | None = None) -> None:
+        """Raises CalibrationError if the cameras cannot see depth."""
+        self.config = config or ChainConfig()
+        self.rig = StereoRig(cameras, self.config.triangulation)
+        self._detectors: dict[str, Detector] = {
+            name: make_detector(self.config.method, camera.sensor, self.config.detector)
+            for name, camera in cameras.items()
+        }
+        self._common_time = TimeAligner(self.rig.names, round(1000 * self.config.max_lag_ms))
+        checked = self.config.size.enabled and self.config.method != "paper"
+        self._size = SizeCheck(dict(cameras), self.rig, self.config.size) if checked else None
+        self._gate = TrackGate(self.config.flight)
+        self._predictor = self.config.make_predictor()
+
+    def reset(self) -> None:
+        """Forget everything: the regions of interest too, and what was learnt of air and table."""
+        for detector in self._detectors.values():
+            detector.reset()
+        self._common_time.reset()
+        if self._size is not None:
+            self._size.reset()
+        self.forget_flight()
+        self._predictor.forget()
+
+    @property
+    def learned(self) -> LearnedConstants | None:
+        """Of air and table, by the balls so far; None for a chain that was told them, or does not learn."""
+        predictor = self._predictor
+        return predictor.learned if isinstance(predictor, FilterPredictor) and self.config.filter.perhaps_real else None
+
+    def forget_flight(self) -> None:
+        """Expect a new ball; the detectors go on as they are, and what was learnt of air and table is kept."""
+        self._gate.reset()
+        self._predictor.reset()
+
+    def track_states(self) -> dict[str, TrackState]:
+        """What each detector remembers now: with it the readable pipeline can show the next window's stages."""
+        return states_of(self._detectors)
+
+    def step(self, windows: Mapping[str, Window]) -> ChainState:
+        """Take the next window of each camera (or of some of them), in order of time.
+
+        Raises:
+            RecordingError: for a camera that the chain does not have.
+        """
+        if not windows or not windows.keys() <= self._detectors.keys():
+            expected = f"some of {', '.join(self._detectors)}"
+            got = ", ".join(windows) or "none"
+            raise RecordingError("windows of other cameras", expected=expected, got=got, where="RallyChain.step")
+        started = time.perf_counter()
+        detections = {name: self._detectors[name].step(window) for name, window in windows.items()}
+        detected = time.perf_counter()
+        point, pixels = self._triangulate(detections, windows)
+        triangulated = time.perf_counter()
+        verdict = None if point is None else self._gate.judge(point.t_us, point.p_world_m)
+        fresh = self._follow(point, verdict)
+        seconds = StageSeconds(detected - started, triangulated - detected, time.perf_counter() - triangulated)
+        return ChainState(
+            t_us=max(window.end_us for window in windows.values()),
+            detections=detections,
+            point=None if verdict == "stray" else point,
+            verdict=verdict,
+            prediction=self._predictor.latest,
+            is_new=fresh is not None,
+            bounces_us=self._predictor.bounces_us,
+            seconds=seconds,
+            pixels=pixels,
+        )
+
+    def _triangulate(
+        self, detections: dict[str, Detection | None], windows: Mapping[str, Window]
+    ) -> tuple[BallPoint | None, AlignedPixels | None]:
+        """The point of the cameras' common time; a circle that is no ball is replaced in `detections` or dropped."""
+        together = self._common_time.add(detections)
+        if together is None:
+            return None, None
+        t_us, uvs, covariances = together
+        found = self.rig.triangulate_one(uvs, covariances)
+        if found is None:
+            return None, together
+        if self._size is not None:
+            radii = {name: one.r_px for name, one in detections.items() if one is not None and one.t_us == t_us}
+            wrong = self._size.wrong(found.p_world_m, radii)
+            if wrong:
+                found = self._correct(wrong, uvs, radii, detections, windows)
+            else:
+                self._size.reset()
+        if found is None:
+            return None, None
+        pixels = {
+            name: (float(u), float(v)) for name, (u, v) in zip(self.rig.names, uvs, strict=True) if np.isfinite(u)
+        }
+        return BallPoint(t_us, found.p_world_m, found.residual_px, found.covariance_m2, pixels), together
+
+    def _correct(
+        self,
+        wrong: list[str],
+        uvs: NDArray[np.float64],
+        radii: Mapping[str, float],
+        detections: dict[str, Detection | None],
+        windows: Mapping[str, Window],
+    ) -> TriangulatedPoint | None:
+        """The point after a second look into the cameras with wrong circles, or into all; None if there is no ball."""
+        assert self._size is not None
+        everyone = [name for name in radii if name in windows]
+        for names in (wrong, everyone)[: 1 if len(wrong) == len(everyone) else 2]:
+            again = self._size.look_again(names, windows, self._detectors, uvs, radii)
+            if again is not None:
+                for name, found in again[0].items():
+                    detections[name] = found
+                    uvs[self.rig.names.index(name)] = found.u_px, found.v_px
+                    self._common_time.replace(name, found)
+                return again[1]
+        self._size.give_up(wrong, self._detectors)
+        return None
+
+    def _follow(self, point: BallPoint | None, verdict: Verdict | None) -> Prediction | None:
+        """Feed the predictor; without a point, a flight that has ended is forgotten at the next one."""
+        if point is None or verdict == "stray":
+            return None
+        if verdict != "same flight":
+            self._predictor.reset()
+        if verdict == "struck":
+            return None
+        return self._predictor.add(point.t_us, point.p_world_m, point.covariance_m2)

@@ -1,0 +1,115 @@
+"""Every setting of the chain from events to a prediction."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+from core.cameras import TriangulationConfig
+from core.config import check_settings, setting
+from core.detection import DetectorConfig, refined_config
+from core.detection.methods import Method, method_config
+from core.trajectory import (
+    FilterConfig,
+    FilterPredictor,
+    PaperPredictor,
+    PaperPredictorConfig,
+    Predictor,
+)
+from core.trajectory.config import published_predictor
+from core.trajectory.stereo_filters import chain_filter, refined_filter
+
+TABLE_FRICTION: Final = 0.15
+"""Of the simulated table (choice), and what a chain expects of one."""
+
+
+def chain_predictor() -> PaperPredictorConfig:
+    """The paper's fit over the same 50 ms, of more points, and with friction at the table.
+
+    Stereo points come every 2 ms; after the bounce of a fast ball there is time for three at 10 ms, but for ten of
+    these.
+    `PaperPredictorConfig()` is the paper's own.
+    """
+    return PaperPredictorConfig(friction=TABLE_FRICTION, observations=12, spacing_ms=4.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackGateConfig:
+    """Which points belong to one flight, and when a new one begins."""
+
+    gap_ms: float = setting(100.0, 5.0, 2000.0)
+    """So long without a point, and the next one begins a new flight (choice)."""
+    max_speed_mps: float = setting(25.0, 1.0, 100.0)
+    """A point that the ball could reach only faster is not of this flight (choice; serves have 3 to 9 m/s)."""
+    tolerance_m: float = setting(0.06, 0.0, 1.0)
+    """Besides, points may lie so far apart by their noise (choice)."""
+    restart_points: int = setting(3, 1, 50)
+    """So many points in a row that are no part of the flight, but of one another, begin a new one (choice)."""
+    turn_m: float = setting(0.06, 0.01, 1.0)
+    """A ball that has come back so far from its nearest point to the robot was struck: its flight is over (choice)."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SizeCheckConfig:
+    """Whether circles have the size of a ball at their depth. The paper has no such check: off with its detector."""
+
+    enabled: bool = True
+    """Drop circles of a wrong size, and look for the ball among the other circles of the window."""
+    smallest: float = setting(0.75, 0.0, 1.0)
+    """Least radius over the expected one (our measurement: shadows have 0.4 to 0.7)."""
+    largest: float = setting(1.7, 1.0, 10.0)
+    """Greatest; a fast ball's circle holds its motion too (our measurement: 1.65 at 9 m/s)."""
+    patience: int = setting(3, 1, 100)
+    """Windows in a row with a wrong circle and no other, before the whole sensor is searched (as after misses)."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainConfig:
+    """Detector, triangulation, flight, prediction; `of_method` has what goes with another detector."""
+
+    method: Method = "refined"
+    """The detector."""
+    detector: DetectorConfig = field(default_factory=refined_config)
+    triangulation: TriangulationConfig = field(default_factory=TriangulationConfig)
+    size: SizeCheckConfig = field(default_factory=SizeCheckConfig)
+    flight: TrackGateConfig = field(default_factory=TrackGateConfig)
+    prediction: Literal["filter", "fit"] = "filter"
+    """`filter`: every point counts, as `filter` says; `fit`: gravity through the newest points, as `predictor` says."""
+    predictor: PaperPredictorConfig = field(default_factory=chain_predictor)
+    """Its hitting plane is that of the filter too."""
+    filter: FilterConfig = field(default_factory=refined_filter)
+    max_lag_ms: float = setting(6.0, 0.1, 100.0)
+    """A camera is read between two of its detections only if they are no farther apart: three windows of 2 ms."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+    @classmethod
+    def of_method(cls, method: Method, detector: DetectorConfig | None = None) -> ChainConfig:
+        """The chain made for a method: `refined` has a filter of its own."""
+        chosen = method_config(method, detector)
+        return cls(method=method, detector=chosen, filter=refined_filter() if method == "refined" else chain_filter())
+
+    @property
+    def estimates_spin(self) -> bool:
+        """Whether its predictions hold the ball's spin."""
+        return self.prediction == "filter"
+
+    def make_predictor(self) -> Predictor:
+        """A predictor as these settings say."""
+        if self.prediction == "filter":
+            return FilterPredictor(self.filter, hit_x_m=self.predictor.hit_x_m)
+        return PaperPredictor(self.predictor)
+
+
+def published_chain() -> ChainConfig:
+    """The paper's detector and prediction, and nothing that the paper has not."""
+    chain = ChainConfig.of_method("paper")
+    return dataclasses.replace(chain, prediction="fit", predictor=published_predictor())

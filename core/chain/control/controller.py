@@ -1,0 +1,213 @@
+"""The built-in controller: from a predicted ball to a racket pose and velocity, by inverting impact and flight."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.chain.control.decision import RacketDecision
+from core.chain.control.stroke_solver import (
+    SPEED,
+    TILT,
+    TURN,
+    StrokeProblem,
+    StrokeSolution,
+    is_as_wanted,
+    search_stroke,
+    solve_stroke,
+    spin_after_bounce,
+)
+from core.config import check_settings, setting
+from core.physics import PhysicsConfig, TaskConfig
+from core.physics.flight import air_from_config
+from core.physics.impact import surfaces_from_config
+from core.physics.rotation import base_orientation, orientations_from_actions
+from core.simulation.episodes.racket import target_for_ball
+from core.table import BALL_RADIUS_M, NET_HEIGHT_M
+from core.trajectory.prediction import Stage
+
+Array = NDArray[np.float64]
+
+SPIN_ROUNDS: Final = 2
+"""The Magnus force on the way back to the bounce depends on the spin that is wanted."""
+STEP_S: Final = 0.02
+"""Of the flight with air: four times the simulation's own step, 0.1 mm at the landing, and within the time."""
+START_TILT_RAD: Final = -0.07
+"""Tilt of the face from which the solver starts: 4 degrees up, which returns most balls."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerConfig:
+    """Where the built-in controller sends the ball, and what its strokes may be."""
+
+    target_x_m: float = setting(0.80, 0.1, 1.37)
+    """Landing point on the opponent's half (choice: a little behind its middle)."""
+    target_y_m: float = setting(0.0, -0.76, 0.76)
+    net_clearance_m: float = setting(0.15, 0.0, 0.6)
+    """Wanted gap between the net and the ball (choice: room for errors; much more gives a slow, high ball)."""
+    slowest_mps: float = setting(-2.5, -5.0, 3.0)
+    """Lowest racket speed along +x at the impact; below zero the racket gives way, as fast balls demand."""
+    fastest_mps: float = setting(4.5, 0.0, 5.0)
+    """Highest racket speed; the simulated racket's own limit is 5."""
+    lead_ms: float = setting(0.0, 0.0, 200.0)
+    """The racket is told to be there so much before the ball: what a command takes to become motion, which a step test
+    tells (`step_test`)."""
+    orient_early: bool = False
+    """Turn the face on the first prediction already. Off: the paper's, which decides the orientation after the
+    bounce only and until then just moves there."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+class Controller(Protocol):
+    """Answers a predicted ball with a decision: the built-in one, or a learned policy."""
+
+    def decide(
+        self,
+        t_c_s: float,
+        p_c_m: ArrayLike,
+        v_c_mps: ArrayLike,
+        *,
+        stage: Stage,
+        spin_radps: ArrayLike | None = None,
+        spin_sigma_radps: ArrayLike | None = None,
+    ) -> RacketDecision | None:
+        """Where the racket goes for a ball that comes to the hitting plane at p_c with v_c at t_c; None: nowhere.
+
+        With the ball's spin there, if it is known, and the standard deviations of that.
+        """
+        ...
+
+
+class LiveController(Controller, Protocol):
+    """One that can be chosen, and aimed elsewhere, while a rally goes on."""
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        ...
+
+    @property
+    def goal_m(self) -> Array:
+        """(2,) where balls are to land."""
+        ...
+
+    def aimed_at(self, goal_m: ArrayLike) -> LiveController:
+        """The same with another goal (2,).
+
+        Raises:
+            ConfigError: if it cannot aim there.
+        """
+        ...
+
+    def for_physics(self, physics: PhysicsConfig) -> LiveController:
+        """The same where balls fly, bounce and leave the racket like this; one that was trained stays as it is."""
+        ...
+
+
+class BuiltInController:
+    """Moves early on the first prediction and corrects on the second. Holds no state: an answer per prediction."""
+
+    def __init__(self, task: TaskConfig | None = None, config: ControllerConfig | None = None) -> None:
+        self.task = task or TaskConfig()
+        self.config = config or ControllerConfig()
+        self._air = air_from_config(self.task.physics)._replace(step_s=STEP_S)
+        self._table, self._rubber = surfaces_from_config(self.task.physics)
+        self._limit = math.radians(self.task.stroke.action_limit_deg)
+
+    @property
+    def name(self) -> str:
+        """What it is called among the controllers."""
+        return "built-in"
+
+    @property
+    def goal_m(self) -> Array:
+        """(2,) the configured landing point."""
+        return np.array([self.config.target_x_m, self.config.target_y_m])
+
+    def aimed_at(self, goal_m: ArrayLike) -> BuiltInController:
+        """The same with another landing point (2,).
+
+        Raises:
+            ConfigError: if it is beyond the bounds of the configuration.
+        """
+        x, y = (float(value) for value in np.asarray(goal_m, np.float64))
+        return BuiltInController(self.task, replace(self.config, target_x_m=x, target_y_m=y))
+
+    def for_physics(self, physics: PhysicsConfig) -> BuiltInController:
+        """The same for balls that fly, bounce and leave the racket like this."""
+        return BuiltInController(replace(self.task, physics=physics), self.config)
+
+    def decide(
+        self,
+        t_c_s: float,
+        p_c_m: ArrayLike,
+        v_c_mps: ArrayLike,
+        *,
+        stage: Stage,
+        target_m: ArrayLike | None = None,
+        spin_radps: ArrayLike | None = None,
+        spin_sigma_radps: ArrayLike | None = None,
+    ) -> RacketDecision | None:
+        """The decision for a ball at the hitting plane, or None for one that no stroke can answer.
+
+        Without a spin the ball is taken to carry what the table gives a spinless serve; how sure it is makes no
+        difference. `target_m` (2,) replaces the configured landing point.
+        """
+        p, v = np.asarray(p_c_m, np.float64), np.asarray(v_c_mps, np.float64)
+        if not (math.isfinite(t_c_s) and np.isfinite(p).all() and np.isfinite(v).all() and v[0] < 0):
+            return None
+        goal = self.goal_m if target_m is None else np.asarray(target_m, np.float64)
+        ball = np.concatenate([p, v, np.zeros(3) if spin_radps is None else np.asarray(spin_radps, np.float64)])
+        if spin_radps is None:
+            for _ in range(SPIN_ROUNDS if self._air.acts else 1):
+                ball[6:] = spin_after_bounce(ball, self._table, self._air)
+        stroke = self.solve(ball, goal)
+        if stroke is None:
+            return None
+        v_racket, landing, net_z_m = np.array([stroke.speed_mps, 0.0, 0.0]), None, None
+        q, action = base_orientation(self.task.stroke), np.zeros(3)
+        if stage == "post" or self.config.orient_early:
+            action = np.array([0.0, stroke.tilt_rad, stroke.turn_rad]) / self._limit
+            q = orientations_from_actions(action, self.task.stroke)
+            landing, net_z_m = np.array([stroke.landing_x_m, stroke.landing_y_m]), stroke.net_z_m
+        return RacketDecision(
+            stage=stage,
+            state=np.concatenate([p, v]),
+            goal_m=goal,
+            target=target_for_ball(p, q, v_racket, t_c_s - 1e-3 * self.config.lead_ms),
+            action=action,
+            landing_m=landing,
+            net_z_m=net_z_m,
+        )
+
+    def solve(self, ball: Array, target_m: ArrayLike) -> StrokeSolution | None:
+        """The stroke that sends a ball state (9,) to a landing point (2,) as nearly as the limits allow.
+
+        Angles are those of the action, relative to the base orientation. None if no stroke brings it over the net
+        plane and down again.
+        """
+        base = math.radians(self.task.stroke.base_pitch_deg)
+        low = np.array([-self._limit - base, -self._limit, self.config.slowest_mps])
+        high = np.array([self._limit - base, self._limit, self.config.fastest_mps])
+        goal = np.asarray(target_m, np.float64)
+        wanted = np.array([goal[0], goal[1], NET_HEIGHT_M + BALL_RADIUS_M + self.config.net_clearance_m])
+        start = np.clip(np.array([START_TILT_RAD, 0.0, _first_speed(ball)]), low, high)
+        x, reached = np.empty(3), np.empty(3)
+        problem = StrokeProblem(ball, wanted, low, high, self._rubber, self._air)
+        spent = solve_stroke(problem, start, x, reached)
+        if not spent or not is_as_wanted(reached, wanted):
+            spent += search_stroke(problem, x, reached)
+            if math.isnan(x[0]):
+                return None
+        return StrokeSolution(x[TILT] + base, x[TURN], x[SPEED], reached[0], reached[1], reached[2], spent)
+
+
+def _first_speed(ball: Array) -> float:
+    """A racket speed that sends the ball back at about 4.5 m/s with a restitution of 0.8."""
+    return (4.5 + 0.8 * float(ball[3])) / 1.8

@@ -1,0 +1,144 @@
+"""A trained policy as the controller of a live rally: the same state, action and racket speed as in its training."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.chain.control.decision import RacketDecision
+from core.errors import ConfigError
+from core.learning.config import StateKind
+from core.learning.runs.run_files import load_policy, read_run
+from core.learning.task.environment import racket_speeds_of
+from core.physics import PhysicsConfig, TaskConfig
+from core.physics.rotation import base_orientation, orientations_from_actions
+from core.simulation.episodes.racket import target_for_ball
+from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
+from core.trajectory.prediction import Stage
+
+Array = NDArray[np.float64]
+
+
+class StrokePolicy(Protocol):
+    """What a stroke needs of a policy."""
+
+    @property
+    def state(self) -> StateKind:
+        """What it has to know of a ball."""
+        ...
+
+    @property
+    def chooses_speed(self) -> bool:
+        """Whether its actions have a fourth part, the racket's speed."""
+        ...
+
+    def act(self, state: ArrayLike, goal_m: ArrayLike) -> Array:
+        """The action for one perceived ball and a target (2,)."""
+        ...
+
+    def racket_speed_mps(self, state: ArrayLike) -> float:
+        """How fast the racket is to move along +x, where the action does not say."""
+        ...
+
+
+class PolicyController:
+    """As in the paper: the racket moves early with its base orientation, the policy turns it after the bounce."""
+
+    def __init__(self, policy: StrokePolicy, task: TaskConfig, goal_m: ArrayLike, name: str = "policy") -> None:
+        """`task` is the one it was trained for: base orientation, action limit, hitting plane.
+
+        Raises:
+            ConfigError: if the goal (2,) is not on the opponent's half.
+        """
+        self.policy, self.task, self.name = policy, task, name
+        goal = np.asarray(goal_m, np.float64)
+        on_half = goal.shape == (2,) and 0 < goal[0] < TABLE_LENGTH_M / 2 and abs(goal[1]) < TABLE_WIDTH_M / 2
+        if not on_half:
+            raise ConfigError("not a goal", expected="x, y on the opponent's half", got=goal.tolist(), where="goal_m")
+        self._goal = goal
+
+    @property
+    def goal_m(self) -> Array:
+        """(2,) where balls are to land."""
+        return self._goal
+
+    @property
+    def needs_spin(self) -> bool:
+        """Whether it was trained on states with spin."""
+        return self.policy.state == "spin"
+
+    def aimed_at(self, goal_m: ArrayLike) -> PolicyController:
+        """The same policy with another goal."""
+        return PolicyController(self.policy, self.task, goal_m, self.name)
+
+    def for_physics(self, physics: PhysicsConfig) -> PolicyController:
+        """The same: it knows what it was trained with."""
+        return self
+
+    def decide(
+        self,
+        t_c_s: float,
+        p_c_m: ArrayLike,
+        v_c_mps: ArrayLike,
+        *,
+        stage: Stage,
+        spin_radps: ArrayLike | None = None,
+        spin_sigma_radps: ArrayLike | None = None,
+    ) -> RacketDecision | None:
+        """The decision for a ball predicted at the hitting plane; None for one that does not come.
+
+        In the paper the spin is no part of the state. A policy whose states have it answers no ball without; a spin
+        that comes without a standard deviation is exact.
+        """
+        p, v = np.asarray(p_c_m, np.float64), np.asarray(v_c_mps, np.float64)
+        if not (math.isfinite(t_c_s) and np.isfinite(p).all() and np.isfinite(v).all() and v[0] < 0):
+            return None
+        if self.needs_spin and spin_radps is None:
+            return None
+        state = np.concatenate([p, v])
+        v_racket = np.array([self.policy.racket_speed_mps(state), 0.0, 0.0])
+        q, action = base_orientation(self.task.stroke), np.zeros(3)
+        if stage == "post":
+            known = state
+            if self.needs_spin:
+                assert spin_radps is not None
+                sigma = np.zeros(3) if spin_sigma_radps is None else np.asarray(spin_sigma_radps, np.float64)
+                known = np.concatenate([state, np.asarray(spin_radps, np.float64), sigma])
+            action = np.clip(self.policy.act(known, self._goal), -1.0, 1.0)
+            if self.policy.chooses_speed:
+                v_racket[0] = racket_speeds_of(action[None], v_racket[:1])[0]
+                action = action[:3]
+            q = orientations_from_actions(action, self.task.stroke)
+        target = target_for_ball(p, q, v_racket, t_c_s)
+        return RacketDecision(stage=stage, state=state, goal_m=self._goal, target=target, action=action)
+
+
+def load_controller(
+    run: Path,
+    *,
+    seed: int | None = None,
+    which: Literal["last", "best"] = "last",
+    goal_m: ArrayLike | None = None,
+    name: str = "",
+) -> PolicyController:
+    """The policy of a training run as a controller, aimed at the middle of the run's targets unless told otherwise.
+
+    Raises:
+        ConfigError: if there is no such run, or it has no policy yet.
+    """
+    config = read_run(run)
+    goal = config.environment.goal.centre_m if goal_m is None else goal_m
+    policy = load_policy(run, seed, which)
+    if policy.state != config.environment.state:
+        raise ConfigError(
+            "a policy for other states than its run has",
+            expected=config.environment.state,
+            got=policy.state,
+            where=run,
+            remedy="take the run that it was trained in",
+        )
+    return PolicyController(policy, config.environment.task, goal, name or run.name)

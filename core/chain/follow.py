@@ -1,0 +1,107 @@
+"""The chain over a whole recording: the ball's track as columns, and how far it is from the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from core.cameras import Camera
+from core.chain.chain import RallyChain
+from core.chain.config import ChainConfig
+from core.detection.window import windows_side_by_side
+from core.errors import CalibrationError
+from core.recordings import BallTruth, Recording
+
+Array = NDArray[np.float64]
+REPORT_EVERY = 64
+"""Windows between two reports of progress."""
+TRUTH_GAP_US = 5000
+"""The truth is not read across a longer gap between its samples."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """The points of the ball that the chain accepted."""
+
+    t_us: NDArray[np.int64]
+    ps_world_m: Array
+    """(N, 3)."""
+    residuals_px: Array
+    """(N,)."""
+    windows: int
+    seen_by_all: int
+    """Windows in which every camera found a ball."""
+    step_s: Array
+    """(windows,) wall time of the chain's steps."""
+
+
+def calibrated_cameras(recording: Recording) -> dict[str, Camera]:
+    """The cameras of a recording that can be triangulated.
+
+    Raises:
+        CalibrationError: if one has no calibration.
+    """
+    cameras: dict[str, Camera] = {}
+    for name, stream in recording.cameras.items():
+        if stream.calibration is None:
+            remedy = "import the recording with --calibration FILE"
+            raise CalibrationError("no calibration", where=f"camera {name}", remedy=remedy)
+        cameras[name] = stream.calibration
+    return cameras
+
+
+def follow_recording(
+    recording: Recording,
+    config: ChainConfig,
+    window_us: int,
+    *,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Track:
+    """The track of the ball through a recording, all cameras window by window.
+
+    Raises:
+        CalibrationError: if there are fewer than two cameras, or one has no calibration.
+    """
+    chain = RallyChain(calibrated_cameras(recording), config)
+    side_by_side = windows_side_by_side(recording.cameras, 0, recording.duration_us, window_us)
+    times: list[int] = []
+    rows: list[tuple[float, float, float, float]] = []
+    seconds: list[float] = []
+    seen_by_all = 0
+    for number, windows in enumerate(side_by_side):
+        state = chain.step(windows)
+        seconds.append(state.seconds.total)
+        seen_by_all += all(found is not None for found in state.detections.values())
+        if state.point is not None:
+            x, y, z = state.point.p_world_m.tolist()
+            times.append(state.point.t_us)
+            rows.append((x, y, z, state.point.residual_px))
+        if number % REPORT_EVERY == 0:
+            progress(state.t_us / recording.duration_us)
+    columns = np.array(rows, np.float64).reshape(-1, 4)
+    return Track(
+        t_us=np.array(times, np.int64),
+        ps_world_m=columns[:, :3],
+        residuals_px=columns[:, 3],
+        windows=len(seconds),
+        seen_by_all=seen_by_all,
+        step_s=np.array(seconds),
+    )
+
+
+def true_positions(truth: BallTruth, t_us: ArrayLike) -> Array:
+    """Where the ball really was (N, 3), linear between samples; nan where there was none or nobody knows."""
+    t = np.atleast_1d(np.asarray(t_us, np.int64))
+    if not len(truth.t_us):
+        return np.full((len(t), 3), np.nan)
+    after = np.clip(np.searchsorted(truth.t_us, t, side="left"), 0, len(truth.t_us) - 1)
+    before = np.where(truth.t_us[after] == t, after, np.maximum(after - 1, 0))
+    span = truth.t_us[after] - truth.t_us[before]
+    share = (t - truth.t_us[before]) / np.maximum(span, 1)
+    found = truth.p_world_m[before] + share[:, None] * (truth.p_world_m[after] - truth.p_world_m[before])
+    known = (truth.t_us[0] <= t) & (t <= truth.t_us[-1]) & (span <= TRUTH_GAP_US)
+    found[~(known & truth.visible[before] & truth.visible[after])] = np.nan
+    return found

@@ -1,0 +1,97 @@
+"""What an event camera is to the rest: packets with the times at which they came, and biases that can be set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from numpy.typing import NDArray
+
+from core.devices.models import Bias, CameraModel
+
+ClockRole = Literal["own", "leads", "follows"]
+"""Of a camera: its own clock; its own, which it gives to another over a sync cable; that of the other."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraPacket:
+    """What came of a camera at a time; perhaps no event, but the word that there was none."""
+
+    host_s: float
+    """When it came: this machine's monotonic clock."""
+    stamp_us: int
+    """A time of the camera's clock that had passed when the packet came."""
+    complete_us: int
+    """Everything before this time of the camera's clock has come."""
+    events: NDArray | None
+    """Structured (t, x, y, on), on the camera's clock."""
+    packets_dropped: int
+    """Of all that came since the camera was opened, before they could be read: this machine was too busy."""
+    gap: bool
+    """Whether something was dropped just before it, or in its middle."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawPacket:
+    """Bytes as they came from the camera."""
+
+    host_s: float
+    data: bytes
+    packets_dropped: int
+    gaps: tuple[int, ...]
+    """Where in `data`, in bytes, something is missing."""
+    alone: bool
+    """Whether it was not merged with later ones: then all of it had been stamped at `host_s`."""
+
+
+class OpenCamera(Protocol):
+    """A camera that is open. It is read by one thread; everything else may be done from any."""
+
+    @property
+    def serial(self) -> str: ...
+    @property
+    def model(self) -> CameraModel: ...
+    @property
+    def biases(self) -> tuple[Bias, ...]:
+        """Those that may be set, with what this very camera allows."""
+        ...
+
+    def bias_values(self) -> dict[str, int]:
+        """What they are now."""
+        ...
+
+    def set_biases(self, values: Mapping[str, int]) -> None:
+        """Set some of them.
+
+        Raises:
+            ConfigError: if there is no such bias, or it is out of its bounds; then none is set.
+            DeviceError: if the camera does not take them.
+        """
+        ...
+
+    def close(self) -> None: ...
+
+
+class CameraDevice(OpenCamera, Protocol):
+    """A camera whose packets are decoded by the driver."""
+
+    def read(self) -> CameraPacket | None:
+        """The next packet; None if nothing came within a tenth of a second.
+
+        Raises:
+            DeviceError: if the camera is gone.
+        """
+        ...
+
+
+class RawDevice(OpenCamera, Protocol):
+    """A camera whose bytes are taken as they come."""
+
+    def read_raw(self) -> RawPacket | None:
+        """The next bytes; None if nothing came within a tenth of a second.
+
+        Raises:
+            DeviceError: if the camera is gone.
+        """
+        ...

@@ -1,0 +1,190 @@
+"""Reads one camera in a thread of its own, and keeps what came until somebody takes it."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from core.devices.camera_device import CameraDevice, CameraPacket
+from core.devices.clock_fit import ClockFit
+from core.errors import DeviceError, EventsError, RallyscopeError
+from core.events import Events, concatenate_events
+
+logger = logging.getLogger(__name__)
+
+MAX_EVENTS: Final = 10_000_000
+"""That wait to be taken; older ones are given up."""
+RATE_S: Final = 1.0
+QUIET_S: Final = 0.5
+"""Who sent nothing for so long, not even the time, is not waited for."""
+
+
+@dataclass(frozen=True, slots=True)
+class FeedCounts:
+    """Of one camera since it was opened."""
+
+    events: int = 0
+    packets_dropped: int = 0
+    """Before they could be read here; how many events were in them cannot be known."""
+    gaps: int = 0
+    """Places in the stream where something is missing."""
+    events_given_up: int = 0
+    """That came, but too late, or while too many waited."""
+    packets_refused: int = 0
+    """With events out of order, or off the sensor."""
+
+
+class CameraFeed:
+    """Of one camera, which is closed with it. Times are the camera's own."""
+
+    def __init__(self, name: str, device: CameraDevice, changed: threading.Condition) -> None:
+        """Begin to read; `changed` is notified whenever something came."""
+        self.name, self.device = name, device
+        self.clock = ClockFit()
+        self.problem: DeviceError | None = None
+        """Why the camera is gone."""
+        self.complete_us = 0
+        """Everything before it has come."""
+        self.since_us: int | None = None
+        """What came from here on has not been taken yet; None before anything came."""
+        self._changed = changed
+        self._waiting: deque[Events] = deque()
+        self._events_waiting = 0
+        self._last_us = 0
+        self._counts = dict.fromkeys(FeedCounts.__dataclass_fields__, 0)
+        self._quiet_s = 0.0
+        self._marks: deque[tuple[float, int]] = deque([(time.monotonic(), 0)])
+        self._stop = False
+        self._thread = threading.Thread(target=self._run, name=f"camera-{name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def counts(self) -> FeedCounts:
+        """What was lost, and what was not."""
+        with self._changed:
+            return FeedCounts(**self._counts)
+
+    @property
+    def awaited(self) -> bool:
+        """Whether more may come soon. A pause of this whole machine is no silence: only waiting counts."""
+        return self.problem is None and self._quiet_s < QUIET_S
+
+    @property
+    def rate_hz(self) -> float:
+        """Events a second, of late."""
+        with self._changed:
+            then_s, then = self._marks[0]
+            now_s = time.monotonic()
+            return (self._counts["events"] - then) / max(now_s - then_s, 1e-3)
+
+    def wait_more(self, seconds: float) -> None:
+        """Somebody has waited for it; it begins to count again when something comes. The caller holds the condition."""
+        self._quiet_s += seconds
+
+    def take(self, start_us: int, end_us: int) -> Events:
+        """The events of a stretch; what is older is given up. The caller holds the condition."""
+        taken: list[Events] = []
+        while self._waiting:
+            part = self._waiting.popleft()
+            self._events_waiting -= len(part)
+            if len(part) and part.t_us[-1] >= end_us:
+                later = part.between(end_us, int(part.t_us[-1]) + 1)
+                self._waiting.appendleft(later)
+                self._events_waiting += len(later)
+                part = part.between(int(part.t_us[0]), end_us)
+                if len(part):
+                    taken.append(part)
+                break
+            taken.append(part)
+        found = concatenate_events([part for part in taken if len(part)], self.device.model.sensor)
+        late = int(np.searchsorted(found.t_us, start_us))
+        self._counts["events_given_up"] += late
+        self.since_us = max(end_us, self.since_us or end_us)
+        return found.rows(slice(late, None))
+
+    def forget(self, before_us: int) -> None:
+        """Nobody wants what is older; that is no loss. The caller holds the condition."""
+        if self.since_us is None:
+            return
+        given_up = self._counts["events_given_up"]
+        self.take(before_us, before_us)
+        self._counts["events_given_up"] = given_up
+
+    def close(self) -> None:
+        """End the thread, which closes the camera."""
+        self._stop = True
+        self._thread.join()
+
+    # Its own thread.
+
+    def _run(self) -> None:
+        try:
+            while not self._stop:
+                packet = self.device.read()
+                if packet is not None:
+                    self._hear(packet)
+        except DeviceError as error:
+            self.problem = error
+            logger.info("camera %s: %s", self.name, error)
+        except Exception:
+            logger.exception("camera %s failed", self.name)
+            self.problem = DeviceError("this is a bug; the terminal shows where", where=self.name)
+        finally:
+            _quietly(self.device.close)
+            with self._changed:
+                self._changed.notify_all()
+
+    def _hear(self, packet: CameraPacket) -> None:
+        events = self._events(packet)
+        self.clock.add(packet.stamp_us, packet.host_s * 1e6)
+        with self._changed:
+            counts = self._counts
+            counts["packets_dropped"] = packet.packets_dropped
+            counts["gaps"] += packet.gap
+            heard_s, self._quiet_s = time.monotonic(), 0.0
+            if self.since_us is None:
+                self.since_us = packet.stamp_us if not len(events) else min(int(events.t_us[0]), packet.stamp_us)
+            if len(events):
+                counts["events"] += len(events)
+                self._waiting.append(events)
+                self._events_waiting += len(events)
+            while self._events_waiting > MAX_EVENTS and len(self._waiting) > 1:
+                oldest = self._waiting.popleft()
+                self._events_waiting -= len(oldest)
+                counts["events_given_up"] += len(oldest)
+            self.complete_us = max(self.complete_us, packet.complete_us)
+            self._marks.append((heard_s, counts["events"]))
+            while len(self._marks) > 2 and heard_s - self._marks[1][0] > RATE_S:
+                self._marks.popleft()
+            self._changed.notify_all()
+
+    def _events(self, packet: CameraPacket) -> Events:
+        """Columns of the packet's rows, none if they make no sense."""
+        sensor, rows = self.device.model.sensor, packet.events
+        if rows is None or not len(rows):
+            return Events.empty(sensor)
+        try:
+            found = Events.from_columns(rows["t"].astype(np.int64), rows["x"], rows["y"], rows["on"], sensor)
+            if found.t_us[0] < self._last_us:
+                raise EventsError("a packet begins before the last one ended")
+        except EventsError as error:
+            logger.info("a packet of camera %s cannot be used: %s", self.name, error)
+            with self._changed:
+                self._counts["packets_refused"] += 1
+            return Events.empty(sensor)
+        self._last_us = int(found.t_us[-1])
+        return found
+
+
+def _quietly(act: Callable[[], None]) -> None:
+    try:
+        act()
+    except (RuntimeError, RallyscopeError) as error:
+        logger.info("a camera was not closed: %s", error)

@@ -1,0 +1,257 @@
+"""Writes what cameras send as it comes, a RAW file for each; a recording is made of them when it is over.
+
+Nothing is decoded meanwhile: each camera has a thread that takes bytes from the driver and gives them to the operating
+system. If the disk is slower than the camera for some seconds, they wait in the driver's memory (512 MB a camera with a
+Prophesee); what finds no room there is lost, and the driver says how many of its packets that were, and where.
+After a kill the files are there, up to the last half second: `rallyscope import` makes a recording of them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import numpy as np
+
+from core.devices.camera_device import RawDevice, RawPacket
+from core.devices.clock_fit import ClockEstimate, ClockFit
+from core.devices.clock_shift import ClockShift
+from core.devices.evt3_bytes import Evt3Clock, GapResynchroniser
+from core.errors import WRITE_REMEDY, DeviceError, RallyscopeError, RecordingError
+from core.events.clock_table import COLUMNS
+from core.recordings.evt3_encoder import evt3_header
+
+logger = logging.getLogger(__name__)
+
+BUFFER_BYTES: Final = 1 << 20
+FLUSH_S: Final = 0.5
+SETTLE_US: Final = 1_000_000
+"""Before this the shift between two clocks is not known well."""
+ROW_US: Final = 1_000_000
+"""From one row of the table of clocks to the next."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawTake:
+    """What was written of one camera."""
+
+    name: str
+    path: Path
+    bytes_written: int
+    packets_dropped: int
+    """That the driver had no room for, while this machine was too busy."""
+    gaps: int
+    events_left_out: int
+    """After gaps, until the camera had said again where events were."""
+    problem: str
+    """Why it ended early; empty if it did not."""
+    clock: ClockEstimate | None
+
+
+class RawRecorder:
+    """Records from its making until `stop`. The cameras are its own, and are closed with it."""
+
+    def __init__(self, devices: Mapping[str, RawDevice], out: Path, *, cable: bool = False, overwrite: bool = False):
+        """Begin. The files stand beside `out`, which is not written here: OUT.left.raw and so on.
+
+        Raises:
+            RecordingError: if there are such files already, or they cannot be made; the cameras are closed then.
+        """
+        self.clock_path = None if cable or len(devices) < 2 else _beside(out, f"{list(devices)[-1]}.clock.csv")
+        """How the second camera's clock drifted from the first's; None where they are one."""
+        self._files: list[_CameraFile] = []
+        try:
+            reference: ClockFit | None = None
+            for number, (name, device) in enumerate(devices.items()):
+                one = _CameraFile(name, device, raw_path(out, name), overwrite=overwrite)
+                self._files.append(one)
+                if number and self.clock_path is not None:
+                    one.write_clock(ClockShift(one.clock, reference), self.clock_path)
+                reference = reference or one.clock
+        except BaseException:
+            for one in self._files:
+                one.discard()
+            for device in devices.values():
+                device.close()
+            raise
+        for one in self._files:
+            one.start()
+
+    @property
+    def paths(self) -> list[Path]:
+        """The files that are being written."""
+        return [one.path for one in self._files]
+
+    @property
+    def over(self) -> bool:
+        """Whether no camera is left, or nothing more can be written."""
+        return all(one.problem is not None for one in self._files) or self.error is not None
+
+    @property
+    def error(self) -> RallyscopeError | None:
+        """Why nothing more can be written."""
+        return next((one.problem for one in self._files if isinstance(one.problem, RecordingError)), None)
+
+    @property
+    def bytes_written(self) -> int:
+        """By all."""
+        return sum(one.bytes_written for one in self._files)
+
+    def stop(self) -> tuple[RawTake, ...]:
+        """End the threads, close files and cameras."""
+        for one in self._files:
+            one.end()
+        return tuple(one.take() for one in self._files)
+
+
+class _CameraFile:
+    """One camera and its file, with the thread between them."""
+
+    def __init__(self, name: str, device: RawDevice, path: Path, *, overwrite: bool) -> None:
+        self.name, self.path, self.clock = name, path, ClockFit()
+        self.problem: RallyscopeError | None = None
+        self.bytes_written = 0
+        self._device = device
+        self._words, self._mender = Evt3Clock(), GapResynchroniser()
+        self._stamp_us: int | None = None
+        self._dropped = self._gaps = 0
+        self._shift: ClockShift | None = None
+        self._table: BinaryIO | None = None
+        self._row_us = 0
+        self._stop = False
+        self._file = _create(path, overwrite=overwrite)
+        self._put(_header(device))
+        self._thread = threading.Thread(target=self._run, name=f"record-{name}", daemon=True)
+
+    def write_clock(self, shift: ClockShift, path: Path) -> None:
+        """Write a row a second of how its clock is to be shifted."""
+        self._table = _create(path, overwrite=True)
+        self._table.write(f"{COLUMNS}\n".encode())
+        self._shift = shift
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def end(self) -> None:
+        self._stop = True
+        self._thread.join()
+
+    def discard(self) -> None:
+        self._file.close()
+        self.path.unlink(missing_ok=True)
+
+    def take(self) -> RawTake:
+        problem = "" if self.problem is None else str(self.problem)
+        left_out = self._mender.events_left_out
+        estimate = self.clock.estimate
+        return RawTake(self.name, self.path, self.bytes_written, self._dropped, self._gaps, left_out, problem, estimate)
+
+    def _run(self) -> None:
+        flushed_s = time.monotonic()
+        try:
+            while not self._stop:
+                packet = self._device.read_raw()
+                if packet is not None:
+                    self._write(packet)
+                if time.monotonic() - flushed_s > FLUSH_S:
+                    self._flush()
+                    flushed_s = time.monotonic()
+        except RallyscopeError as error:
+            self.problem = error
+        except OSError as error:
+            self.problem = _cannot_write(self.path, error)
+        except Exception:
+            logger.exception("recording camera %s failed", self.name)
+            self.problem = DeviceError("this is a bug; the terminal shows where", where=self.name)
+        finally:
+            self._close()
+
+    def _write(self, packet: RawPacket) -> None:
+        self._dropped = packet.packets_dropped
+        words = np.frombuffer(packet.data, "<u2")
+        if packet.gaps:
+            self._gaps += len(packet.gaps)
+            places = [0, *(place // 2 for place in packet.gaps), len(words)]
+            for number, (first, last) in enumerate(itertools.pairwise(places)):
+                if number:
+                    self._mender.begin_gap()
+                self._put(self._mender.mend(words[first:last]).tobytes())
+        else:
+            mended = self._mender.mend(words)
+            self._put(packet.data if mended is words else mended.tobytes())
+        before_us, self._stamp_us = self._stamp_us, self._words.after(words)
+        known_us = self._stamp_us if packet.alone else before_us
+        if known_us is not None:
+            self.clock.add(known_us, packet.host_s * 1e6)
+            self._tell_clock(known_us)
+
+    def _tell_clock(self, stamp_us: int, *, settled: bool = True) -> None:
+        estimate = self.clock.estimate
+        if self._shift is None or self._table is None or estimate is None:
+            return
+        if settled and estimate.span_us < SETTLE_US:
+            return
+        if stamp_us >= self._row_us and (shift_us := self._shift.shift_us(stamp_us)) is not None:
+            self._table.write(f"{stamp_us},{shift_us}\n".encode())
+            self._row_us = stamp_us + ROW_US
+
+    def _put(self, data: bytes) -> None:
+        self._file.write(data)
+        self.bytes_written += len(data)
+
+    def _flush(self) -> None:
+        self._file.flush()
+        if self._table is not None:
+            self._table.flush()
+
+    def _close(self) -> None:
+        try:
+            self._device.close()
+        except RuntimeError as error:
+            logger.info("camera %s was not closed: %s", self.name, error)
+        if not self._row_us and self._stamp_us is not None:  # it was short: better than nothing
+            self._tell_clock(self._stamp_us, settled=False)
+        for file in (self._file, self._table):
+            try:
+                if file is not None:
+                    file.close()
+            except OSError as error:
+                self.problem = self.problem or _cannot_write(self.path, error)
+
+
+def raw_path(out: Path, name: str) -> Path:
+    """Of a camera, beside the recording."""
+    return _beside(out, f"{name}.raw")
+
+
+def _beside(out: Path, ending: str) -> Path:
+    return out.with_name(f"{out.stem}.{ending}")
+
+
+def _create(path: Path, *, overwrite: bool) -> BinaryIO:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return path.open("wb" if overwrite else "xb", buffering=BUFFER_BYTES)
+    except FileExistsError as error:
+        remedy = "it is of a recording that was cut short: see `rallyscope import`; or choose another name, or --force"
+        raise RecordingError("the file exists", where=path, remedy=remedy) from error
+    except OSError as error:
+        raise _cannot_write(path, error) from error
+
+
+def _cannot_write(path: Path, error: OSError) -> RecordingError:
+    return RecordingError("cannot write what the camera sends", got=error.strerror, where=path, remedy=WRITE_REMEDY)
+
+
+def _header(device: RawDevice) -> bytes:
+    """With serial number, model and biases, which readers that do not know them pass over."""
+    lines = [f"serial_number {device.serial}", f"camera {device.model.name}"]
+    lines += [f"bias_{name} {value}" for name, value in device.bias_values().items()]
+    plain = "".join(f"% {line}\n" for line in lines).encode("ascii", "replace")
+    return evt3_header(device.model.sensor).replace(b"% end\n", plain + b"% end\n")

@@ -1,0 +1,117 @@
+"""The last ball that was missed before a moment: a camera showed it and its detector did not see it, or it did not
+come back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.history.rally_history import Outcome, RallyHistory, RallyStep
+from core.physics.episode import Case
+from core.recordings import Recording
+from core.trajectory.prediction import HitPlane
+
+LOOK_BACK_US: Final = 20_000_000
+"""As long as a live rally is remembered."""
+UNSEEN_US: Final = 10_000
+"""A ball that was not seen for a shorter time was not missed: the flight goes on without it."""
+GAP_US: Final = 5_000
+"""Windows of one camera that are further apart do not belong together."""
+BALL_US: Final = 1_500_000
+"""A ball is over after so long, where a recording does not tell when."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissedBall:
+    """Where and when to look."""
+
+    t_us: int
+    """The end of a window that shows it."""
+    camera: str
+    kind: Literal["not seen", "not returned"]
+    unseen_us: int = 0
+    """How long that camera did not see it, in one piece; 0 if it was seen."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MissedBallRequest:
+    """The rally, and until when to look."""
+
+    recording: Recording
+    history: RallyHistory
+    t_us: int
+
+    @property
+    def key(self) -> Hashable:
+        """Of all requests with the same answer: where to look, and what is known by now."""
+        known_us = min(self.history.followed_us, self.t_us)
+        return self.recording, self.history, self.t_us, known_us, self.history.outcome_count
+
+
+def find_missed_ball(request: MissedBallRequest) -> MissedBall | None:
+    """The last one up to `t_us`; None if none was missed in the 20 s before it.
+
+    Whether a ball was in the picture is known from the truth of a camera; what has none is not said to be unseen.
+    """
+    t_us, history = request.t_us, request.history
+    steps = history.steps_between(t_us - LOOK_BACK_US, t_us)
+    if not steps:
+        return None
+    start_us = steps[0].t_us
+    unseen = _unseen(request.recording, steps)
+    last = unseen[-1] if unseen else None
+    lost = [one for one in history.outcomes_between(start_us - 1, t_us) if one.spot.case != Case.RETURNED]
+    for outcome in reversed(lost):
+        end_us = outcome.t_us if outcome.t_us > outcome.serve_us else outcome.serve_us + BALL_US
+        if last is not None and last.t_us > end_us:
+            break
+        during = [one for one in unseen if outcome.serve_us <= one.t_us <= end_us]
+        if during:
+            worst = max(during, key=lambda one: one.unseen_us)
+            return MissedBall(worst.t_us, worst.camera, "not returned", worst.unseen_us)
+        hit_us = _hit_us(history.predicted_hits(), outcome, end_us)
+        if hit_us <= t_us:
+            inside = [step for step in steps if outcome.serve_us <= step.t_us <= hit_us]
+            camera = min(request.recording.cameras, key=lambda name: sum(name in step.circles for step in inside))
+            return MissedBall(hit_us, camera, "not returned")
+    return last
+
+
+def _unseen(recording: Recording, steps: Sequence[RallyStep]) -> list[MissedBall]:
+    """Every stretch in which a camera did not see the ball in its picture, by the time of its middle."""
+    ends_us = np.array([step.t_us for step in steps], np.int64)
+    window_us = int(np.median(np.diff(ends_us))) if len(ends_us) > 1 else 0
+    found = []
+    for name, stream in recording.cameras.items():
+        truth = stream.truth
+        if truth is None or not len(truth.t_us):
+            continue
+        there = truth.at(ends_us).visible & truth.at(ends_us - window_us).visible
+        seen = np.array([name in step.circles for step in steps], np.bool_)
+        for first, last in _stretches(ends_us, there & ~seen):
+            length_us = int(ends_us[last] - ends_us[first]) + window_us
+            if length_us >= UNSEEN_US:
+                found.append(MissedBall(int(ends_us[(first + last) // 2]), name, "not seen", length_us))
+    return sorted(found, key=lambda one: one.t_us)
+
+
+def _stretches(t_us: NDArray[np.int64], holds: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last row of every stretch without a gap in which it holds."""
+    rows = np.flatnonzero(holds)
+    if not len(rows):
+        return []
+    broken = (np.diff(rows) > 1) | (np.diff(t_us[rows]) > GAP_US)
+    firsts = rows[np.concatenate([[True], broken])]
+    lasts = rows[np.concatenate([broken, [True]])]
+    return list(zip(firsts.tolist(), lasts.tolist(), strict=True))
+
+
+def _hit_us(predicted: Sequence[tuple[int, HitPlane]], outcome: Outcome, end_us: int) -> int:
+    """When the racket was to meet the ball, as it was expected last; the ball's end if nothing was expected."""
+    during = [hit for t_us, hit in predicted if outcome.serve_us <= t_us <= end_us]
+    return min(end_us, round(during[-1].t_s * 1e6)) if during else end_us

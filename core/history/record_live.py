@@ -1,0 +1,207 @@
+"""Write what is seen of the live rally to a recording that opens again like any other."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from core.chain.control.decision import RacketDecision
+from core.chain.control.player import PlayerState
+from core.errors import LinkError, RallyscopeError, RecordingError
+from core.history.recorded_rally import (
+    EPISODES,
+    PREDICTIONS,
+    RACKET,
+    SCENES_SEEN,
+    TARGETS,
+    episode_rows,
+    prediction_rows,
+    racket_rows,
+    scene_rows,
+    target_rows,
+)
+from core.live.link import messages as m
+from core.live.link.live_source import LiveSource
+from core.live.live_player import LivePlayer
+from core.recordings import BallTruth, PixelTruth, RecordingWriter
+from core.trajectory import Prediction
+
+QUEUE: Final = 3000
+"""Messages that may wait for the disk, about ten seconds."""
+FLUSH_BLOCKS: Final = 100
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Thought:
+    """What the player expected, and decided."""
+
+    prediction: Prediction
+    decision: RacketDecision | None
+
+
+Heard = m.EventBatch | m.WorldState | m.OutcomeNotice | _Thought | None
+
+
+class LiveRecorder:
+    """Records from the next whole block until `stop`, or until the session ends. Time starts at 0 again."""
+
+    def __init__(
+        self, source: LiveSource, path: Path, *, player: LivePlayer | None = None, overwrite: bool = False
+    ) -> None:
+        """Begin. With a player, its predictions and decisions are recorded too.
+
+        Raises:
+            RecordingError: if the file exists and `overwrite` is not set, or it cannot be made.
+        """
+        self.path = Path(path)
+        self.error: RallyscopeError | None = None
+        """What ended the recording early; what was written until then is kept."""
+        welcome = source.welcome
+        self._source, self._session, self._seed = source, welcome.session, welcome.seed
+        sensors = {info.name: info.sensor for info in welcome.cameras}
+        config = {"source": source.description, "session": welcome.session}
+        self._writer = RecordingWriter(
+            self.path, sensors, calibration=welcome.calibrated(), seed=welcome.seed, config=config, overwrite=overwrite
+        )
+        self._player = player
+        self._decision: RacketDecision | None = None  # the writer's thread only
+        self._scene: str | None = None  # the writer's thread only
+        self._zero_us: int | None = None
+        self._blocks = 0
+        self._heard: queue.Queue[Heard] = queue.Queue(QUEUE)
+        self._ending = False
+        self._thread = threading.Thread(target=self._write, name="live-recorder", daemon=True)
+        self._thread.start()
+        source.add_listener(self)
+        if player is not None:
+            player.add_listener(self._on_snapshot)
+
+    @property
+    def recording(self) -> bool:
+        """Whether it still goes on."""
+        return self._thread.is_alive() and not self._ending
+
+    def stop(self) -> int:
+        """Finish the file; returns its duration in microseconds.
+
+        Raises:
+            RecordingError: if it could not be written to its end.
+        """
+        self._source.remove_listener(self)
+        if self._player is not None:
+            self._player.remove_listener(self._on_snapshot)
+        self._end()
+        self._thread.join()
+        if self.error is not None:
+            raise RecordingError(str(self.error), where=self.path) from self.error
+        return self._writer.duration_us
+
+    def on_session(self, welcome: m.Reply) -> None:
+        """Another session is another recording."""
+        if welcome.session != self._session:
+            self._end()
+
+    def on_events(self, batch: m.EventBatch) -> None:
+        """Queue it."""
+        self._queue(batch)
+
+    def on_state(self, state: m.WorldState) -> None:
+        """Queue it, unless it is only a sign of life."""
+        if state.ends_block:
+            self._queue(state)
+
+    def on_notice(self, notice: m.Notice) -> None:
+        """Outcomes become episodes."""
+        if isinstance(notice, m.OutcomeNotice):
+            self._queue(notice)
+
+    def _on_snapshot(self, session: str, state: PlayerState, decision: RacketDecision | None) -> None:
+        found = state.chain.prediction
+        if session == self._session and found is not None:
+            self._queue(_Thought(found, decision))
+
+    def _queue(self, message: Heard) -> None:
+        if self._ending:
+            return
+        try:
+            self._heard.put_nowait(message)
+        except queue.Full:
+            self.error = LinkError("the disk is too slow for the live rally", where=self.path)
+            self._ending = True
+
+    def _end(self) -> None:
+        if not self._ending:
+            self._ending = True
+            self._heard.put(None)
+
+    def _write(self) -> None:
+        try:
+            with self._writer:
+                while True:
+                    try:
+                        message = self._heard.get(timeout=0.5)
+                    except queue.Empty:
+                        if self._ending:
+                            return
+                        continue
+                    if message is None:
+                        return
+                    self._write_one(message)
+        except RallyscopeError as error:
+            self.error = self.error or error
+            self._ending = True
+
+    def _write_one(self, message: m.EventBatch | m.WorldState | m.OutcomeNotice | _Thought) -> None:
+        if self._zero_us is None:
+            if not isinstance(message, m.WorldState):  # the first state ends the block that was joined in its middle
+                return
+            self._zero_us = message.t_us
+            return
+        if isinstance(message, m.EventBatch):
+            self._write_events(message, self._zero_us)
+        elif isinstance(message, m.WorldState):
+            self._write_state(message, self._zero_us)
+        elif isinstance(message, _Thought):
+            self._write_thought(message, self._zero_us)
+        elif message.serve_us >= self._zero_us:
+            last = self._decision
+            made = last if last is not None and message.serve_us <= last.t_us <= message.t_us else None
+            policy = "live" if self._player is None else self._player.controller.name
+            self._writer.append_rows(EPISODES, episode_rows(message, made, policy, self._zero_us))
+
+    def _write_thought(self, thought: _Thought, zero_us: int) -> None:
+        rows = prediction_rows(thought.prediction, zero_us)
+        if rows is None or thought.prediction.t_us < zero_us:
+            return
+        self._writer.append_rows(PREDICTIONS, rows)
+        if thought.decision is not None:
+            self._decision = thought.decision
+            self._writer.append_rows(TARGETS, target_rows(thought.decision, zero_us))
+
+    def _write_events(self, batch: m.EventBatch, zero_us: int) -> None:
+        events, truth = batch.events(), batch.truth()
+        columns = (events.x_px, events.y_px, events.on, events.sensor)
+        self._writer.append(batch.camera, type(events).from_columns(events.t_us - zero_us, *columns))
+        if truth is not None:
+            shifted = PixelTruth(truth.t_us - zero_us, truth.u_px, truth.v_px, truth.r_px, truth.visible)
+            self._writer.write_truth(batch.camera, shifted)
+
+    def _write_state(self, state: m.WorldState, zero_us: int) -> None:
+        ball = state.truth()
+        if ball is not None:
+            self._writer.write_ball(
+                BallTruth(ball.t_us - zero_us, ball.p_world_m, ball.v_world_mps, ball.spin_radps, ball.visible)
+            )
+        if len(state.racket_t_us):
+            self._writer.append_rows(RACKET, racket_rows(state, zero_us))
+        if state.scene and state.scene != self._scene and self._seed is not None:
+            self._scene = state.scene
+            since_us = state.start_us - zero_us
+            self._writer.append_rows(SCENES_SEEN, scene_rows(since_us, state.scene, self._seed, zero_us))
+        self._writer.extend_duration(state.t_us - zero_us)
+        self._blocks += 1
+        if self._blocks % FLUSH_BLOCKS == 0:
+            self._writer.flush()

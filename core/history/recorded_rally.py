@@ -1,0 +1,172 @@
+"""What a player expected and decided, as groups of a recording: written beside the live rally, and read again.
+
+`/predictions` and `/episodes` hold what the method defines; `/racket_targets` is where the racket was sent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.chain.control.decision import RacketDecision
+from core.learning.config import RewardConfig
+from core.learning.task.reward import reward_weights, rewards_of
+from core.live.link import messages as m
+from core.physics.episode import Case
+from core.simulation.episodes.racket import RacketTarget
+from core.trajectory import Prediction
+from core.trajectory.prediction import Stage
+
+Array = NDArray[np.float64]
+Rows = dict[str, np.ndarray]
+
+RACKET: Final = "/racket"
+PREDICTIONS: Final = "/predictions"
+TARGETS: Final = "/racket_targets"
+EPISODES: Final = "/episodes"
+SCENES_SEEN: Final = "/scenes"
+"""Of a recorded live rally: from when on which scene, with what tells who was in it."""
+REWARD: Final = RewardConfig(kind="case")
+"""The live rally counts no episodes, so it is the reward with constant weights."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedPrediction:
+    """A prediction of the hitting plane."""
+
+    t_us: int
+    """Of the newest observation in it."""
+    stage: Stage
+    t_hit_us: int
+    p_hit_m: Array
+    v_hit_mps: Array
+    cov: Array
+    """(6, 6) of p and v."""
+
+
+class HasRows(Protocol):
+    """A recording in a file."""
+
+    def read_rows(self, group: str) -> Mapping[str, np.ndarray] | None: ...
+
+
+def prediction_rows(prediction: Prediction, zero_us: int) -> Rows | None:
+    """One row; None if the ball is not expected at the hitting plane."""
+    hit = prediction.hit_plane
+    if hit is None:
+        return None
+    return {
+        "t_us": np.array([prediction.t_us - zero_us]),
+        "stage": np.array([hit.stage.encode()], "S4"),
+        "t_hit_us": np.array([round(1e6 * hit.t_s) - zero_us]),
+        "p_hit_m": hit.p_world_m[None],
+        "v_hit_mps": hit.v_world_mps[None],
+        "cov": hit.covariance[None],
+    }
+
+
+class HasRacket(Protocol):
+    """A block of a live rally, sent or at its source."""
+
+    @property
+    def racket_t_us(self) -> NDArray[np.int64]: ...
+
+    @property
+    def racket(self) -> Array:
+        """(M, 10) position, orientation wxyz, velocity."""
+        ...
+
+
+def racket_rows(state: HasRacket, zero_us: int) -> Rows:
+    """Where the racket was in a block."""
+    rows = state.racket
+    pose = {"p_world_m": rows[:, :3], "q_world_wxyz": rows[:, 3:7], "v_world_mps": rows[:, 7:10]}
+    return {"t_us": state.racket_t_us - zero_us, **pose}
+
+
+def scene_rows(t_us: int, scene: str, seed: int, zero_us: int) -> Rows:
+    """One row: the scene from `t_us` on; `zero_us` is the simulation's clock at time 0."""
+    return {
+        "t_us": np.array([t_us], np.int64),
+        "zero_us": np.array([zero_us], np.int64),
+        "seed": np.array([seed], np.int64),
+        "name": np.array([scene.encode("ascii", "replace")], "S32"),
+    }
+
+
+def target_rows(decision: RacketDecision, zero_us: int) -> Rows:
+    """One row."""
+    target = decision.target
+    return {
+        "t_us": np.array([decision.t_us - zero_us]),
+        "stage": np.array([decision.stage.encode()], "S4"),
+        "t_hit_us": np.array([round(1e6 * target.t_s) - zero_us]),
+        "p_world_m": target.p_m[None],
+        "q_world_wxyz": target.q_wxyz[None],
+        "v_world_mps": target.v_mps[None],
+        "a": decision.action[None],
+        "g": decision.goal_m[None],
+    }
+
+
+def episode_rows(notice: m.OutcomeNotice, decision: RacketDecision | None, policy: str, zero_us: int) -> Rows:
+    """One row: what was decided on where there was a decision, else the state at the hitting plane and nothing more."""
+    unknown = np.nan
+    goal = np.full(2, unknown) if decision is None else decision.goal_m
+    case, landing = np.array([notice.case], np.int64), np.array([notice.landing_m])
+    # Without a goal only a missed ball has a reward: it does not depend on one.
+    known = decision is not None or notice.case == Case.MISSED
+    weights = reward_weights(0, REWARD)
+    reward = rewards_of(case, landing[:, :2], np.array([notice.net_z_m]), goal[None], weights, REWARD)
+    return {
+        "serve_us": np.array([notice.serve_us - zero_us]),
+        "speed_mps": np.array([notice.speed_mps]),
+        "s": np.array([notice.arrival]) if decision is None else decision.state[None],
+        "g": goal[None],
+        "a": np.full((1, 3), unknown) if decision is None else decision.action[None],
+        "q_wxyz": np.array([notice.q_wxyz]),
+        "case": case,
+        "f": landing,
+        "s_next": np.array([notice.landing_m + notice.landing_v_mps]),
+        "reward": reward if known else np.array([unknown]),
+        "policy": np.array([policy.encode("ascii", "replace")[:32]], "S32"),
+    }
+
+
+def read_predictions(recording: HasRows) -> tuple[RecordedPrediction, ...]:
+    """What was expected, in order; nothing if the recording does not say."""
+    rows = recording.read_rows(PREDICTIONS)
+    if rows is None:
+        return ()
+    names = ("t_us", "stage", "t_hit_us", "p_hit_m", "v_hit_mps", "cov")
+    return tuple(
+        RecordedPrediction(int(t), _stage(stage), int(t_hit), p, v, cov)
+        for t, stage, t_hit, p, v, cov in zip(*(rows[name] for name in names), strict=True)
+    )
+
+
+def read_targets(recording: HasRows) -> tuple[RacketDecision, ...]:
+    """Where the racket was sent, in order, without the state that led to it; nothing if the recording does not say."""
+    rows = recording.read_rows(TARGETS)
+    if rows is None:
+        return ()
+    names = ("t_us", "stage", "t_hit_us", "p_world_m", "q_world_wxyz", "v_world_mps", "a", "g")
+    return tuple(
+        RacketDecision(
+            t_us=int(t),
+            stage=_stage(stage),
+            state=np.full(6, np.nan),
+            goal_m=goal,
+            target=RacketTarget(p, q, v, int(t_hit) * 1e-6),
+            action=action,
+        )
+        for t, stage, t_hit, p, q, v, action, goal in zip(*(rows[name] for name in names), strict=True)
+    )
+
+
+def _stage(value: object) -> Stage:
+    return "post" if value in (b"post", "post") else "pre"

@@ -1,0 +1,77 @@
+"""Strokes where nobody tells what came of them: judged from the chain's points, into the history of a rally.
+
+A ball that came and was not struck is no outcome here: perhaps there was no racket at all.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import queue
+import threading
+from typing import Final
+
+from core.chain.chain import ChainState
+from core.history.rally_history import Outcome, RallyHistory
+from core.history.rally_picture import LandingSpot
+from core.outcomes import ClassifiedStroke, OutcomeClassifier
+from core.physics.episode import Case
+
+logger = logging.getLogger(__name__)
+MAX_WAITING: Final = 2_000
+"""Steps of the chain, four seconds of them; what comes when so many wait is not judged."""
+
+
+def note_stroke(history: RallyHistory, judged: ClassifiedStroke | None) -> None:
+    """Add a judgement to a history, if it is one of a stroke."""
+    if judged is not None and judged.case is not Case.MISSED:
+        history.add_outcome(outcome_as_judged(judged))
+
+
+def outcome_as_judged(judged: ClassifiedStroke) -> Outcome:
+    """For a history: a ball whose serve was not seen is said to have been served when it was judged."""
+    serve = judged.serve
+    x, y, _ = judged.landing_m.tolist()
+    served_us, speed_mps = (judged.t_us, float("nan")) if serve is None else (serve.t_us, serve.speed_mps)
+    return Outcome(judged.t_us, served_us, speed_mps, LandingSpot(x, y, judged.case))
+
+
+class SeenOutcomes:
+    """Judges on a thread of its own: a judgement takes longer than a step of the chain may. `close` it."""
+
+    def __init__(self, history: RallyHistory) -> None:
+        self._history = history
+        self._session = 0
+        self._steps: queue.Queue[tuple[int, ChainState] | None] = queue.Queue(MAX_WAITING)
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="seen-outcomes", daemon=True)
+        self._thread.start()
+
+    def add_step(self, state: ChainState) -> None:
+        """The next step of the chain; returns at once."""
+        try:
+            self._steps.put_nowait((self._session, state))
+        except queue.Full:
+            logger.debug("a step was not judged")
+
+    def begin_anew(self) -> None:
+        """Another session: what was seen before belongs to none of its balls."""
+        self._session += 1
+
+    def close(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        with contextlib.suppress(queue.Full):  # then it is awake
+            self._steps.put_nowait(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        judge, session = OutcomeClassifier(), 0
+        while not self._ended.is_set():
+            item = self._steps.get()
+            if item is None or item[0] != self._session:
+                continue
+            if item[0] != session:
+                session = item[0]
+                judge.reset()
+            note_stroke(self._history, judge.step(item[1]))

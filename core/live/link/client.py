@@ -1,0 +1,305 @@
+"""The other end: commands with time-outs, and everything that is published, handed to listeners as it arrives."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import logging
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Final, Self
+
+import zmq
+
+from core.errors import LinkError, NoAnswerError, NotReadyError, RefusedError
+from core.live.link import messages as m
+from core.live.link.address import split_address
+from core.live.link.guard import HandshakeWatch, check_reach, secure
+from core.live.link.keys import ClientKeys
+from core.live.link.listeners import LinkListeners
+from core.live.link.live_source import LinkListener, SourceStatus
+from core.physics.config import PhysicsConfig
+
+logger = logging.getLogger(__name__)
+
+LOST_S: Final = 1.0
+"""Without a sign of life for so long, the server counts as lost; it beats ten times a second."""
+SILENT_S: Final = 60.0
+"""So long a server that listens may be silent when hands are shaken: it is being started on a slow machine."""
+EVERYTHING: Final = b""
+"""All topics."""
+ASK_AGAIN_S: Final = 0.2
+SCENE_S: Final = 30.0
+"""The answer to a new scene comes when every pixel has its picture: half a second in quiet."""
+
+
+class SimulationClient:
+    """A connection to a simulation server. It survives the server's end and finds its successor by itself.
+
+    It is a LiveSource with everything: cameras, a robot, outcomes and truth.
+    """
+
+    description = "live simulation"
+    has_outcomes = True
+    behind_s = 0.0
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        timeout_s: float = 3.0,
+        preparing: Callable[[float], None] = lambda share: None,
+        keys: ClientKeys | None = None,
+    ) -> None:
+        """Connect and shake hands; with a server that is being prepared as soon as it is ready.
+
+        `preparing` hears again and again how far such a server is, 0 to 1. With `keys` it is the server that they name,
+        and nobody on the way can listen; beyond this machine there must be some.
+
+        Raises:
+            LinkError: if there is no server, or one of another version, or keys do not fit or are missing.
+        """
+        host, port = split_address(address, lowest=1)
+        check_reach(host, keys)
+        self.address, self._keys = address, keys
+        self._commands_address = f"tcp://{host}:{port + 1}"
+        self._timeout_s = timeout_s
+        self._context = zmq.Context()
+        self._numbers = itertools.count(1)
+        self._asking, self._lock = threading.Lock(), threading.Lock()
+        self._socket: zmq.Socket | None = None
+        self._watch: HandshakeWatch | None = None
+        self._listeners = LinkListeners()
+        self._stop = threading.Event()
+        self._heard_s = 0.0
+        self._last_seq = 0
+        self._listening = True
+        self.lost_messages = self.rejected_messages = 0
+        """Published messages that never came; messages that came and were no messages."""
+        self.state: m.WorldState | None = None
+        """The latest."""
+        try:
+            self.welcome = self._shake_hands(preparing)
+        except BaseException:
+            self._drop_socket()
+            self._context.destroy(linger=0)
+            raise
+        self._thread = threading.Thread(target=self._receive, name="simulation-link", daemon=True)
+        self._thread.start()
+
+    @property
+    def robot(self) -> Self | None:
+        """The racket over there; None where the server says that it has none."""
+        return self if self.welcome.robot else None
+
+    @property
+    def status(self) -> SourceStatus:
+        """Whether the server is there."""
+        return "connected" if time.monotonic() - self._heard_s < LOST_S else "lost"
+
+    @property
+    def physics(self) -> PhysicsConfig:
+        """How balls fly and bounce over there; the paper's way, if the server does not say."""
+        return self.welcome.physics or PhysicsConfig()
+
+    def add_listener(self, listener: LinkListener) -> None:
+        """From now on; it hears of the present session at once."""
+        with self._lock:
+            self._listeners.add(listener, self.welcome)
+
+    def remove_listener(self, listener: LinkListener) -> None:
+        """It hears nothing after this."""
+        with self._lock:
+            self._listeners.remove(listener)
+
+    def listen(self, listening: bool) -> None:
+        """Hear everything, or, where nobody needs it, only that the server lives: it rests if nobody else listens.
+
+        A tenth of a second may pass until it is so.
+        """
+        self._listening = listening
+
+    def serve(self, speed_mps: float = 5.0) -> m.Reply:
+        """Serve a ball drawn for a speed of 3 to 9 m/s."""
+        return self.ask(lambda number: m.Serve(id=number, speed_mps=speed_mps))
+
+    def launch(
+        self, p_m: tuple[float, ...], v_mps: tuple[float, ...], spin_radps: tuple[float, ...] = (0.0, 0.0, 0.0)
+    ) -> m.Reply:
+        """Serve a ball from exactly here, exactly so."""
+        return self.ask(lambda number: m.Serve(id=number, p_m=p_m, v_mps=v_mps, spin_radps=spin_radps))
+
+    def aim_racket(
+        self, p_m: tuple[float, ...], q_wxyz: tuple[float, ...], v_mps: tuple[float, ...], t_us: int
+    ) -> m.Reply:
+        """Send the middle of the racket's face to a pose with a velocity at a simulated time."""
+        return self.ask(lambda number: m.AimRacket(id=number, p_m=p_m, q_wxyz=q_wxyz, v_mps=v_mps, t_us=t_us))
+
+    def rest_racket(self) -> m.Reply:
+        """Send the racket back to rest."""
+        return self.ask(lambda number: m.RestRacket(id=number))
+
+    def pause(self) -> m.Reply:
+        """Stop the simulated clock."""
+        return self.ask(lambda number: m.Pause(id=number))
+
+    def resume(self) -> m.Reply:
+        """Let it run."""
+        return self.ask(lambda number: m.Resume(id=number))
+
+    def step(self, blocks: int = 1) -> m.Reply:
+        """Some blocks further, then pause."""
+        return self.ask(lambda number: m.SingleStep(id=number, blocks=blocks))
+
+    def set_speed(self, factor: float) -> m.Reply:
+        """Simulated seconds per second."""
+        return self.ask(lambda number: m.SetSpeed(id=number, factor=factor))
+
+    def set_noise(self, noise_hz: float) -> m.Reply:
+        """Background events per pixel and second."""
+        return self.ask(lambda number: m.SetNoise(id=number, noise_hz=noise_hz))
+
+    def set_scene(self, scene: str) -> m.Reply:
+        """What the cameras look at: a name of `core.simulation.scenes.scene.SCENES`."""
+        return self.ask(lambda number: m.SetScene(id=number, scene=scene), timeout_s=SCENE_S)
+
+    def auto_serve(self, speed_mps: float) -> m.Reply:
+        """Serve again and again at this speed; 0 stops."""
+        return self.ask(lambda number: m.AutoServe(id=number, speed_mps=speed_mps))
+
+    def reset(self, seed: int | None = None) -> m.Reply:
+        """Begin a new session."""
+        return self.ask(lambda number: m.Reset(id=number, seed=seed))
+
+    def ask(self, command: Callable[[int], object], timeout_s: float | None = None) -> m.Reply:
+        """The answer to a command made for a number, in the client's time-out or another. Any thread may ask.
+
+        Raises:
+            LinkError: if the server refuses, is of another version, or does not answer in time.
+        """
+        with self._asking:
+            number = next(self._numbers)
+            if self._socket is None:
+                self._socket = self._context.socket(zmq.DEALER)
+                self._socket.setsockopt(zmq.LINGER, 0)
+                self._socket.setsockopt(zmq.MAXMSGSIZE, m.COMMAND_BYTES)
+                secure(self._socket, self._keys)
+                self._watch = HandshakeWatch(self._socket, self._keys)
+                self._socket.connect(self._commands_address)
+            until_s = time.monotonic() + (timeout_s or self._timeout_s)
+            self._socket.setsockopt(zmq.SNDTIMEO, _ms_until(until_s))
+            with contextlib.suppress(zmq.Again):  # whom the server has refused already can send nothing, ever
+                self._socket.send(m.encode(command(number)))
+            while self._socket.poll(_ms_until(until_s)):
+                reply = m.decode(self._socket.recv(), {"reply": m.Reply})
+                if reply.id not in (0, number):
+                    continue
+                if reply.preparing is not None:
+                    raise NotReadyError(reply.error, share=reply.preparing, where=self.address)
+                if not reply.ok:
+                    raise LinkError(reply.error, where=self.address)
+                return reply
+            refused = self._watch is not None and self._watch.refused()
+            self._drop_socket()  # what was sent must not reach a later server
+        if refused:
+            remedy = "give --keys the folder that `rallyscope sim-server --make-keys` made for this client"
+            raise RefusedError("a server is there, but its keys and ours do not fit", where=self.address, remedy=remedy)
+        remedy = "start one with `rallyscope sim-server`"
+        raise NoAnswerError("no answer from a simulation server", where=self.address, remedy=remedy)
+
+    def close(self) -> None:
+        """Hang up."""
+        self._stop.set()
+        self._thread.join()
+        with self._asking:
+            self._drop_socket()
+            self._context.destroy(linger=0)
+
+    def _shake_hands(self, preparing: Callable[[float], None]) -> m.Reply:
+        """A server that compiles answers so; one that is only just starting on a slow machine at least listens."""
+        silent_until_s = time.monotonic() + SILENT_S
+        while True:
+            try:
+                return self.ask(lambda number: m.Hello(id=number))
+            except NotReadyError as error:
+                preparing(error.share)
+                silent_until_s = time.monotonic() + SILENT_S
+                time.sleep(ASK_AGAIN_S)
+            except NoAnswerError:
+                if time.monotonic() > silent_until_s or not self._somebody_listens():
+                    raise
+
+    def _somebody_listens(self) -> bool:
+        host, _, port = self._commands_address.removeprefix("tcp://").rpartition(":")
+        try:
+            with socket.create_connection((host.strip("[]"), int(port)), timeout=self._timeout_s):
+                return True
+        except OSError:
+            return False
+
+    def _drop_socket(self) -> None:
+        if self._watch is not None:
+            self._watch.close()
+            self._watch = None
+        if self._socket is not None:
+            self._socket.close(0)
+            self._socket = None
+
+    def _receive(self) -> None:
+        socket = self._context.socket(zmq.SUB)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.RCVHWM, 1000)
+        socket.setsockopt(zmq.MAXMSGSIZE, m.MESSAGE_BYTES)
+        socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
+        secure(socket, self._keys)
+        socket.connect(self.address)
+        heard: bytes | None = None
+        try:
+            while not self._stop.is_set():
+                topic = EVERYTHING if self._listening else m.ALIVE
+                if topic != heard:
+                    socket.subscribe(topic)
+                    if heard is not None:
+                        socket.unsubscribe(heard)
+                    heard, self._last_seq = topic, 0  # what was not asked for is not lost
+                if not socket.poll(100):
+                    continue
+                *_, data = socket.recv_multipart()
+                try:
+                    self._dispatch(m.decode(data, m.KINDS))
+                except LinkError as error:
+                    self.rejected_messages += 1
+                    logger.debug("ignored: %s", error)
+        finally:
+            socket.close(0)
+
+    def _dispatch(self, message: m.WorldState | m.EventBatch | m.Notice) -> None:
+        if isinstance(message, m.Reply):
+            raise LinkError("a reply was published")
+        self._heard_s = time.monotonic()
+        welcome = self.welcome
+        fresh = message.session != welcome.session
+        if fresh:
+            welcome = self.ask(lambda number: m.Hello(id=number))
+            if welcome.session != message.session:
+                return  # left over from a session that is over
+        with self._lock:
+            if fresh:
+                self.welcome, self._last_seq = welcome, 0
+                self._listeners.on_session(welcome)
+            if self._last_seq:
+                self.lost_messages += max(0, message.seq - self._last_seq - 1)
+            self._last_seq = message.seq
+            if isinstance(message, m.EventBatch):
+                self._listeners.on_events(message)
+            elif isinstance(message, m.WorldState):
+                self._listeners.on_state(message)
+                self.state = message
+            else:
+                self._listeners.on_notice(message)
+
+
+def _ms_until(until_s: float) -> int:
+    return max(0, round((until_s - time.monotonic()) * 1e3))

@@ -1,0 +1,160 @@
+"""What a live player remembers of the rally: the flight that is being seen, the racket, the balls that are over."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.chain.chain import BallPoint
+from core.chain.control.controller import LiveController
+from core.chain.control.decision import RacketDecision
+from core.chain.control.player import PlayerState
+from core.live.link import messages as m
+from core.live.live_meter import LiveMeter
+from core.live.live_snapshot import FinishedBall, RacketPose, RallySnapshot, TrueBall
+from core.physics.episode import Case
+from core.trajectory import Prediction
+from core.trajectory.learned_constants import LearnedConstants
+
+Array = NDArray[np.float64]
+
+POINTS: Final = 1000
+"""Two seconds of a ball that every window finds."""
+FINISHED: Final = 500
+
+
+def pose_of(state: m.WorldState) -> RacketPose | None:
+    """The racket at its last row."""
+    if not len(state.racket_t_us):
+        return None
+    row = state.racket[-1]
+    return RacketPose(int(state.racket_t_us[-1]), row[:3], row[3:7], row[7:10])
+
+
+def true_ball_of(state: m.WorldState) -> TrueBall | None:
+    """The ball at its last row; None if there is none then."""
+    if not len(state.ball_t_us) or not state.ball_visible[-1]:
+        return None
+    row = state.ball[-1]
+    return TrueBall(int(state.ball_t_us[-1]), row[:3], row[3:6], row[6:9])
+
+
+class LiveFlight:
+    """Of one session; the player's thread writes it, and makes snapshots of it."""
+
+    def __init__(self) -> None:
+        self._t_us = 0
+        self._first_t_us: int | None = None
+        self._phase = "idle"
+        self._racket: RacketPose | None = None
+        self._ball: TrueBall | None = None
+        self._state: PlayerState | None = None
+        self._points: deque[BallPoint] = deque(maxlen=POINTS)
+        self._finished: deque[FinishedBall] = deque(maxlen=FINISHED)
+        self._played = self._returned = 0
+        self._last_decision: RacketDecision | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        self._first_pre: Prediction | None = None
+        self._first_post: Prediction | None = None
+        self._newest: Prediction | None = None
+        self._pre: RacketDecision | None = None
+        self._post: RacketDecision | None = None
+
+    def blocks_missing(self, state: m.WorldState) -> int:
+        """How many blocks were lost between the last one and this."""
+        if self._first_t_us is None:
+            return 0
+        return max(0, (state.start_us - self._t_us) // max(1, state.t_us - state.start_us))
+
+    def see(self, state: m.WorldState) -> None:
+        """A block is over."""
+        self._first_t_us = state.start_us if self._first_t_us is None else self._first_t_us
+        self._t_us, self._phase = state.t_us, state.phase
+        self._racket, self._ball = pose_of(state) or self._racket, true_ball_of(state)
+
+    def follow(self, state: PlayerState, *, playing: bool) -> RacketDecision | None:
+        """Take a step of the player; returns the decision that was made in it. It counts for the ball if `playing`."""
+        self._state, chain = state, state.chain
+        if chain.verdict == "new flight":
+            self._forget()
+        if chain.point is not None:
+            self._points.append(chain.point)
+        found = chain.prediction
+        if not chain.is_new or found is None:
+            return None
+        self._newest = found
+        if found.stage == "pre":
+            self._first_pre = self._first_pre or found
+        else:
+            self._first_post = self._first_post or found
+        decision = state.decision
+        if not state.is_new or decision is None:
+            return None
+        if found.stage == "pre":
+            self._pre = decision
+        else:
+            self._post = decision
+        if playing:
+            self._last_decision = decision
+        return decision
+
+    def finish(self, outcome: m.OutcomeNotice, goal_m: Array) -> FinishedBall:
+        """What came of a ball."""
+        last = self._last_decision
+        decided = last if last is not None and outcome.serve_us <= last.t_us <= outcome.t_us else None
+        self._played += 1
+        self._returned += outcome.case == Case.RETURNED
+        ball = FinishedBall(
+            t_us=outcome.t_us,
+            serve_us=outcome.serve_us,
+            speed_mps=outcome.speed_mps,
+            case=outcome.case,
+            landing_m=np.array(outcome.landing_m[:2]),
+            goal_m=goal_m if decided is None else decided.goal_m,
+            net_z_m=outcome.net_z_m if math.isfinite(outcome.net_z_m) else float("nan"),
+            decision=decided,
+        )
+        self._finished.append(ball)
+        return ball
+
+    def snapshot(
+        self,
+        number: int,
+        session: str,
+        controller: LiveController,
+        playing: bool,
+        meter: LiveMeter,
+        problem: str,
+        learned: LearnedConstants | None = None,
+    ) -> RallySnapshot:
+        """All of it, frozen."""
+        return RallySnapshot(
+            number=number,
+            session=session,
+            t_us=self._t_us,
+            controller=controller.name,
+            playing=playing,
+            goal_m=controller.goal_m,
+            state=self._state,
+            points=tuple(self._points),
+            first_pre=self._first_pre,
+            first_post=self._first_post,
+            newest=self._newest,
+            pre_decision=self._pre,
+            post_decision=self._post,
+            racket=self._racket,
+            ball=self._ball,
+            phase=self._phase,
+            finished=tuple(self._finished),
+            played=self._played,
+            returned=self._returned,
+            health=meter.health(),
+            problem=problem,
+            learned=learned,
+        )

@@ -1,0 +1,348 @@
+"""The brain of a live rally: hears the source, follows the ball with the chain, sends the racket if there is one.
+
+It works on a thread of its own, so that neither the link nor a picture waits for it. Blocks that it cannot follow are
+dropped, the oldest first, and counted. It survives the end of a session and goes on with the next one.
+"""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+from core.chain.block_windows import block_windows
+from core.chain.chain import RallyChain
+from core.chain.config import ChainConfig
+from core.chain.control.controller import BuiltInController, LiveController
+from core.chain.control.decision import RacketDecision
+from core.chain.control.player import Player, PlayerState
+from core.chain.control.step_test import CommandLatency
+from core.chain.physics import chain_for_physics, expected_physics
+from core.config import check_settings, setting
+from core.errors import ConfigError, LinkError, RallyscopeError
+from core.live.command_sender import CommandSender, QueuedCommand
+from core.live.link import messages as m
+from core.live.link.live_source import LiveSource
+from core.live.live_flight import LiveFlight
+from core.live.live_meter import LiveMeter
+from core.live.live_snapshot import FinishedBall, RallySnapshot
+from core.live.warm_up import warm_up
+from core.physics.config import PhysicsConfig
+from core.simulation.event_cameras.event_camera import BLOCK_US
+
+MAX_WAITING: Final = 8
+"""Blocks of 10 ms; older ones are dropped: a prediction from them would come too late."""
+NOBODY: Final = "nothing has been heard of the source yet"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LivePlayerConfig:
+    """How the live rally is followed."""
+
+    chain: ChainConfig = field(default_factory=ChainConfig)
+    window_us: int = setting(2000, 200, 10_000)
+    """Length of a window of events, a whole part of a block."""
+    told: bool = False
+    """Whether chain and controller are told the physics that a simulated source knows; otherwise they find out."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+        if BLOCK_US % self.window_us:
+            expected = f"a divisor of {BLOCK_US} us, such as 1000, 2000 or 2500"
+            raise ConfigError("windows do not fill a block", expected=expected, got=self.window_us, where="window_us")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ReceivedBlock:
+    """A complete block."""
+
+    state: m.WorldState
+    batches: tuple[m.EventBatch, ...]
+    arrived_s: float
+    """Monotonic."""
+    late_s: float
+    """From the sender's clock to its arrival; only on one machine does that mean anything."""
+
+
+_Item = m.Reply | _ReceivedBlock | m.Notice
+StateListener = Callable[[str, PlayerState, RacketDecision | None], None]
+BallListener = Callable[[FinishedBall], None]
+
+
+class LivePlayer:
+    """Plays the rally of a source until it is closed. All methods may be called from any thread."""
+
+    def __init__(
+        self,
+        source: LiveSource,
+        controller: LiveController | None = None,
+        config: LivePlayerConfig | None = None,
+        *,
+        playing: bool = True,
+    ) -> None:
+        """Begin as soon as everything is loaded; without `playing`, or a robot, it only watches and sends nothing."""
+        self._source = source
+        self._physics = source.physics
+        self._config = config or LivePlayerConfig()
+        self._controller = self._told(controller or BuiltInController())
+        self._new_config = False
+        self._latency: CommandLatency | None = None
+        self._playing = playing and source.robot is not None
+        self._changed = threading.Condition()
+        self._waiting: deque[_Item] = deque()
+        self._blocks_waiting = 0
+        self._just_dropped = 0  # between the block that was played last and the one that is next
+        self._stop = False
+        self._pending: dict[int, list[m.EventBatch]] = {}  # the link's thread only
+        self._session, self._cameras = "", {}
+        self._player: Player | None = None
+        self._problem = NOBODY
+        self._meter = LiveMeter()
+        self._flight = LiveFlight()
+        self._listeners: tuple[StateListener, ...] = ()
+        self._step_listeners: tuple[StateListener, ...] = ()
+        self._ball_listeners: tuple[BallListener, ...] = ()
+        self._sender = None if source.robot is None else CommandSender(source, source.robot)
+        self._number = itertools.count(1)
+        self._snapshot = self._flight.snapshot(0, "", self._controller, self._playing, self._meter, NOBODY)
+        self._thread = threading.Thread(target=self._run, name="live-player", daemon=True)
+        self._thread.start()
+
+    @property
+    def snapshot(self) -> RallySnapshot:
+        """The newest; a new one comes with every block, a hundred times per simulated second."""
+        return self._snapshot
+
+    @property
+    def controller(self) -> LiveController:
+        """Who decides on the strokes."""
+        return self._controller
+
+    @property
+    def config(self) -> LivePlayerConfig:
+        """Of the chain."""
+        return self._config
+
+    @property
+    def playing(self) -> bool:
+        """Whether commands are sent."""
+        return self._playing
+
+    def use(self, controller: LiveController) -> None:
+        """Let another controller decide, from the next block on; it is told of the physics what the player is told."""
+        self._controller = self._told(controller)
+
+    def aim_at(self, goal_m: tuple[float, float]) -> None:
+        """Let the present controller send the balls elsewhere.
+
+        Raises:
+            ConfigError: if it cannot aim there.
+        """
+        self._controller = self._controller.aimed_at(goal_m)
+
+    @property
+    def latency(self) -> CommandLatency | None:
+        """Of the robot's commands, which is led by; None: it was never measured."""
+        return self._latency
+
+    def lead_by(self, latency: CommandLatency) -> None:
+        """The racket is so late: tell it so much earlier when to be there, from the next block on."""
+        self._latency = latency
+
+    def configure(self, config: LivePlayerConfig) -> None:
+        """Follow the ball with other settings, from the next block on."""
+        with self._changed:
+            self._config, self._new_config = config, True
+
+    def play(self, playing: bool) -> None:
+        """Send commands, or only watch; without a robot there is nothing else."""
+        self._playing = playing and self._source.robot is not None
+
+    def add_listener(self, listener: StateListener) -> None:
+        """Hear of every new prediction in the player's thread: session, state, and the decision if one was sent."""
+        self._listeners = (*self._listeners, listener)
+
+    def add_step_listener(self, listener: StateListener) -> None:
+        """Hear of every step, also of one without a new prediction."""
+        self._step_listeners = (*self._step_listeners, listener)
+
+    def add_ball_listener(self, listener: BallListener) -> None:
+        """Hear in the player's thread what came of each ball, where the source tells it."""
+        self._ball_listeners = (*self._ball_listeners, listener)
+
+    def remove_listener(self, listener: StateListener) -> None:
+        """Hear no more."""
+        self._listeners = tuple(one for one in self._listeners if one != listener)
+
+    def close(self) -> None:
+        """End the threads. The source stays open."""
+        with self._changed:
+            self._stop = True
+            self._changed.notify()
+        self._thread.join()
+        self._source.remove_listener(self)
+        if self._sender is not None:
+            self._sender.close()
+
+    # What the link says, in its thread: only put into the queue.
+
+    def on_session(self, welcome: m.Reply) -> None:
+        """Begin anew: what waits is of a session that is over."""
+        with self._changed:
+            self._pending.clear()
+            self._waiting.clear()
+            self._blocks_waiting = self._just_dropped = 0
+            self._waiting.append(welcome)
+            self._changed.notify()
+
+    def on_events(self, batch: m.EventBatch) -> None:
+        """Keep it until its block is complete."""
+        self._pending.setdefault(batch.start_us, []).append(batch)
+
+    def on_state(self, state: m.WorldState) -> None:
+        """The block is complete; the oldest one that waits is dropped when there are too many."""
+        if not state.ends_block:
+            return
+        batches = tuple(self._pending.pop(state.start_us, ()))
+        self._pending.clear()
+        arrived_s, late_s = time.monotonic(), (time.time_ns() - state.wall_ns) * 1e-9
+        with self._changed:
+            if self._blocks_waiting >= MAX_WAITING:
+                self._drop_oldest()
+            self._waiting.append(_ReceivedBlock(state, batches, arrived_s, late_s))
+            self._blocks_waiting += 1
+            self._changed.notify()
+
+    def on_notice(self, notice: m.Notice) -> None:
+        """In its place among the blocks."""
+        with self._changed:
+            self._waiting.append(notice)
+            self._changed.notify()
+
+    def _drop_oldest(self) -> None:
+        for index, item in enumerate(self._waiting):
+            if isinstance(item, _ReceivedBlock):
+                del self._waiting[index]
+                self._blocks_waiting -= 1
+                self._just_dropped += 1
+                self._meter.dropped += 1
+                return
+
+    # The player's own thread.
+
+    def _run(self) -> None:
+        self._warm_up()
+        self._source.add_listener(self)
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._stop or self._waiting)
+                if self._stop:
+                    return
+                item = self._waiting.popleft()
+                self._blocks_waiting -= isinstance(item, _ReceivedBlock)
+                counted = self._just_dropped
+                if isinstance(item, _ReceivedBlock):
+                    self._just_dropped = 0
+                fresh, self._new_config = self._new_config, False
+            if isinstance(item, m.Reply):
+                self._begin(item)
+            elif fresh:
+                self._build()
+            if isinstance(item, _ReceivedBlock):
+                self._play(item, counted)
+            elif isinstance(item, m.OutcomeNotice):
+                ball = self._flight.finish(item, self._controller.goal_m)
+                for listener in self._ball_listeners:
+                    listener(ball)
+            self._publish()
+
+    def _warm_up(self) -> None:
+        """Before anything is heard, so that no block has to wait for it."""
+        try:
+            cameras = self._source.welcome.calibrated()
+            warm_up(
+                Player(RallyChain(cameras, self._chain_config()), self._controller), cameras, self._config.window_us
+            )
+        except RallyscopeError as error:
+            self._problem = str(error)
+
+    def _begin(self, welcome: m.Reply) -> None:
+        self._session, self._cameras = welcome.session, {}
+        self._flight, self._meter = LiveFlight(), LiveMeter()
+        if self._sender is not None:
+            self._sender.begin_session(self._meter)
+        self._physics = self._source.physics
+        self._controller = self._told(self._controller)
+        try:
+            self._cameras = welcome.calibrated()
+        except LinkError as error:
+            self._player, self._problem = None, str(error)
+            return
+        self._build()
+
+    def _build(self) -> None:
+        self._player, self._problem = None, ""
+        try:
+            self._player = Player(RallyChain(self._cameras, self._chain_config()), self._controller)
+        except RallyscopeError as error:
+            self._problem = str(error)
+
+    def _chain_config(self) -> ChainConfig:
+        """Its filter finds out how balls fly, unless it is to be told and somebody knows."""
+        physics = self._physics if self._config.told else None
+        return self._config.chain if physics is None else chain_for_physics(self._config.chain, physics)
+
+    def _told(self, controller: LiveController) -> LiveController:
+        physics = self._physics or PhysicsConfig()
+        return controller.for_physics(physics if self._config.told else expected_physics(physics))
+
+    def _play(self, heard: _ReceivedBlock, counted: int) -> None:
+        """Follow a block; of those that are missing before it, `counted` were dropped here, the others never came."""
+        state, player = heard.state, self._player
+        if state.session != self._session:
+            return
+        self._meter.dropped += max(0, self._flight.blocks_missing(state) - counted)
+        self._flight.see(state)
+        if player is None:
+            return
+        player.controller = self._controller
+        if self._latency is not None:
+            player.lead_by(self._latency)
+        try:
+            events = {batch.camera: batch.events() for batch in heard.batches if batch.camera in self._cameras}
+        except LinkError as error:
+            self._meter.dropped += 1
+            self._problem = str(error)
+            return
+        for windows in block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ():
+            self._follow(player.step(windows), heard)
+        self._meter.note_block((state.t_us - state.start_us) * 1e-6)
+
+    def _follow(self, state: PlayerState, heard: _ReceivedBlock) -> None:
+        self._meter.note_step(state.chain.seconds.total + state.control_s)
+        playing = self._playing
+        decision = self._flight.follow(state, playing=playing)
+        if decision is not None and playing and self._sender is not None:
+            self._sender.put(self._order(decision, heard))
+        for listener in self._step_listeners:
+            listener(self._session, state, decision)
+        if state.chain.is_new:
+            for listener in self._listeners:
+                listener(self._session, state, decision if playing else None)
+
+    def _order(self, decision: RacketDecision, heard: _ReceivedBlock) -> QueuedCommand:
+        state = heard.state
+        speed = state.speed_factor * state.kept_share
+        rest_s = (state.t_us - decision.t_us) * 1e-6 / speed if speed else 0.0
+        window_s = float("nan") if state.paused else heard.arrived_s - heard.late_s - rest_s
+        return QueuedCommand(self._session, decision, window_s, heard.arrived_s)
+
+    def _publish(self) -> None:
+        learned = None if self._player is None else self._player.chain.learned
+        self._snapshot = self._flight.snapshot(
+            next(self._number), self._session, self._controller, self._playing, self._meter, self._problem, learned
+        )

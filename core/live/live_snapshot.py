@@ -1,0 +1,153 @@
+"""What a live player knows at one moment, frozen: made once per block by its thread, read by whoever draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.chain.chain import BallPoint, ChainState
+from core.chain.control.decision import RacketDecision
+from core.chain.control.player import PlayerState
+from core.physics.episode import Case
+from core.trajectory import Prediction
+from core.trajectory.learned_constants import LearnedConstants
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RacketPose:
+    """The racket's actual pose: origin in the middle of its face, x axis along the normal."""
+
+    t_us: int
+    p_world_m: Array
+    q_world_wxyz: Array
+    v_world_mps: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrueBall:
+    """The ball as the simulation has it."""
+
+    t_us: int
+    p_world_m: Array
+    v_world_mps: Array
+    spin_radps: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FinishedBall:
+    """A ball whose outcome is known."""
+
+    t_us: int
+    serve_us: int
+    speed_mps: float
+    """Of the serve."""
+    case: Case
+    landing_m: Array
+    """(2,) where it came down to the table's plane; NaN if it did not."""
+    goal_m: Array
+    """(2,) where it was to land."""
+    net_z_m: float
+    decision: RacketDecision | None
+    """The last one sent for it; None if there was none."""
+
+    @property
+    def returned(self) -> bool:
+        """Whether it came down on the opponent's half first."""
+        return self.case == Case.RETURNED
+
+    @property
+    def error_m(self) -> float:
+        """Distance from the landing to the goal; NaN without a landing."""
+        return float(np.linalg.norm(self.landing_m - self.goal_m))
+
+
+@dataclass(frozen=True, slots=True)
+class Percentiles:
+    """Of the last few hundred values, milliseconds; NaN before the first."""
+
+    p50_ms: float
+    p99_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlayerHealth:
+    """How well the player follows, over the last two seconds unless something else is said."""
+
+    state_hz: float
+    """Steps of the chain per second of wall time."""
+    core_share: float
+    """Of one core, that the player's thread takes."""
+    chain_share: float
+    """Computing per simulated time: above 1 the chain cannot follow."""
+    step: Percentiles
+    """Computing of one step: chain and controller."""
+    arrival_to_sent: Percentiles
+    """From the arrival of a block to the sending of a command that it led to."""
+    window_to_sent: Percentiles
+    """The same from the end of the simulated window, so with the wait for the end of its block and the link."""
+    window_to_effect: Percentiles
+    """From the window's end to the command's effect, in simulated time: the whole delay of the loop."""
+    commands_sent: int
+    """Of this session, as all counts."""
+    commands_late: int
+    """Not sent: their impact was over already, or a newer one came first."""
+    commands_refused: int
+    last_refusal: str
+    """Empty if there was none."""
+    blocks: int
+    """Played."""
+    blocks_dropped: int
+    """Too old: the player could not follow, or they were lost on the way."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RallySnapshot:
+    """Everything there is to draw of the rally, at the end of one block."""
+
+    number: int
+    """Grows with every snapshot; 0 is the empty one."""
+    session: str
+    t_us: int
+    """Simulated time up to which everything is known."""
+    controller: str
+    """Name of the controller that plays."""
+    playing: bool
+    """Whether commands are sent; otherwise the player only watches."""
+    goal_m: Array
+    """(2,) where balls are to land now."""
+    state: PlayerState | None
+    """After the newest step."""
+    points: tuple[BallPoint, ...]
+    """Triangulated balls of the last seconds, oldest first."""
+    first_pre: Prediction | None
+    """The first prediction of this flight before the bounce; stays until the next flight begins, as the next three."""
+    first_post: Prediction | None
+    newest: Prediction | None
+    """The newest of this flight."""
+    pre_decision: RacketDecision | None
+    """The newest of this flight, before the bounce."""
+    post_decision: RacketDecision | None
+    racket: RacketPose | None
+    ball: TrueBall | None
+    """None while there is no ball."""
+    phase: str
+    """idle, serve, return or decided: as the simulation says."""
+    finished: tuple[FinishedBall, ...]
+    """The last 500 balls, oldest first."""
+    played: int
+    """Balls of this session that were judged while the player was there."""
+    returned: int
+    health: PlayerHealth
+    problem: str
+    """Why there is no chain, or empty."""
+    learned: LearnedConstants | None
+    """Of air and table, by the balls so far; None of a chain that does not learn."""
+
+    @property
+    def chain(self) -> ChainState | None:
+        """Of the newest step."""
+        return None if self.state is None else self.state.chain

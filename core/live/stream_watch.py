@@ -1,0 +1,150 @@
+"""How a live source is doing, told by its blocks alone: how fast they come, and what is missing of which camera."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from core.live.link import messages as m
+
+SPAN_S: Final = 2.0
+LOST_US: Final = 500_000
+"""A camera that was missing for so long, in the source's own time, is lost."""
+SILENT_US: Final = 1_000_000
+"""An event camera always has some noise: without an event for so long, it sees nothing at all."""
+STOPPED_S: Final = 1.0
+"""A source that nothing was heard of for so long has stopped, unless it is asked to be so slow."""
+STOPPED_BLOCKS: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class CameraHealth:
+    """Of one camera, since the session began."""
+
+    name: str
+    blocks_missing: int
+    """Blocks that ended without a packet of it."""
+    absent_us: int
+    """How long there has been none now; 0 if the newest block had one."""
+    silent_us: int
+    """How long there has been no event now."""
+
+    @property
+    def lost(self) -> bool:
+        """Whether nothing has come of it for some time."""
+        return self.absent_us >= LOST_US
+
+    @property
+    def silent(self) -> bool:
+        """Whether its packets come, but have been empty for some time."""
+        return not self.lost and self.silent_us >= SILENT_US
+
+
+@dataclass(frozen=True, slots=True)
+class StreamHealth:
+    """Of a source."""
+
+    pace: float | None
+    """Seconds of the source a second, over the last two; None while too little is known."""
+    quiet_s: float
+    """Wall time since the last block or sign of life, or since it was first listened to."""
+    stopped: bool
+    """Whether nothing comes any more."""
+    blocks_lost: int
+    """Blocks that never came, of this session: there was a gap between two."""
+    cameras: tuple[CameraHealth, ...]
+
+
+@dataclass(slots=True)
+class _CameraCounts:
+    seen_us: int
+    """End of its last packet."""
+    event_us: int
+    """End of its last packet with an event."""
+    missing: int = 0
+
+
+class StreamWatch:
+    """A LinkListener that counts. Safe to read from several threads."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._lock = clock, threading.Lock()
+        self._names: tuple[str, ...] = ()
+        self._begin()
+
+    def wake(self) -> None:
+        """It is listened to again: that nothing came meanwhile means nothing."""
+        with self._lock:
+            self._heard_s = self._clock()
+            self._marks.clear()
+
+    def health(self) -> StreamHealth:
+        """The figures now."""
+        with self._lock:
+            cameras = tuple(
+                CameraHealth(name, one.missing, self._t_us - one.seen_us, self._t_us - one.event_us)
+                for name, one in self._cameras.items()
+            )
+            quiet_s = self._clock() - self._heard_s
+            return StreamHealth(self._pace(), quiet_s, quiet_s >= self._patience_s, self._lost, cameras)
+
+    def on_session(self, welcome: m.Reply) -> None:
+        """Begin anew."""
+        with self._lock:
+            self._names = tuple(info.name for info in welcome.cameras)
+            self._begin()
+
+    def on_events(self, batch: m.EventBatch) -> None:
+        """A packet of a camera."""
+        with self._lock:
+            if batch.camera in self._names:
+                self._packets[batch.camera] = len(batch.since_us) > 0
+
+    def on_state(self, state: m.WorldState) -> None:
+        """A block is over, or the source lives."""
+        with self._lock:
+            now_s = self._clock()
+            self._heard_s = now_s
+            if not state.ends_block:
+                return
+            if state.speed_factor:
+                blocks_s = STOPPED_BLOCKS * (state.t_us - state.start_us) * 1e-6 / state.speed_factor
+                self._patience_s = max(STOPPED_S, blocks_s)
+            if not self._cameras:
+                self._cameras = {name: _CameraCounts(state.start_us, state.start_us) for name in self._names}
+            elif state.start_us > self._t_us:
+                self._lost += (state.start_us - self._t_us) // (state.t_us - state.start_us)
+            self._t_us = state.t_us
+            self._marks.append((now_s, state.t_us))
+            while len(self._marks) > 2 and now_s - self._marks[1][0] > SPAN_S:
+                self._marks.popleft()
+            for name, one in self._cameras.items():
+                if name not in self._packets:
+                    one.missing += 1
+                    continue
+                one.seen_us = state.t_us
+                if self._packets[name]:
+                    one.event_us = state.t_us
+            self._packets.clear()
+
+    def on_notice(self, notice: m.Notice) -> None:
+        """Nothing to count."""
+
+    def _begin(self) -> None:
+        self._cameras: dict[str, _CameraCounts] = {}
+        self._packets: dict[str, bool] = {}
+        """Of the block that is being told: camera -> whether there are events in it."""
+        self._marks: deque[tuple[float, int]] = deque()
+        self._t_us = self._lost = 0
+        self._patience_s = STOPPED_S
+        self._heard_s = self._clock()
+
+    def _pace(self) -> float | None:
+        if len(self._marks) < 2:
+            return None
+        (from_s, from_us), (to_s, to_us) = self._marks[0], self._marks[-1]
+        return (to_us - from_us) * 1e-6 / (to_s - from_s) if to_s - from_s > 0.25 * SPAN_S else None

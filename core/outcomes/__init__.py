@@ -1,0 +1,9 @@
+"""What came of a stroke, judged from the points of the chain alone: case, landing, height at the net, each with how
+sure that is.
+"""
+
+from core.outcomes.classifier import ClassifiedStroke, OutcomeClassifier
+from core.outcomes.config import OutcomeClassifierConfig
+from core.outcomes.serve_seen import ServeSeen
+
+__all__ = ["OutcomeClassifierConfig", "ClassifiedStroke", "OutcomeClassifier", "ServeSeen"]

@@ -1,0 +1,113 @@
+"""The flight of a struck ball by its points: position and velocity after the contact, with their covariance.
+
+Least squares of all points at once, strays weighing less, with what is known of air and spin as a prior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.outcomes.ball_log import BallPoints
+from core.outcomes.config import OutcomeClassifierConfig
+from core.outcomes.flight_kernel import DRAG, FRICTION, NET_SHARE, RESTITUTION, ROW, places_along
+from core.table import GRAVITY_MPS2
+from core.trajectory.ball_kernel import LIFT
+
+Array = NDArray[np.float64]
+
+ROUNDS: Final = 8
+STRAY: Final = 16.0
+"""Squared normalised distance in three dimensions from which a point weighs less."""
+WIDE_M, WIDE_MPS = 5.0, 20.0
+"""What is known of a struck ball before it is seen: that it is in the hall."""
+STEPS: Final = np.array([1e-4] * 3 + [1e-3] * 3 + [1.0] * 3 + [1e-2])
+"""Of the slopes, in the unit of each unknown."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutgoingFit:
+    """A flight at the time `at_s` of its points."""
+
+    at_s: float
+    row: Array
+    """(13,) of `flight_kernel`."""
+    covariance: Array
+    """(10, 10) of position, velocity, spin and drag; zeros for what was not asked."""
+    lift: float
+    log_evidence: float
+    """For this kind of flight, but for a constant that all kinds share."""
+    points: int
+    """That were not strays."""
+    misfit: float
+    """Mean squared normalised distance per coordinate: 1 where the noise is what the points say."""
+
+    @property
+    def has_air(self) -> bool:
+        """Whether it is the kind of flight with drag and spin."""
+        return self.lift > 0
+
+
+def fit_outgoing(points: BallPoints, at_s: float, config: OutcomeClassifierConfig, *, air: bool) -> OutgoingFit:
+    """The flight through at least three points, of one of the two kinds."""
+    unknowns = 10 if air else 6
+    lift = LIFT * config.magnus if air else 0.0
+    row, t_s = _first_guess(points, at_s, config, air=air), points.t_s - at_s
+    prior_mean = row[:unknowns].copy()
+    prior = np.array([WIDE_M] * 3 + [WIDE_MPS] * 3 + [config.spin_sigma_radps] * 3 + [config.drag_sigma])[:unknowns]
+    noise = points.covariances_m2 + config.noise_m**2 * np.eye(3)
+    whiten = np.linalg.inv(np.linalg.cholesky(noise))
+    normal, squares, weights = np.eye(unknowns), np.zeros(len(t_s)), np.ones(len(t_s))
+    for _ in range(ROUNDS):
+        predicted, slopes = _slopes(row, t_s, lift, unknowns)
+        misses = np.einsum("kij,kj->ki", whiten, points.ps_m - predicted)
+        squares = (misses**2).sum(axis=1)
+        weights = np.minimum(1.0, STRAY / np.maximum(squares, 1e-12)) / config.alike_points
+        design = np.einsum("kij,kjn->kin", whiten, slopes)
+        normal = np.einsum("k,kin,kim->nm", weights, design, design) + np.diag(prior**-2)
+        gradient = np.einsum("k,kin,ki->n", weights, design, misses) + (prior_mean - row[:unknowns]) / prior**2
+        step = np.linalg.solve(normal, gradient)
+        row[:unknowns] += step
+        if air:
+            row[DRAG] = max(row[DRAG], 0.0)
+        if (np.abs(step) < 1e-3 * STEPS[:unknowns]).all():
+            break
+    right = squares < STRAY
+    misfit = float(np.median(squares) / 2.366)  # the median of a chi squared of three
+    covariance = np.zeros((10, 10))
+    # Noise that is larger than the points say shows in the misfit.
+    covariance[:unknowns, :unknowns] = np.linalg.inv(normal) * max(1.0, misfit)
+    gained = -0.5 * np.linalg.slogdet(normal * np.outer(prior, prior))[1]
+    off = ((row[:unknowns] - prior_mean) / prior)[6:]
+    fits = -0.5 * float(np.minimum(squares, STRAY).sum()) / config.alike_points - 0.5 * float(off @ off)
+    return OutgoingFit(at_s, row, covariance, lift, float(gained) + fits, int(right.sum()), misfit)
+
+
+def _first_guess(points: BallPoints, at_s: float, config: OutcomeClassifierConfig, *, air: bool) -> Array:
+    """(13,) gravity through the points, by the medians of thirds: strays do not matter yet."""
+    t, row = points.t_s - at_s, np.zeros(ROW)
+    lifted = points.ps_m.copy()
+    lifted[:, 2] += 0.5 * GRAVITY_MPS2 * t**2
+    third = max(1, len(t) // 3)
+    early, late = slice(0, third), slice(len(t) - third, len(t))
+    t0, t1 = np.median(t[early]), np.median(t[late])
+    p0, p1 = np.median(lifted[early], axis=0), np.median(lifted[late], axis=0)
+    row[3:6] = (p1 - p0) / max(float(t1 - t0), 1e-3)
+    row[:3] = p0 - row[3:6] * t0
+    row[DRAG] = config.drag if air else 0.0
+    row[RESTITUTION], row[FRICTION], row[NET_SHARE] = config.restitution, config.friction, 0.15
+    return row
+
+
+def _slopes(row: Array, t_s: Array, lift: float, unknowns: int) -> tuple[Array, Array]:
+    """Positions (K, 3), and how they change with the unknowns (K, 3, n)."""
+    rows = np.tile(row, (1 + unknowns, 1))
+    which = np.arange(unknowns)
+    rows[1 + which, which] += STEPS[:unknowns]
+    ps = np.empty((len(rows), len(t_s), 3))
+    places_along(rows, np.ascontiguousarray(t_s), lift, ps)
+    slopes = (ps[1:] - ps[0]) / STEPS[:unknowns, None, None]
+    return ps[0], np.moveaxis(slopes, 0, 2)

@@ -1,7 +1,0 @@
-"""Event cameras at this machine: their packets, clocks and biases, and what is recorded of them as it comes."""
-
-from core.rally.devices.camera_device import CameraDevice, CameraPacket, RawDevice, RawPacket
-from core.rally.devices.clock_fit import ClockEstimate, ClockFit
-from core.rally.devices.models import CameraModel
-
-__all__ = ["CameraDevice", "CameraModel", "CameraPacket", "ClockEstimate", "ClockFit", "RawDevice", "RawPacket"]

@@ -1,0 +1,180 @@
+"""Whether a racket may be sent somewhere: the one check that every target passes before it leaves, and on arrival.
+
+The way to a target is taken to be the cubic of least squared acceleration, axis by axis, from where the racket is now.
+A robot may move otherwise; one that cannot, or needs more room or force for it, has to tell tighter limits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.robot.robot_messages import TURN_BOUND, RobotLimits
+
+Array = NDArray[np.float64]
+ROUNDING: Final = 1e-9
+"""Limits are kept to this share of themselves."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FaceMotion:
+    """Where the middle of the face is (3,), how it stands (4,) wxyz, and how it moves (3,), in the world."""
+
+    p_m: Array
+    q_wxyz: Array
+    v_mps: Array
+
+    @staticmethod
+    def of(p_m: object, q_wxyz: object, v_mps: object) -> FaceMotion:
+        """From anything that numpy makes arrays of.
+
+        Raises:
+            ValueError: if that cannot be done, or the shapes are others.
+        """
+        p, q, v = (np.asarray(value, np.float64) for value in (p_m, q_wxyz, v_mps))
+        if (p.shape, q.shape, v.shape) != ((3,), (4,), (3,)):
+            raise ValueError(f"shapes {p.shape}, {q.shape}, {v.shape} instead of (3,), (4,), (3,)")
+        return FaceMotion(p, q, v)
+
+    def after(self, seconds: float) -> FaceMotion:
+        """If nothing changes."""
+        return FaceMotion(self.p_m + self.v_mps * seconds, self.q_wxyz, self.v_mps)
+
+    @property
+    def finite(self) -> bool:
+        """Whether all of it are numbers."""
+        return bool(np.isfinite(self.p_m).all() and np.isfinite(self.q_wxyz).all() and np.isfinite(self.v_mps).all())
+
+
+class MotionFault(NamedTuple):
+    """Why a target is not carried out."""
+
+    why: str
+    """One of WHY in `robot_messages`."""
+    said: str
+
+
+def find_fault(
+    goal: FaceMotion,
+    turn_radps: tuple[float, ...] | None,
+    lead_us: int,
+    now: FaceMotion,
+    limits: RobotLimits,
+) -> MotionFault | None:
+    """What is wrong with being at `goal` in `lead_us`; None if nothing is."""
+    if not goal.finite or (turn_radps is not None and not np.isfinite(turn_radps).all()):
+        return MotionFault("bounds", "a number of the target is not finite")
+    if not now.finite:
+        return MotionFault("bounds", "it is not known where the racket is")
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _static_fault(goal, turn_radps, limits) or _way_fault(goal, lead_us, now, limits)
+
+
+def _static_fault(goal: FaceMotion, turn_radps: tuple[float, ...] | None, limits: RobotLimits) -> MotionFault | None:
+    """Of the target itself: these have a value that is compared with `not <=`, so that NaN never passes."""
+    speed, length = float(np.linalg.norm(goal.v_mps)), float(np.linalg.norm(goal.q_wxyz))
+    if not abs(length - 1) <= 1e-3:
+        return MotionFault("bounds", f"not a unit quaternion: its length is {length:.4g}")
+    if not _inside(goal.p_m, limits):
+        return MotionFault("bounds", f"{_place(goal.p_m)} is outside of the box {_box(limits)}")
+    if not speed <= limits.max_speed_mps:
+        return MotionFault("bounds", f"{speed:.2f} m/s, at most {limits.max_speed_mps:g}")
+    tilt = math.acos(min(1.0, max(-1.0, float(np.dot(face_normal(goal.q_wxyz), limits.normal)))))
+    if not tilt <= limits.max_tilt_rad:
+        most = math.degrees(limits.max_tilt_rad)
+        return MotionFault("bounds", f"the face is tilted by {math.degrees(tilt):.0f} degrees, at most {most:.0f}")
+    if turn_radps is not None:
+        rate = float(np.linalg.norm(turn_radps))
+        if len(turn_radps) != 3 or not rate <= min(limits.max_turn_rate_radps, TURN_BOUND):
+            return MotionFault("bounds", f"turns by {rate:.1f} rad/s, at most {limits.max_turn_rate_radps:g}")
+    braked = goal.p_m + goal.v_mps * (speed / (2 * limits.max_acceleration_mps2))
+    if not _inside(braked, limits):
+        return MotionFault("bounds", f"at {_place(goal.p_m)} with {speed:.2f} m/s it cannot stop inside of its box")
+    return None
+
+
+def _way_fault(goal: FaceMotion, lead_us: int, now: FaceMotion, limits: RobotLimits) -> MotionFault | None:
+    """Of the way there, and of its time."""
+    if lead_us <= 0:
+        return MotionFault("late", f"the impact was {-lead_us / 1e3:.0f} ms ago")
+    if lead_us > limits.max_lead_us:
+        return MotionFault("early", f"the impact is in {lead_us / 1e6:.2f} s, at most {limits.max_lead_us / 1e6:g}")
+    left_s = lead_us * 1e-6
+    angle = turned_by(now.q_wxyz, goal.q_wxyz)
+    if not angle <= limits.max_turn_rate_radps * left_s + 1e-6:
+        said = (
+            f"{math.degrees(angle):.0f} degrees in {1e3 * left_s:.0f} ms, at most {limits.max_turn_rate_radps:g} rad/s"
+        )
+        return MotionFault("unreachable", said)
+    at_start, at_end = cubic_accelerations(goal, left_s, now)
+    hardest = max(float(np.linalg.norm(at_start)), float(np.linalg.norm(at_end)))
+    if not hardest <= limits.max_acceleration_mps2 * (1 + ROUNDING):
+        said = (
+            f"takes {hardest:.0f} m/s2 to be there in {1e3 * left_s:.0f} ms, at most {limits.max_acceleration_mps2:g}"
+        )
+        return MotionFault("unreachable", said)
+    fastest, low, high = _extremes(now, at_start, at_end, left_s)
+    if not fastest <= limits.max_speed_mps * (1 + ROUNDING) + 1e-6:
+        said = f"takes {fastest:.2f} m/s to be there in {1e3 * left_s:.0f} ms, at most {limits.max_speed_mps:g}"
+        return MotionFault("unreachable", said)
+    if not (_inside(low, limits, now) and _inside(high, limits, now)):
+        return MotionFault("unreachable", f"the way there leaves the box {_box(limits)}")
+    return None
+
+
+def cubic_accelerations(goal: FaceMotion, left_s: float, now: FaceMotion) -> tuple[Array, Array]:
+    """At its start and its end, of the cubic from now to the goal; in between it is linear."""
+    gap, v, w = goal.p_m - now.p_m, now.v_mps, goal.v_mps
+    return 6 * gap / left_s**2 - (4 * v + 2 * w) / left_s, -6 * gap / left_s**2 + (2 * v + 4 * w) / left_s
+
+
+def face_normal(q_wxyz: Array) -> Array:
+    """The x axis of an orientation, for a quaternion of about length one."""
+    w, x, y, z = q_wxyz / np.linalg.norm(q_wxyz)
+    return np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
+
+
+def turned_by(a_wxyz: Array, b_wxyz: Array) -> float:
+    """The angle between two orientations."""
+    scale = float(np.linalg.norm(a_wxyz) * np.linalg.norm(b_wxyz))
+    return 2 * math.acos(min(1.0, abs(float(np.dot(a_wxyz, b_wxyz))) / scale)) if scale > 0 else math.nan
+
+
+def _extremes(now: FaceMotion, at_start: Array, at_end: Array, left_s: float) -> tuple[float, Array, Array]:
+    """The highest speed on the cubic (looked at in 65 places), and the corners of the box that it stays in."""
+    slope = (at_end - at_start) / left_s
+    shares = np.linspace(0.0, left_s, 65)[:, None]
+    speeds = np.linalg.norm(now.v_mps + at_start * shares + slope * shares**2 / 2, axis=1)
+    times = [np.zeros(3), np.full(3, left_s), *_turning_points(now.v_mps, at_start, slope, left_s)]
+    places = np.array([now.p_m + now.v_mps * t + at_start * t**2 / 2 + slope * t**3 / 6 for t in times])
+    return float(speeds.max()), places.min(axis=0), places.max(axis=0)
+
+
+def _turning_points(v: Array, a: Array, slope: Array, left_s: float) -> tuple[Array, Array]:
+    """For each axis the two times at which it turns back, moved into the way where there are none."""
+    root = np.sqrt(np.maximum(a * a - 2 * slope * v, 0.0))
+    with np.errstate(divide="ignore"):
+        early, late, linear = (-a - root) / slope, (-a + root) / slope, -v / a
+    straight = np.abs(slope) * left_s <= 1e-12 * (np.abs(a) + 1e-300)
+    times = (np.where(straight, linear, early), np.where(straight, linear, late))
+    return tuple(np.clip(np.nan_to_num(t, nan=0.0, posinf=left_s, neginf=0.0), 0.0, left_s) for t in times)  # type: ignore[reportReturnType]
+
+
+def _inside(p: Array, limits: RobotLimits, start: FaceMotion | None = None) -> bool:
+    """Whether a place is in the box; a way that starts outside of it may lead back from there."""
+    low, high = np.array(limits.low_m), np.array(limits.high_m)
+    if start is not None:
+        low, high = np.minimum(low, start.p_m), np.maximum(high, start.p_m)
+    return bool(((p >= low - ROUNDING) & (p <= high + ROUNDING)).all())
+
+
+def _place(p: Array) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in p) + ") m"
+
+
+def _box(limits: RobotLimits) -> str:
+    return f"{_place(np.array(limits.low_m))} to {_place(np.array(limits.high_m))}"

@@ -1,0 +1,205 @@
+"""What is known of a robot, and whether something may be sent to it now: told by the client's thread, read by all."""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal
+
+from core.config import check_settings, setting
+from core.robot.robot_clock import ClockOffset, RobotClock
+from core.robot.robot_messages import RobotLimits, RobotState, RobotWelcome
+
+Connection = Literal["awaited", "ready", "lost", "slow", "clock"]
+"""Not there yet; may be sent to; silent; answers too late; its clock has jumped, or is not known yet."""
+ROUND_TRIPS: Final = 5
+"""The middle one of the last counts."""
+STATES: Final = 2000
+ANEW: Final = "its program was started anew: a person has to start it"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotWatchConfig:
+    """When a robot counts as lost, or slow."""
+
+    lost_ms: float = setting(500.0, 20.0, 10_000.0)
+    """Nothing heard for so long; it tells its state some 200 times a second."""
+    slow_ms: float = setting(60.0, 1.0, 5_000.0)
+    """A round trip, or the age of its newest state: later than that nothing is aimed at a ball."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True, slots=True)
+class StopNote:
+    """Who stopped it, and why."""
+
+    by: Literal["robot", "rallyscope"]
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class RobotCounts:
+    """Since Rallyscope was started."""
+
+    sent: int = 0
+    taken: int = 0
+    """Targets that it accepted."""
+    refused: int = 0
+    """Targets that it did not."""
+    unanswered: int = 0
+    kept_back: int = 0
+    """Targets that did not leave: outside of the limits."""
+    not_ready: int = 0
+    """The same: stopped, lost, slow, its clock unknown, or the source not in real time."""
+    lost: int = 0
+    """Times that it was lost."""
+    slow: int = 0
+    clock_jumps: int = 0
+    stops: int = 0
+    rejected: int = 0
+    """What came from it and was no message."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotStatus:
+    """All of it at one time."""
+
+    address: str
+    connection: Connection
+    problem: str
+    """In words why nothing is sent; empty if it may be."""
+    name: str
+    limits: RobotLimits | None
+    state: RobotState | None
+    """The newest."""
+    stop: StopNote | None
+    """None: it plays."""
+    round_trip_ms: float | None
+    clock: ClockOffset | None
+    last_refusal: str
+    counts: RobotCounts
+
+    @property
+    def ready(self) -> bool:
+        """Whether a target may leave now."""
+        return self.connection == "ready" and self.stop is None
+
+
+@dataclass(slots=True)
+class RobotWatch:
+    """Of one robot. Whoever uses it from several threads holds a lock."""
+
+    address: str
+    config: RobotWatchConfig = field(default_factory=RobotWatchConfig)
+    clock: RobotClock = field(default_factory=RobotClock)
+    welcome: RobotWelcome | None = None
+    """None while hands have to be shaken (again)."""
+    stop: StopNote | None = None
+    counts: RobotCounts = field(default_factory=RobotCounts)
+    last_refusal: str = ""
+    barred: str = ""
+    """Why no hands can be shaken; empty if nobody has said so."""
+    states: deque[RobotState] = field(default_factory=lambda: deque(maxlen=STATES))
+    _known: RobotWelcome | None = None
+    _heard_us: float = 0.0
+    _connection: Connection = "awaited"
+    _round_trips_us: deque[float] = field(default_factory=lambda: deque(maxlen=ROUND_TRIPS))
+
+    def greet(self, welcome: RobotWelcome, host_us: float) -> None:
+        """It is there; one whose program is not the one known has to be started by a person."""
+        self._heard_us = host_us
+        if self._known is None or welcome.session != self._known.session:
+            if self._known is not None:
+                self.stop = StopNote("robot", ANEW)
+            self.clock.forget()
+            self._round_trips_us.clear()
+            self.states.clear()
+        self.welcome = self._known = welcome
+        self.barred = ""
+
+    def note_pong(self, sent_us: float, heard_us: float, robot_us: int) -> None:
+        """An answer to a ping."""
+        self._heard_us = heard_us
+        self._round_trips_us.append(heard_us - sent_us)
+        if not self.clock.add(sent_us, heard_us, robot_us):
+            self.count(clock_jumps=1)
+
+    def note_state(self, state: RobotState, host_us: float) -> None:
+        """Where it is, and whether it has stopped."""
+        known = self.welcome
+        if known is None or state.session != known.session:
+            return
+        self._heard_us = host_us
+        if self.states and state.t_us < self.states[-1].t_us:
+            self.count(clock_jumps=1)
+            self.clock.forget()
+            self.states.clear()
+        self.states.append(state)
+        if state.stopped and self.stop is None:
+            self.halt(StopNote("robot" if state.stopped == "robot" else "rallyscope", state.reason))
+
+    def halt(self, note: StopNote) -> None:
+        """It is stopped."""
+        self.stop = note
+        self.count(stops=1)
+
+    def look(self, now_us: float) -> Connection:
+        """How it is; counts what has become worse. One that is lost has to be greeted again."""
+        before, self._connection = self._connection, self._judge(now_us)
+        if self._connection != before:
+            self.count(lost=self._connection == "lost", slow=self._connection == "slow")
+        if self._connection == "lost":
+            self.welcome = None
+            self.clock.forget()
+            self._round_trips_us.clear()
+        return self._connection
+
+    def count(self, **more: int) -> None:
+        """Add to counts by name."""
+        self.counts = replace(self.counts, **{name: getattr(self.counts, name) + one for name, one in more.items()})
+
+    @property
+    def state(self) -> RobotState | None:
+        """The newest."""
+        return self.states[-1] if self.states else None
+
+    def status(self, now_us: float) -> RobotStatus:
+        """All of it, frozen."""
+        known = self._known
+        round_trip_us = statistics.median(self._round_trips_us) if self._round_trips_us else None
+        return RobotStatus(
+            self.address, self._connection, self._problem(now_us), "" if known is None else known.name,
+            None if known is None else known.limits, self.state, self.stop,
+            None if round_trip_us is None else round_trip_us / 1e3, self.clock.estimate, self.last_refusal, self.counts,
+        )  # fmt: skip
+
+    def _judge(self, now_us: float) -> Connection:
+        if self.welcome is None:
+            return "awaited" if self._known is None else "lost"
+        if now_us - self._heard_us > 1e3 * self.config.lost_ms:
+            return "lost"
+        clock, state = self.clock.estimate, self.state
+        if clock is None or state is None:
+            return "clock"
+        age_us = now_us - clock.host_us(state.t_us)
+        if max(age_us, statistics.median(self._round_trips_us)) > 1e3 * self.config.slow_ms:
+            return "slow"
+        return "ready"
+
+    def _problem(self, now_us: float) -> str:
+        if self.barred and self.welcome is None:
+            return self.barred
+        match self._connection:
+            case "awaited":
+                return "nobody has answered yet"
+            case "lost":
+                return f"lost: nothing heard for {(now_us - self._heard_us) / 1e6:.0f} s"
+            case "slow":
+                return f"slow: its answers and states come later than {self.config.slow_ms:g} ms"
+            case "clock":
+                return "its clock is being compared with ours"
+            case "ready":
+                return ""

@@ -1,0 +1,157 @@
+"""A live source and a robot of one's own, which know nothing of each other, as one live source.
+
+The session's times become the robot's by two comparisons: the session's with this machine's clock, by when blocks
+arrive, and this machine's with the robot's, by pings. What the robot tells of its racket joins the source's states.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+
+import numpy as np
+
+from core.errors import LinkError
+from core.live.link import messages as m
+from core.live.link.listeners import LinkListeners
+from core.live.link.live_source import LinkListener, LiveSource, SourceStatus
+from core.physics.config import PhysicsConfig
+from core.robot.robot_client import RobotClient, host_us
+from core.robot.session_clock import SessionClock
+from core.simulation.event_cameras.event_camera import BLOCK_US
+
+REAL_TIME: float = 1.0
+
+
+class SourceWithRobot:
+    """A LiveSource that has a robot. It closes both."""
+
+    def __init__(self, source: LiveSource, robot: RobotClient) -> None:
+        """Hear the source from now on.
+
+        Raises:
+            LinkError: if the source has a robot of its own.
+        """
+        if source.robot is not None:
+            raise LinkError("the source has a robot of its own", got=source.description, remedy="leave out --robot")
+        self._source, self._client = source, robot
+        self._lock = threading.Lock()
+        self._listeners = LinkListeners()
+        self._clock, self._told_us = SessionClock(), 0
+        self._welcome, self._state = source.welcome, source.state
+        source.add_listener(self)
+
+    @property
+    def description(self) -> str:
+        """The source's."""
+        return self._source.description
+
+    @property
+    def welcome(self) -> m.Reply:
+        """Of the session that the listeners know."""
+        return self._welcome
+
+    @property
+    def robot(self) -> SourceWithRobot:
+        """Takes targets at times of the session."""
+        return self
+
+    @property
+    def has_outcomes(self) -> bool:
+        """As the source."""
+        return self._source.has_outcomes
+
+    @property
+    def physics(self) -> PhysicsConfig | None:
+        """As the source."""
+        return self._source.physics
+
+    @property
+    def status(self) -> SourceStatus:
+        """The source's; the robot has one of its own."""
+        return self._source.status
+
+    @property
+    def state(self) -> m.WorldState | None:
+        """The latest, with the racket."""
+        return self._state
+
+    @property
+    def behind_s(self) -> float:
+        """As the source."""
+        return self._source.behind_s
+
+    def add_listener(self, listener: LinkListener) -> None:
+        """From now on; it hears of the present session at once."""
+        with self._lock:
+            self._listeners.add(listener, self._welcome)
+
+    def remove_listener(self, listener: LinkListener) -> None:
+        """It hears nothing after this."""
+        with self._lock:
+            self._listeners.remove(listener)
+
+    def listen(self, listening: bool) -> None:
+        """To the source; the robot is always heard."""
+        self._source.listen(listening)
+
+    def close(self) -> None:
+        """Stop the robot and hang up, here and there."""
+        self._client.close()
+        self._source.close()
+
+    def aim_racket(
+        self, p_m: tuple[float, ...], q_wxyz: tuple[float, ...], v_mps: tuple[float, ...], t_us: int
+    ) -> m.Reply:
+        """Send the middle of the racket's face to a pose with a velocity at a time of the session.
+
+        Raises:
+            LinkError: if it does not leave, or the robot does not take it, or does not say.
+        """
+        state, impact_us = self._state, self._clock.host_us(t_us)
+        if state is None or impact_us is None:
+            raise self._client.reject_locally("lost", "nothing has been heard of the source yet")
+        if state.paused or state.speed_factor * state.kept_share != REAL_TIME:
+            raise self._client.reject_locally("lost", "the source does not run in real time, and a robot does")
+        self._client.aim(p_m, q_wxyz, v_mps, impact_us)
+        taken_us = max(0, round(self._clock.session_us(host_us()) or 0))
+        return m.Reply(id=0, ok=True, session=self._welcome.session, t_us=taken_us, block_us=BLOCK_US)
+
+    # What the source says, in its thread.
+
+    def on_session(self, welcome: m.Reply) -> None:
+        """Its times begin anew."""
+        with self._lock:
+            self._welcome, self._clock = welcome, SessionClock()
+            self._listeners.on_session(welcome)
+
+    def on_events(self, batch: m.EventBatch) -> None:
+        """Hand it on."""
+        with self._lock:
+            self._listeners.on_events(batch)
+
+    def on_state(self, state: m.WorldState) -> None:
+        """Hand it on with what the robot told meanwhile."""
+        if state.ends_block:
+            self._clock.add(state.t_us, host_us())
+            state = self._with_racket(state)
+        with self._lock:
+            self._listeners.on_state(state)
+            self._state = state
+
+    def on_notice(self, notice: m.Notice) -> None:
+        """Hand it on."""
+        with self._lock:
+            self._listeners.on_notice(notice)
+
+    def _with_racket(self, state: m.WorldState) -> m.WorldState:
+        """The state with rows of what has been heard of the racket since the last block, at times within this one."""
+        told, offset = self._client.states_since(self._told_us), self._client.status.clock
+        if not told or offset is None:
+            return state
+        self._told_us = told[-1].t_us
+        told = told[-m.MAX_ROWS :]
+        at_us = np.array([self._clock.session_us(offset.host_us(one.t_us)) for one in told])
+        t_us = np.maximum.accumulate(np.clip(at_us, state.start_us, state.t_us - 1).astype(np.int64))
+        racket = np.array([(*one.p_m, *one.q_wxyz, *one.v_mps) for one in told])
+        return dataclasses.replace(state, racket_t_us=t_us, racket=racket)

@@ -1,0 +1,180 @@
+"""Opening a file without a browser: the messages that the page would get."""
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from app.client_session.files import FileOpening
+from app.modes.services import Services
+from app.shared.files import incoming_folder
+from app.shared.library import Library
+from app.shared.workspace import Workspace
+from app.web.pages import Message
+from core.files import PREFIX
+from tests.app.shared.files.event_files import write_csv, write_npz
+
+
+class Page:
+    """What the opening says to its page, and the loop that it runs in."""
+
+    def __init__(self) -> None:
+        self.told: dict[str, list[Message]] = {}
+        self.opened: list[str] = []
+        self.acts: list[Callable[[], None]] = []
+
+    def listen(self, kind: str, listener: Callable[[Message], None]) -> None:
+        self.ask = lambda **values: listener(values)
+
+    def receive(self, take: Callable[[Path], None]) -> None:
+        self.take = take
+
+    def send(self, kind: str, values: Message) -> None:
+        self.told.setdefault(kind, []).append(values)
+
+    def later(self, act: Callable[[], None]) -> None:
+        self.acts.append(act)
+
+    def open_recording(self, name: str) -> None:
+        self.opened.append(name)
+
+    @property
+    def state(self) -> Message:
+        return self.told.get("opening", [{}])[-1]
+
+    def run_until(self, condition: Callable[[], object]) -> None:
+        deadline = time.monotonic() + 30
+        while not condition():
+            assert time.monotonic() < deadline, self.told
+            while self.acts:
+                self.acts.pop(0)()
+            time.sleep(0.01)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    folder = tmp_path / "clips"
+    folder.mkdir()
+    return folder
+
+
+@pytest.fixture
+def services(tmp_path: Path, folder: Path) -> Iterator[Services]:
+    workspace = Workspace(tmp_path / "data")
+    services = Services.of(workspace, Library(workspace, (folder,)))
+    yield services
+    services.close()
+
+
+@pytest.fixture
+def page() -> Page:
+    return Page()
+
+
+@pytest.fixture
+def opening(services: Services, page: Page) -> Iterator[FileOpening]:
+    with ThreadPoolExecutor(1) as pool:
+        opening = FileOpening(page, services, pool, page)
+        yield opening
+        opening.close()
+
+
+def listed(page: Page) -> list:
+    page.told.pop("files", None)
+    page.ask(do="list")
+    page.run_until(lambda: "files" in page.told)
+    return page.told["files"][-1]["files"]  # type: ignore[return-value]
+
+
+def received(services: Services, name: str) -> Path:
+    return incoming_folder(services.workspace) / name
+
+
+def left_in(services: Services) -> list[str]:
+    return sorted(path.name for path in services.workspace.recordings.iterdir())
+
+
+def test_a_file_of_the_list_is_imported_described_and_opened(opening, page, services, folder) -> None:
+    write_npz(folder / "clip.npz")
+    ((key, name, where, kind, size),) = listed(page)
+    assert (name, where, kind) == ("clip.npz", "clips", "NumPy") and size.endswith("kB")
+    page.ask(do="open", key=key)
+    page.run_until(lambda: page.opened)
+    assert page.opened == ["clip"] and page.state["state"] == "done" and page.state["kind"] == "NumPy"
+    assert "128x128, 500 events" in str(page.state["facts"]) and "0.499 s" in str(page.state["facts"])
+    assert str(folder) not in str(page.told), "no path of the server is told"
+
+
+def test_what_a_damaged_file_lost_is_said(opening, page, services) -> None:
+    path = received(services, "cut.raw")
+    header = b"% evt 3.0\n% format EVT3;height=720;width=1280\n% end\n"
+    words = [0x8000, 0x6001, 0x0010] + [0x2010 + k for k in range(100)]
+    path.write_bytes(header + b"".join(word.to_bytes(2, "little") for word in words) + b"\x01")
+    page.take(path)
+    page.run_until(lambda: page.state.get("state") in ("done", "failed"))
+    assert page.state["state"] == "done" and page.state["notes"], page.state
+    assert page.opened == ["cut"] and left_in(services) == ["cut.h5"]
+
+
+def test_a_bad_file_is_one_line_with_its_own_name_and_leaves_nothing(opening, page, services) -> None:
+    path = received(services, "evil.raw")
+    path.write_bytes(b"\x00\xff no events at all")
+    page.take(path)
+    page.run_until(lambda: page.state.get("state") == "failed")
+    said = str(page.state["problem"])
+    assert "format is not recognised" in said and "\n" not in said and PREFIX not in said
+    assert page.state["file"] == "evil.raw" and not left_in(services) and not page.opened
+
+
+@pytest.mark.parametrize("key", ["", "../../etc/passwd", None, 7, ["x"], "0" * 32, "x" * 10_000])
+def test_a_key_that_nobody_gave_opens_nothing(opening, page, key) -> None:
+    page.ask(do="open", key=key)
+    page.run_until(lambda: page.state.get("state") == "failed")
+    assert "not in the list" in str(page.state["problem"]) and not page.opened
+
+
+def test_a_second_file_waits_and_a_cancelled_one_leaves_nothing(opening, page, services) -> None:
+    first, second = received(services, "first.csv"), received(services, "second.csv")
+    write_csv(first, 200_000)
+    write_csv(second)
+    page.take(first)
+    page.take(second)
+    page.run_until(lambda: "problem" in page.state)
+    assert "already" in str(page.state["problem"]) and page.state["file"] == "first.csv"
+    page.ask(do="cancel")
+    assert page.state["state"] == "cancelled"
+    page.run_until(lambda: not left_in(services))
+    assert not page.opened
+    page.take(write_csv(received(services, "third.csv")))
+    page.run_until(lambda: page.opened)
+    assert page.opened == ["third"]
+
+
+def test_a_browser_that_leaves_takes_what_it_sent_with_it(opening, page, services) -> None:
+    page.take(write_csv(received(services, "sent.csv")))  # and nobody has begun with it
+    opening.close()
+    assert not left_in(services)
+    page.take(write_csv(received(services, "late.csv")))
+    assert not left_in(services)
+
+
+def test_a_recording_of_a_folder_is_opened_where_it_lies(opening, page, services, folder, serve_recording) -> None:
+    shutil.copy(serve_recording, folder / "court.h5")
+    ((key, *_),) = listed(page)
+    page.ask(do="open", key=key)
+    page.run_until(lambda: page.opened)
+    assert page.opened == ["court"] and not left_in(services)
+    assert "calibrated" in page.state["facts"] and "knows the true ball" in page.state["facts"]
+
+
+def test_an_event_file_chosen_by_its_name_in_the_list_of_recordings_is_imported_the_same_way(
+    opening, page, services
+) -> None:
+    write_csv(services.workspace.recordings / "mine.csv")
+    assert not opening.open_listed("no-such")
+    assert opening.open_listed("mine.csv (CSV, imported when opened)")
+    page.run_until(lambda: page.opened)
+    assert page.opened == ["mine"] and left_in(services) == ["mine.csv", "mine.h5"]

@@ -1,0 +1,112 @@
+"""The start beside the app: what fails is said, what is started ends."""
+
+import threading
+import time
+
+import pytest
+
+from app.shared.workspace import Workspace
+from app.startup.startup import REPLAY_STEPS, Startup
+from core.cameras import stereo_preset
+from core.errors import LinkError
+from core.events import SensorSize
+from core.live.link.server import ServerConfig, SimulationServer
+from core.live.replay_source import ReplaySource
+from core.recordings import open_recording
+from core.robot import RobotClient
+
+
+def wait_for(condition, seconds: float = 60.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def states(startup: Startup) -> list[str]:
+    return [step.state for step in startup.preparation.steps]
+
+
+def test_a_simulation_that_does_not_start_is_said_in_words(tmp_path) -> None:
+    said: list[str] = []
+    startup = Startup(Workspace(tmp_path), arguments=("--physics", "moon"), say=said.append)
+    wait_for(lambda: states(startup)[0] == "failed")
+    assert isinstance(startup.problem, LinkError)
+    assert any("invalid choice" in line for line in said)
+    startup.stop()
+
+
+def test_nobody_at_the_address_is_known_at_once(tmp_path) -> None:
+    startup = Startup(Workspace(tmp_path), address="tcp://127.0.0.1:1")
+    startup.wait_for_change()
+    assert "no answer from a simulation server" in str(startup.problem)
+    startup.stop()
+
+
+def test_once_stopped_nothing_more_is_said(tmp_path, monkeypatch) -> None:
+    under_way, go_on = threading.Event(), threading.Event()
+
+    def compile_slowly(on_progress) -> None:
+        on_progress(1, 4)
+        under_way.set()
+        go_on.wait()
+        on_progress(4, 4)
+
+    monkeypatch.setattr("app.startup.startup.marker", lambda: None)
+    monkeypatch.setattr("app.startup.startup.compile_chain", compile_slowly)
+    said: list[str] = []
+    startup = Startup(Workspace(tmp_path), address="tcp://127.0.0.1:1", say=said.append)
+    under_way.wait()
+    startup.wait_for_change()
+    startup.stop()
+    before = list(said)
+    go_on.set()
+    wait_for(lambda: states(startup)[1] == "done")
+    assert any("Compiling the ball detector" in line for line in before) and said == before
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_the_rally_of_a_server_is_handed_over_once(tmp_path, before) -> None:
+    server = SimulationServer(ServerConfig(), stereo_preset("side", SensorSize(64, 48)), "tcp://127.0.0.1:0")
+    ended, taken = threading.Event(), []
+    running = threading.Thread(target=server.run, args=(ended.is_set,))
+    startup = Startup(Workspace(tmp_path), address=server.address)
+    startup.wait_for_change()  # it is being prepared
+    if before:
+        startup.hand_over(taken.append)
+    running.start()
+    wait_for(lambda: states(startup)[-1] == "done")
+    if not before:
+        startup.hand_over(taken.append)
+    wait_for(lambda: taken)
+    (live,) = taken
+    assert live.source.status == "connected" or live.source.welcome.session
+    startup.stop()
+    live.close()
+    ended.set()
+    running.join()
+
+
+def test_a_source_that_is_there_is_handed_over_without_a_simulation_and_closed_with_the_rally(
+    tmp_path, serve_recording
+) -> None:
+    source, taken = ReplaySource(open_recording(serve_recording), "serve.h5", speed=20.0), []
+    startup = Startup(Workspace(tmp_path), source=source)
+    startup.hand_over(taken.append)
+    wait_for(lambda: taken, 300.0)
+    (live,) = taken
+    assert [step.title for step in startup.preparation.steps] == [REPLAY_STEPS[name].title for name in REPLAY_STEPS]
+    assert live.simulation is None and not live.has_robot and set(live.cameras) == {"left", "right"}
+    wait_for(lambda: live.recording.duration_us > 0)
+    startup.stop()
+    assert source.status == "connected", "it belongs to the rally now"
+    live.close()
+    assert source.status == "lost"
+
+
+def test_a_source_that_nobody_took_is_closed_and_so_is_the_robot(tmp_path, serve_recording) -> None:
+    source = ReplaySource(open_recording(serve_recording), "serve.h5")
+    robot = RobotClient("tcp://127.0.0.1:1")
+    Startup(Workspace(tmp_path), source=source, robot=robot).stop()
+    wait_for(lambda: source.status == "lost")
+    wait_for(lambda: robot.status.stop is not None and robot.status.stop.reason == "Rallyscope was ended")

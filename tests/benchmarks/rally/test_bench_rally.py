@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from benchmarks.rally.bench_rally import Watched, chain_named, measure_rally, run
+from core.cameras.presets import SENSOR_720
+from core.chain.config import ChainConfig
+from core.recordings import BallTruth
+from core.trajectory import PaperPredictorConfig
+
+
+def test_two_balls_give_a_row_whose_parts_agree() -> None:
+    row = measure_rally(SENSOR_720, 5.0, 2)
+    assert row["balls"] == 2 and row["seen"] == 1.0
+    others = sum(int(row[name]) for name in ("own_half", "net", "out", "missed"))  # type: ignore[call-overload]
+    assert others == 2 - 2 * row["returned"]  # type: ignore[operator]
+    assert 0.1 < row["point_mm_median"] < 5.0 <= 5.0 + row["point_mm_p95"]  # type: ignore[operator]
+    assert row["points"] > 200 and 0 < row["step_ms_p50"] <= row["step_ms_p99"]  # type: ignore[operator]
+
+
+def test_another_prediction_plays_another_rally() -> None:
+    fit, filtered = (
+        measure_rally(SENSOR_720, 9.0, 1, chain=ChainConfig(prediction=kind)) for kind in ("fit", "filter")
+    )
+    assert fit["point_mm_median"] == pytest.approx(filtered["point_mm_median"], rel=0.2)
+    assert fit["aim_mm_median"] != filtered["aim_mm_median"]
+
+
+def test_the_paper_s_chain_has_nothing_better_than_the_paper() -> None:
+    published = chain_named("paper")
+    assert published.method == "paper" and published.prediction == "fit"
+    assert published.predictor == PaperPredictorConfig(hurry_ms=0.0, bounce_guard_ms=0.0, bounce_wait_ms=0.0)
+    assert published.predictor.observations == 5 and published.predictor.friction == 0.0
+    assert chain_named("fit").method == chain_named("filter").method == "refined"
+
+
+def test_the_page_has_a_table_for_each_chain_that_played(tmp_path) -> None:
+    page = tmp_path / "rally.md"
+    found = run(lambda share: None, chain="filter", balls=1, speeds=(9.0,), report=page)
+    (row,) = found["rows"]  # type: ignore[misc]
+    assert row["chain"] == "filter" and row["speed_mps"] == 9.0 and row["balls"] == 1
+    text = page.read_text()
+    assert "## `filter`" in text and "`paper`" not in text.partition("## ")[2]
+    assert f"| 9 | 1 | {100 * row['returned']:.0f} (" in text and "21-100" in text, "one ball proves little"
+
+
+def test_errors_are_distances_to_the_truth_at_the_points_own_times() -> None:
+    t_us = np.arange(0, 5000, 500)
+    p = np.outer(t_us * 1e-6, [4.0, 0.0, 0.0])
+    nothing = np.zeros((10, 3))
+    watched = Watched(truth=[BallTruth(t_us, p, nothing, nothing, np.ones(10, bool))])
+    watched.t_us, watched.ps_world_m = [1250, 9000], [np.array([0.005, 0.003, 0.0]), np.zeros(3)]
+    assert watched.errors_m() == pytest.approx([0.003])  # nobody knows of the second one
+    assert len(Watched().errors_m()) == 0
+
+
+def test_balls_that_are_told_at_the_launch_come_back_in_real_physics_and_have_a_page(tmp_path) -> None:
+    page = tmp_path / "known.md"
+    found = run(lambda share: None, chain="known", balls=4, speeds=(5.0,), physics="real", report=page)
+    (row,) = found["rows"]  # type: ignore[misc]
+    assert row["returned"] == 1.0 and row["landing_mm_p95"] < 1.0
+    assert sum(row[name] for name in ("own_half", "net", "out", "missed")) == 0
+    text = page.read_text()
+    assert "physics `real`" in text and "## `known`" in text and "| 5 | 4 | 100 (51-100) |" in text

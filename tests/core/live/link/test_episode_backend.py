@@ -1,0 +1,28 @@
+"""Training in a simulation server."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from core.cameras import stereo_preset
+from core.errors import LinkError
+from core.events import SensorSize
+from core.learning.config import environment_profile
+from core.live.link.episode_backend import LinkBackend
+from core.live.link.server import ServerConfig, SimulationServer
+
+
+def test_a_training_for_another_physics_than_the_server_s_is_refused() -> None:
+    server = SimulationServer(ServerConfig(), stereo_preset("side", SensorSize(64, 48)), "tcp://127.0.0.1:0")
+    ended = threading.Event()
+    thread = threading.Thread(target=server.run, args=(ended.is_set,))
+    thread.start()
+    try:
+        with pytest.raises(LinkError, match="--physics"):
+            LinkBackend(environment_profile("real", state_source="truth"), server.address)
+        LinkBackend(environment_profile("paper", state_source="truth"), server.address).close()
+    finally:
+        ended.set()
+        thread.join()

@@ -1,0 +1,86 @@
+"""Exact constants of the simulation are handed to nobody who did not ask for them."""
+
+from dataclasses import replace
+
+import pytest
+
+from core.cameras import stereo_preset
+from core.chain.control.controller import BuiltInController
+from core.learning.config import EnvironmentConfig
+from core.live.worlds.closed_loop import ClosedLoop
+from core.live.worlds.event_environment import EventCameraBackend, EventEnvironmentConfig
+from core.live.worlds.world import WorldConfig
+from core.physics.config import PhysicsConfig, physics_profile
+from core.physics.task import TaskConfig
+from core.trajectory import FilterConfig, FilterPredictor
+
+PAPER, REAL = physics_profile("paper"), replace(physics_profile("real"), rubber=physics_profile("paper").rubber)
+"""The same racket: that is one's own."""
+
+
+def closed_loop(physics: PhysicsConfig, *, told: bool) -> ClosedLoop:
+    loop = ClosedLoop(WorldConfig(task=TaskConfig(physics=physics)), stereo_preset(), seed=1, told=told)
+    loop.close()
+    return loop
+
+
+def backend(physics: PhysicsConfig, *, told: bool) -> EventCameraBackend:
+    environment = EnvironmentConfig(task=TaskConfig(physics=physics), state_source="events")
+    made = EventCameraBackend(environment, config=EventEnvironmentConfig(told=told))
+    made.close()
+    return made
+
+
+def filters_of(config: FilterConfig) -> list[FilterConfig]:
+    """What is expected of the first ball."""
+    return [kind for kind, _ in FilterPredictor(config).learned.kinds(config)]
+
+
+def test_chain_and_controller_are_the_same_in_whatever_world_they_play() -> None:
+    one, other = (closed_loop(physics, told=False) for physics in (PAPER, REAL))
+    assert one.player.chain.config == other.player.chain.config
+    controllers = [loop.player.controller for loop in (one, other)]
+    assert all(isinstance(controller, BuiltInController) for controller in controllers)
+    assert controllers[0].task.physics == controllers[1].task.physics
+    told = [closed_loop(physics, told=True) for physics in (PAPER, REAL)]
+    assert told[0].player.chain.config != told[1].player.chain.config, "the comparison can tell"
+    assert told[0].player.controller.task.physics != told[1].player.controller.task.physics
+
+
+def test_the_state_of_the_training_from_events_is_the_same_in_whatever_world() -> None:
+    one, other = (backend(physics, told=False)._chain.config for physics in (PAPER, REAL))
+    assert one == other
+    assert backend(REAL, told=True)._chain.config != one
+
+
+@pytest.mark.parametrize("physics", [PAPER, REAL])
+def test_no_constant_of_the_world_is_expected_to_be_exactly_so(physics: PhysicsConfig) -> None:
+    config = closed_loop(physics, told=False).player.chain.config.filter
+    table, air = physics.table, physics.air
+    for kind in filters_of(config):
+        assert kind.restitution != table.restitution and kind.restitution_sigma > 0.02
+        assert kind.friction != table.friction and kind.friction_sigma > 0.03
+        if kind.magnus:
+            assert kind.drag != air.drag_coefficient and kind.drag_sigma > 0.03
+    expected = closed_loop(physics, told=False).player.controller.task.physics
+    assert expected.air.drag_coefficient != air.drag_coefficient
+    assert expected.table.restitution != table.restitution and expected.table.friction != table.friction
+
+
+def test_what_the_chain_learns_reaches_the_controller_and_a_reset_takes_it_away() -> None:
+    loop = ClosedLoop(WorldConfig(), stereo_preset(), seed=5)
+    try:
+        ball = loop.play(5.0)
+        learned, informed = loop.player.chain.learned, loop.player._informed_controller()
+    finally:
+        loop.close()
+    assert ball.returned
+    assert learned is not None and learned.balls == 1 and learned.air < 0.5
+    assert abs(learned.means[1] - 0.90) < 0.015
+    assert isinstance(informed, BuiltInController)
+    assert informed.task.physics.air.drag_coefficient == 0.0, "the world is the paper's: it has no air"
+    assert informed.task.physics.rubber == PAPER.rubber
+    loop.player.reset()
+    forgotten = loop.player.chain.learned
+    assert forgotten is not None and forgotten.balls == 0
+    assert loop.player._informed_controller() is loop.player.controller
