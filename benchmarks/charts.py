@@ -6,30 +6,20 @@ Only pictures of events with circles are PNG, on white, for light pages that hol
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import RallyscopeError
+from core.metrics.charts import chart_axes, chart_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-
-INK: Final = "#767676"
-"""As far from white as from the black of dark pages."""
-STYLE: Final[dict[Any, Any]] = {
-    **dict.fromkeys(("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK),
-    "svg.hashsalt": "rallyscope",  # the same chart is the same file
-    "svg.fonttype": "none",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +54,7 @@ def circle_panels(panels: Sequence[CirclePanel], *, half_px: float, dots_per_inc
     """Panels side by side as a PNG, each `half_px` to all sides of the true centre: ON orange, OFF blue, the truth a
     dashed black circle, the answer a green one with a cross.
     """
-    with _figure((2.1 * len(panels), 2.5)) as figure:
+    with chart_figure((2.1 * len(panels), 2.5)) as figure:
         for number, panel in enumerate(panels):
             axes = figure.add_subplot(1, len(panels), number + 1)
             size = (72 * 1.9 / (2 * half_px)) ** 2  # a pixel of the sensor, in square points
@@ -93,7 +83,7 @@ def line_chart(
     path: Path, title: str, x_title: str, y_title: str, lines: Sequence[ChartLine], *, y_top: float | None = None
 ) -> None:
     """Write lines with their bands; what is above `y_top` is cut off at the frame."""
-    with _axes(path, (7.2, 3.8), title, x_title, y_title) as axes:
+    with chart_axes(path, (7.2, 3.8), title, x_title, y_title) as axes:
         for number, line in enumerate(lines):
             axes.fill_between(line.x, line.low, line.high, color=f"C{number}", alpha=0.2, linewidth=0)
             axes.plot(line.x, line.mean, color=f"C{number}", label=line.name)
@@ -101,57 +91,3 @@ def line_chart(
         axes.grid(alpha=0.3)
         if lines:
             axes.legend(loc="upper left", bbox_to_anchor=(1, 1), frameon=False)
-
-
-def heat_map(
-    path: Path,
-    title: str,
-    x_title: str,
-    y_title: str,
-    x_bins: Sequence[str],
-    y_bins: Sequence[str],
-    shares: Array,
-    counts: Array,
-) -> None:
-    """Write `shares` (rows, columns) in [0, 1] as cells, with the counts they are of; those of nothing stay empty."""
-    with _axes(path, (1.6 + 0.9 * len(x_bins), 1 + 0.5 * len(y_bins)), title, x_title, y_title) as axes:
-        axes.pcolormesh(np.ma.masked_where(counts == 0, shares), cmap="Oranges", vmin=0, vmax=1)
-        axes.set_xticks(np.arange(len(x_bins)) + 0.5, x_bins)
-        axes.set_yticks(np.arange(len(y_bins)) + 0.5, y_bins)
-        for row, column in np.argwhere(counts):
-            share, count = shares[row, column], counts[row, column]
-            ink = "white" if share > 0.6 else "black"
-            said = f"{100 * share:.0f} %\nof {count:,}"
-            axes.text(column + 0.5, row + 0.5, said, ha="center", va="center", color=ink, fontsize=8)
-
-
-@contextmanager
-def _axes(path: Path, size_in: tuple[float, float], title: str, x_title: str, y_title: str) -> Iterator[Axes]:
-    """Axes to draw on; the file is written at the end.
-
-    Raises:
-        RallyscopeError: without matplotlib.
-    """
-    with _figure(size_in) as figure:
-        axes = figure.add_subplot()
-        figure.suptitle(title, fontsize=11)
-        axes.set(xlabel=x_title, ylabel=y_title)
-        yield axes
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, format="svg", transparent=True, metadata={"Date": None})
-
-
-@contextmanager
-def _figure(size_in: tuple[float, float]) -> Iterator[Figure]:
-    """An empty figure in the reports' style.
-
-    Raises:
-        RallyscopeError: without matplotlib.
-    """
-    try:
-        from matplotlib import rc_context
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise RallyscopeError("charts need matplotlib", remedy="pip install 'rallyscope[bench]'") from error
-    with rc_context(STYLE):
-        yield Figure(size_in, layout="constrained")

@@ -35,7 +35,7 @@ from core.files import replace_file
 
 logger = logging.getLogger(__name__)
 
-OURS: Final = frozenset({"app", "core", "labels"})
+OURS: Final = frozenset({"app", "benchmarks", "core", "labels"})
 KEPT_S: Final = 30 * 24 * 3600.0
 """Kernels of other versions of a file are deleted after this time."""
 SETTINGS: Final = ("OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT")

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from benchmarks.charts import INK, STYLE
+from core.metrics.charts import INK, STYLE
 
 WAITS: Final = (
     "_worker (concurrent",

@@ -14,7 +14,7 @@ from typing import Final
 import pytest
 
 ROOT: Final = Path(__file__).parents[1]
-OURS: Final = ("app", "core", "labels")
+OURS: Final = ("app", "benchmarks", "core", "labels")
 PROJECT: Final = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 DISTRIBUTIONS: Final = packages_distributions()
 EXTRAS_OF: Final = {
@@ -22,6 +22,7 @@ EXTRAS_OF: Final = {
     "app/export/onnx_actor.py": ("onnx",),
     "benchmarks/": ("bench",),
     "core/jobs/cluster.py": ("cluster",),
+    "core/metrics/charts.py": ("bench",),
     "core/learning/runs/sb3_baselines.py": ("baselines",),
     "core/tuning/search.py": ("tune",),
 }

@@ -13,8 +13,8 @@ from app.cli.arguments import PositiveInt, flag, setting_flag
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table
 from app.cli.terminal import say
-from benchmarks.rally.ball_states_report import PlayedFile, losses, report_rows, write_ball_states_report
 from core.errors import CommandError
+from core.live.worlds.returns_report import PlayedFile, losses, report_rows, write_ball_states_report
 from core.live.worlds.simulated_returns import SimulatedReturnsConfig, play_known_balls
 from core.physics.ball_states import read_ball_states
 from core.physics.config import Profile

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import inspect
 import json
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from types import ModuleType
+from typing import Final, Literal
 
 from app.cli.arguments import DATA, Numbers, PositiveFloat, PositiveInt, flag, given, positional
 from app.cli.backend_arguments import BackendArguments
@@ -17,41 +18,38 @@ from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.cli.tables import format_row, format_table
 from app.cli.terminal import say
-from core.errors import CommandError, NotBuiltError
+from core.errors import CommandError
 
 BENCHES = {
-    "import": "benchmarks.recordings.bench_import",
-    "record": "benchmarks.recordings.bench_record",
-    "detection": "benchmarks.detection.bench_detection",
-    "drawn-scenes": "benchmarks.detection.bench_drawn_scenes",
-    "rivals": "benchmarks.detection.bench_rivals",
-    "simulation": "benchmarks.simulation.bench_simulation",
-    "sensor": "benchmarks.simulation.bench_sensor",
-    "calibration": "benchmarks.calibration.bench_calibration",
-    "drift": "benchmarks.calibration.bench_drift",
-    "physics": "benchmarks.physics.bench_physics",
-    "prediction": "benchmarks.prediction.bench_prediction",
-    "perceived-prediction": "benchmarks.prediction.bench_perceived_prediction",
-    "rally": "benchmarks.rally.bench_rally",
-    "outcomes": "benchmarks.rally.bench_outcomes",
-    "ignorance": "benchmarks.ignorance.bench_ignorance",
-    "paper-perception": "benchmarks.perception.bench_paper_perception",
-    "scenes": "benchmarks.rally.bench_scenes",
-    "learning": "benchmarks.learning.bench_learning",
-    "paper-settings": "benchmarks.learning.paper_settings.bench_paper_settings",
-    "state-errors": "benchmarks.learning.bench_state_errors",
-    "jobs": "benchmarks.jobs.bench_jobs",
+    "import": "recordings.bench_import",
+    "record": "recordings.bench_record",
+    "detection": "detection.bench_detection",
+    "drawn-scenes": "detection.bench_drawn_scenes",
+    "simulation": "simulation.bench_simulation",
+    "sensor": "simulation.bench_sensor",
+    "calibration": "calibration.bench_calibration",
+    "drift": "calibration.bench_drift",
+    "physics": "physics.bench_physics",
+    "prediction": "prediction.bench_prediction",
+    "perceived-prediction": "prediction.bench_perceived_prediction",
+    "rally": "rally.bench_rally",
+    "outcomes": "rally.bench_outcomes",
+    "robustness": "robustness.bench_robustness",
+    "paper-perception": "perception.bench_paper_perception",
+    "scenes": "rally.bench_scenes",
+    "learning": "learning.bench_learning",
+    "state-errors": "learning.bench_state_errors",
+    "jobs": "jobs.bench_jobs",
     "labels": "benchmarks.labels.bench_labels",
-    "label-mode": "benchmarks.app.bench_label_mode",
-    "export": "benchmarks.app.bench_export",
-    "app": "benchmarks.app.bench_app",
-    "long": "benchmarks.app.bench_long",
-    "damage": "benchmarks.app.bench_damage",
-    "faults": "benchmarks.app.bench_faults",
+    "label-mode": "app.bench_label_mode",
+    "export": "app.bench_export",
+    "app": "app.bench_app",
 }
-"""The module that measures each."""
-OWN_RECORDINGS = {"paper-perception": "benchmarks.app.own_balls.bench_own_balls"}
-"""The module that measures instead, with `--recorded`: against labels, what is otherwise held against the truth."""
+"""The module of the folder benchmarks/ that measures each."""
+OWN_RECORDINGS = {"paper-perception": "app.own_balls.bench_own_balls"}
+"""The module that measures instead with `--recorded`: against labels, not against simulated truth."""
+CHECKOUT: Final = Path(__file__).parents[2]
+"""Where benchmarks/ lies when the package is used from a checkout."""
 
 
 OPTIONS = (
@@ -67,30 +65,30 @@ class BenchArguments:
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
         "balls of each speed (perceived-prediction, state-errors), balls of points alone (outcomes), "
-        "flights (drawn-scenes, rivals), "
-        "seeds (paper-perception, drift), seeds of both sides of every claim (learning, paper-settings), "
-        "damages of each kind of file (damage), trials of each fault and job (faults), events (long), pieces (jobs), "
+        "flights (drawn-scenes), "
+        "seeds (paper-perception, drift), seeds of both sides of every claim (learning), "
+        "pieces (jobs), "
         "seconds (record)",
         "N",
     )
     folder: Path | None = flag(
         "what is measured is kept here "
-        "(learning, paper-settings, state-errors, perceived-prediction, drawn-scenes, paper-perception, outcomes, "
-        "ignorance)"
+        "(learning, state-errors, perceived-prediction, drawn-scenes, paper-perception, outcomes, "
+        "robustness)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(
         "which chain plays (rally)", "filter|fit|paper|auto|known", "the first three"
     )
     balls: PositiveInt | None = flag(
-        "of each chain and speed (rally), through cameras (outcomes), of each row (ignorance)", "N", "20, 40, 100"
+        "of each chain and speed (rally), through cameras (outcomes), of each row (robustness)", "N", "20, 40, 100"
     )
     speeds: Numbers | None = flag("of the serves (rally)", "MPS,MPS...", "3 to 9")
     physics: Literal["paper", "real"] | None = flag("of the balls (rally, outcomes)", "paper|real", "paper; both")
     soak: PositiveFloat | None = flag("under load for so long (app)", "MINUTES")
     only: str | None = flag(
-        "a fault, or a job (faults); a kind of file (damage); door, return, page or pace (app); a row (ignorance); "
-        "real-balls or slow-serves (learning); a method (paper-perception with --recorded)",
+        "return, page or pace (app); a row (robustness); real-balls (learning); "
+        "a method (paper-perception with --recorded)",
         "NAME",
         "all",
     )
@@ -107,13 +105,9 @@ class BenchArguments:
 
 def run(arguments: BenchArguments) -> None:
     """Run the module of the name and print what it returns: "rows", "machine" and what else it has."""
-    module = find_bench(arguments.name)
-    if arguments.recorded is not None:
-        module = OWN_RECORDINGS.get(arguments.name, module)
-    if module is None:
-        built = ", ".join(name for name in BENCHES if find_bench(name))
-        raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
-    measure: Callable[..., dict[str, object]] = importlib.import_module(module).run
+    module = BENCHES[arguments.name] if arguments.recorded is None else OWN_RECORDINGS.get(arguments.name)
+    module = module or BENCHES[arguments.name]
+    measure: Callable[..., dict[str, object]] = load_bench(module).run
     options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
     taken = inspect.signature(measure).parameters.keys()
     asked = given({"jobs": arguments.engine.jobs, "cluster": arguments.engine.cluster})
@@ -123,7 +117,7 @@ def run(arguments: BenchArguments) -> None:
         options["engine"] = arguments.engine.engine()
     silence_viser()
     with progress_bar(f"Measuring {arguments.name}") as progress:
-        report = measure(_RowsAsTheyCome(progress), **options)
+        report = measure(_RowPrinter(progress), **options)
     if arguments.json:
         say(json.dumps(report))
         return
@@ -134,8 +128,8 @@ def run(arguments: BenchArguments) -> None:
         say(f"{name}: {value if isinstance(value, str) else json.dumps(value)}")
 
 
-class _RowsAsTheyCome:
-    """Progress that says each row as soon as it is measured."""
+class _RowPrinter:
+    """Progress that prints each row as soon as it is measured."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
@@ -148,7 +142,18 @@ class _RowsAsTheyCome:
         self._progress.say(format_row(row))
 
 
-def find_bench(name: str) -> str | None:
-    """The module that measures this, or None while there is none."""
-    module = BENCHES[name]
-    return module if importlib.util.find_spec(module) else None
+def load_bench(module: str) -> ModuleType:
+    """A module of the folder benchmarks/ beside the packages; it is part of a checkout, not of an installation.
+
+    Raises:
+        CommandError: where there is no such folder.
+    """
+    if not (CHECKOUT / "benchmarks" / "__init__.py").is_file():
+        raise CommandError(
+            "the benchmarks are not installed with the package",
+            expected=f"the folder benchmarks/ of a checkout of the source in {CHECKOUT}",
+            remedy="clone the repository, `pip install -e '.[bench]'` there, and run `rallyscope bench` from it",
+        )
+    if str(CHECKOUT) not in sys.path:  # an editable installation finds the packages alone
+        sys.path.append(str(CHECKOUT))
+    return importlib.import_module(f"benchmarks.{module}")

@@ -13,7 +13,7 @@ from core import jit
 from core.files import end_with_parent
 from core.live import warm_up as chain_warm_up
 
-PACKAGES: Final = ("core.detection", "core.trajectory", "core.cameras", "core.chain")
+PACKAGES: Final = ("core.detection", "core.trajectory", "core.cameras", "core.chain", "core.outcomes")
 TELL_EVERY_S: Final = 0.5
 
 

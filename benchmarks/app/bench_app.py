@@ -13,7 +13,6 @@ import numpy as np
 from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import AnswerCache
 from app.views.requests import TuneRequest, WatchRequest, answer_request
-from benchmarks.app.door_cost import measure_door
 from benchmarks.app.live_pace import measure_pace
 from benchmarks.app.page_return import measure_return
 from benchmarks.app.page_speed import measure_page
@@ -31,7 +30,6 @@ PICTURES: Final = 200
 NOISES_HZ: Final = (0.1, 1.0)
 SEED: Final = 1
 PARTS: Final[dict[str, Callable[[Path, Callable[[float], None]], list[Row]]]] = {
-    "door": lambda folder, progress: measure_door(progress),
     "return": lambda folder, progress: [measure_return(folder, progress)],
     "page": measure_page,
     "pace": measure_pace,
@@ -42,7 +40,7 @@ PARTS: Final[dict[str, Callable[[Path, Callable[[float], None]], list[Row]]]] = 
 def run(progress: Callable[[float], None], *, soak: float | None = None, only: str | None = None) -> dict[str, object]:
     """The app under load for `soak` minutes, or how long its pictures take.
 
-    With `only` "door" what its door costs, with "return" how soon an open page is back after a killed server,
+    With `only` "return" how soon an open page is back after a killed server,
     with "page" how soon a browser shows what is asked for, with "pace" whether the live rally keeps up while one shows
     it.
 

@@ -15,7 +15,7 @@ from typing import Final
 from core.errors import JobsError
 from core.files import read_json
 
-ROOT: Final = Path(__file__).parents[3]
+ROOT: Final = Path(__file__).parents[2]
 START_S: Final = 60.0
 
 

@@ -1,4 +1,4 @@
-"""The figures of labelling: durability, undo, snapping, interpolation, stereo flags, the queue, and damaged files.
+"""The figures of labelling: durability, undo, snapping, interpolation, stereo flags, and the queue.
 
 All balls are simulated; labels made up in the trials are off by 0.4 px, as a careful person's. Times are wall time on
 the disk of the temporary folder.
@@ -19,7 +19,6 @@ from benchmarks.labels.assistance import (
     try_snap,
     try_stereo_flags,
 )
-from benchmarks.labels.damage import damage_and_read
 from benchmarks.labels.durability import (
     kill_while_labelling,
     open_cpu_seconds,
@@ -30,12 +29,10 @@ from benchmarks.labels.durability import (
 from benchmarks.labels.whole_flights import DECISION_S, try_whole_flights
 from benchmarks.machine import Row, describe_machine, goal_row
 from benchmarks.partial_rows import report_rows_to
-from labels.formats import FORMATS
 
 KILLS = 300
 MANY = 200_000
 ANNOTATORS = 8
-DAMAGED = 1000
 FLIGHT_SERVES = 45
 """More than a person gets through in five minutes."""
 SEED = 20260
@@ -44,8 +41,8 @@ SEED = 20260
 def run(progress: Callable[[float], None]) -> dict[str, object]:
     """Every figure: what it is, its goal, what was measured, and whether that is enough."""
     rows: list[Row] = []
-    parts = (_durability, _undo, _snapping, _interpolation, _stereo, _queue, _flights, _damage, _scale)
-    weights = np.cumsum([0.2, 0.1, 0.1, 0.1, 0.02, 0.03, 0.05, 0.3, 0.1])
+    parts = (_durability, _undo, _snapping, _interpolation, _stereo, _queue, _flights, _scale)
+    weights = np.cumsum([0.2, 0.1, 0.1, 0.1, 0.02, 0.03, 0.05, 0.4])
     with tempfile.TemporaryDirectory(prefix="rallyscope-labels-") as folder:
         for number, part in enumerate(parts):
             found = part(Path(folder) / part.__name__.strip("_"), np.random.default_rng(SEED + number))
@@ -162,13 +159,3 @@ def _flights(folder: Path, rng: np.random.Generator) -> list[Row]:
         goal_row("their error, p95", float(np.percentile(errors_px, 95)), 1.0, "px", note="three recordings"),
         goal_row("wrong by more than 2 px among them", wrong, 0.005, "", note="the worst of three recordings"),
     ]
-
-
-def _damage(folder: Path, rng: np.random.Generator) -> list[Row]:
-    rows = []
-    for name, kind in FORMATS.items():
-        result = damage_and_read(kind, DAMAGED, rng, folder / name)
-        bad = result.crashes + result.silent_drops + result.nameless
-        note = result.first_problem or f"{result.rejected} had something to reject"
-        rows.append(goal_row(f"{name}: crashes, silent drops and nameless rejections", bad, 0, "", note=note))
-    return rows

@@ -22,7 +22,6 @@ from benchmarks.learning.runs import (
     train_missing,
     values_at_end,
 )
-from benchmarks.learning.slow_serves import BALLS, slow_serve_rows, slow_serves_section
 from benchmarks.machine import describe_machine
 from core.errors import ConfigError
 from core.jobs import ALONE, HERE, JobBackend, open_jobs
@@ -34,8 +33,7 @@ Progress = Callable[[float], None]
 FOLDER = Path("rallyscope-data/bench-learning")
 REPORT = Path("docs/measured/learning-report.md")
 CLOCK = "processor time of one thread"
-SLOW_SERVES: Final = "slow-serves"
-SECTIONS: Final = ("real-balls", SLOW_SERVES)
+SECTIONS: Final = ("real-balls",)
 """Parts of the report that can be made alone."""
 SEEDS_AT_A_TIME = 5
 EVENT_BALL = 200
@@ -68,15 +66,10 @@ def run(
         ball_state_files(recorded)
         recorded = str(Path(recorded).resolve())
     machine = describe_machine("numpy", "torch", "numba", clock=CLOCK)
-    if only == SLOW_SERVES:
-        rows = slow_serve_rows(progress, min(BALLS, counts.balls))
-        replace_section(report, slow_serves_section(rows))
-        return {"rows": rows, "report": str(report), "machine": machine}
     real = real_experiments(counts, recorded)
     experiments = real if only else (*plan(counts), *real)
     events, people = event_training(counts), seen_people(counts, recorded)
     played = [training for training in (None if only else events, people) if training is not None]
-    slow_serves = "" if only else slow_serves_section(slow_serve_rows(balls=min(BALLS, counts.balls)))
     total = sum(experiment.config.episodes * experiment.config.seeds for experiment in experiments)
     total += sum(EVENT_BALL * training.balls_played * training.seeds for training in played)
     done = 0
@@ -87,7 +80,7 @@ def run(
             replace_section(report, section)
             return
         seen = load_played(events, folder)
-        write_learning_report(report, experiments, results, counts, machine, seen, (section, slow_serves))
+        write_learning_report(report, experiments, results, counts, machine, seen, (section,))
 
     wanted = batches(experiments)
     missing = [missing_seeds(batch, folder) for batch in wanted]

@@ -11,7 +11,6 @@ from typing import Final
 import cv2
 import numpy as np
 
-from benchmarks.detection.bench_rivals import ANY_SPEED, TimedDetector
 from benchmarks.perception.hitting_point import space_errors
 from benchmarks.perception.limits import CircleBounds, circle_bounds, read_time_ns
 from benchmarks.perception.loaded_camera import LoadedCamera, load_camera
@@ -25,9 +24,12 @@ from core.detection.methods import Method, method_config
 from core.detection.window import windows_between
 from core.metrics.grid_score import GridScore, score_on_grid, wholly_in_view
 from core.metrics.run import WindowAnswers, run_detector
+from core.metrics.timed import TimedDetector
 from core.recordings import BallTruth
 from core.recordings.reader import FileRecording
 
+ANY_SPEED: Final = (0.0, 1e9)
+"""Of the ball in the picture, px/ms: all of them."""
 WARM_UP_US: Final = 100_000
 COMMON_US: Final = math.lcm(*(method_config(method).window.window_us for method in METHODS))
 """Every method has a window that ends at whole multiples of it."""

@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.detection.bench_rivals import ANY_SPEED
-from benchmarks.perception.measure import LoadedRecording, one_thread
+from benchmarks.perception.measure import ANY_SPEED, LoadedRecording, one_thread
 from benchmarks.perception.recovery import recovery_times_ms
 from benchmarks.perception.results import PerceptionResult, rounded
 from core.detection.yolo.detector import YoloDetector

@@ -6,4 +6,4 @@ from core.outcomes.classifier import ClassifiedStroke, OutcomeClassifier
 from core.outcomes.config import OutcomeClassifierConfig
 from core.outcomes.serve_seen import ServeSeen
 
-__all__ = ["OutcomeClassifierConfig", "ClassifiedStroke", "OutcomeClassifier", "ServeSeen"]
+__all__ = ["ClassifiedStroke", "OutcomeClassifier", "OutcomeClassifierConfig", "ServeSeen"]

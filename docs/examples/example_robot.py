@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from core.chain import RobotLimits, RobotServer
+from core.robot import RobotLimits, RobotServer
 
 HOME, UPRIGHT = np.array([-1.6, 0.0, 0.25]), np.array([1.0, 0.0, 0.0, 0.0])
 LIMITS = RobotLimits(

@@ -1,4 +1,4 @@
-"""The token is known to the door and to the line that is printed at the start, and goes nowhere else."""
+"""The token is known to the gateway and to the line that is printed at the start, and goes nowhere else."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from app.cli.serve import page_url
 from app.web.access_policy import Admission
 
 APP = Path(__file__).parents[3] / "app"
-KNOW = {"front/admission.py", "front/door.py", "cli/serve.py"}
+KNOW = {"web/access_policy.py", "web/gateway.py", "cli/serve.py"}
 
 
-def test_only_the_door_and_the_first_line_know_the_token() -> None:
+def test_only_the_gateway_and_the_first_line_know_the_token() -> None:
     for path in APP.rglob("*.py"):
         read = {node.attr for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)}
         assert not {"token", "is_token"} & read or path.relative_to(APP).as_posix() in KNOW, path

@@ -30,10 +30,10 @@ def write_certificates(folder: Path) -> dict[str, str]:
 CLIENT = """
 import sys
 from core.errors import JobsError
-from core.jobs import Engine, open_jobs
+from core.jobs import JobBackend, open_jobs
 from pieces import digest
 try:
-    with open_jobs(Engine(cluster=sys.argv[1]), 3) as jobs:
+    with open_jobs(JobBackend(cluster=sys.argv[1]), 3) as jobs:
         print(jobs.run(digest, [0, 1, 2]))
 except JobsError as error:
     print(error)

@@ -8,11 +8,16 @@ import h5py
 import numpy as np
 import pytest
 
-from benchmarks.damage.hdf5_damage import ELSEWHERE
-from benchmarks.damage.open_recording_whole import open_recording_whole
-from benchmarks.damage.sample_recording import DURATION_US, EVENTS, write_elsewhere, write_sample_recording
 from core.errors import RecordingError
 from core.recordings import open_recording
+from tests.core.recordings.open_recording_whole import open_recording_whole
+from tests.core.recordings.sample_recording import (
+    DURATION_US,
+    ELSEWHERE,
+    EVENTS,
+    write_elsewhere,
+    write_sample_recording,
+)
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from core.robot import RobotClient, RobotWatchConfig
 from tests.core.robot.starting import start_until_answered
 
 ROOT = Path(__file__).parents[3]
-LATE_ROBOT = Path(__file__).with_name("robot") / "late_robot.py"
+LATE_ROBOT = Path(__file__).with_name("late_robot.py")
 PATIENCE_S = 120.0
 
 

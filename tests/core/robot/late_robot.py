@@ -13,7 +13,7 @@ import numpy as np
 import core.chain
 
 LATE_US = round(1e6 * float(sys.argv.pop(1)))
-EXAMPLE = Path(__file__).parents[4] / "docs" / "examples" / "example_robot.py"
+EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "example_robot.py"
 
 
 class LateServer(core.chain.RobotServer):

@@ -24,7 +24,7 @@ from core.robot import RobotClient, RobotWatchConfig, SourceWithRobot
 from core.robot.robot_client import host_us
 from tests.core.robot.starting import start_until_answered
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "docs" / "examples" / "example_robot.py"
 PATIENCE_S = 240.0
 HOME = np.array([-1.6, 0.0, 0.25])

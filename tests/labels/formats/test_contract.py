@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.labels.damage import damage_and_read
 from core.files import PREFIX
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelFormat, LabelSet
 from labels.model import Label, LabelState, Provenance
+from tests.labels.formats.damaged_exchange import damage_and_read
 
 WORST_ERROR_PX = {
     "voc": 0.0,

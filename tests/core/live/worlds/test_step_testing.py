@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.ignorance.cells import Cell
-from benchmarks.ignorance.wrong_wires import WrongWires
+from benchmarks.robustness.cells import Cell
+from benchmarks.robustness.wrong_wires import WrongWires
 from core.cameras import stereo_preset
 from core.errors import ConfigError
 from core.live.worlds.step_testing import measure_steps

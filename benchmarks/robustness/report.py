@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from benchmarks.ignorance.cells import CELLS
 from benchmarks.machine import machine_words
+from benchmarks.robustness.cells import CELLS
 from core.text.markdown_table import markdown_table, two_digits
 
 Row = Mapping[str, object]
@@ -45,8 +45,8 @@ def write_robustness_report(
     """The page as Markdown; without rows of filters it says nothing of recorded flights."""
     balls = max((int(str(row["balls"])) for row in rows), default=0)
     parts = [
-        "# What ignorance costs",
-        f"Made by `rallyscope bench ignorance --balls {balls} --folder FOLDER --report"
+        "# What it costs to know the constants only roughly",
+        f"Made by `rallyscope bench robustness --balls {balls} --folder FOLDER --report"
         f" docs/measured/robustness-report.md` (seed {seed}; {machine_words(machine)}).",
         ABOUT.format(session=session, steps=steps, constants=constants),
         markdown_table(TITLES, [_cells(row) for row in _ordered(rows)]).rstrip(),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.rally.ball_states_report import PlayedFile, losses, report_rows, write_ball_states_report
+from core.live.worlds.returns_report import PlayedFile, losses, report_rows, write_ball_states_report
 from core.live.worlds.simulated_returns import ReturnOutcome, SimulatedReturns, SimulatedReturnsConfig
 from core.physics.task import task_profile
 from core.simulation.episodes import draw_serves

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.ignorance.cells import Cell
-from benchmarks.ignorance.wrong_wires import WrongWires, wrong_cameras
+from benchmarks.robustness.cells import Cell
+from benchmarks.robustness.wrong_wires import WrongWires, wrong_cameras
 from core.cameras import stereo_preset
 from core.chain.control.controller import BuiltInController, ControllerConfig
 from core.chain.control.player import FREEZE_S, JITTERS

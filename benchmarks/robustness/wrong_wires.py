@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from benchmarks.ignorance.cells import Cell
+from benchmarks.robustness.cells import Cell
 from core.cameras import Camera
 from core.events import Events
 from core.geometry import random_direction

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.charts import heat_map
 from core.live.worlds.simulated_returns import ReturnOutcome, SimulatedReturns, SimulatedReturnsConfig
+from core.metrics.charts import heat_map
 from core.metrics.intervals import binomial_interval
 from core.physics.ball_states import join_serves
 from core.physics.episode import Serves

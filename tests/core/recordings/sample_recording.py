@@ -13,6 +13,8 @@ from core.cameras import Camera
 from core.events import Events, SensorSize
 from core.recordings import BallTruth, PixelTruth, RecordingWriter, Triggers
 
+ELSEWHERE: Final = "elsewhere.h5"
+"""The file beside the damaged one that its links lead to: nothing of it may ever be read."""
 SENSOR: Final = SensorSize(96, 72)
 DURATION_US: Final = 60_000
 EVENTS: Final = {"left": 40_000, "right": 3_000}

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.ignorance.cells import CELLS, Cell
-from benchmarks.ignorance.wrong_wires import WrongWires, wrong_cameras
+from benchmarks.robustness.cells import CELLS, Cell
+from benchmarks.robustness.wrong_wires import WrongWires, wrong_cameras
 from core.cameras import stereo_preset
 from core.events import Events
 

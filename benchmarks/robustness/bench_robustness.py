@@ -15,12 +15,12 @@ from typing import Final
 
 import numpy as np
 
-from benchmarks.ignorance.cells import CELLS, Cell
-from benchmarks.ignorance.filter_rows import filter_rows, held_out
-from benchmarks.ignorance.play import BALLS, CONSTANTS, SEED, CellSession, PlayedSession, play_session
-from benchmarks.ignorance.report import write_robustness_report
 from benchmarks.machine import describe_machine
 from benchmarks.partial_rows import report_rows_to
+from benchmarks.robustness.cells import CELLS, Cell
+from benchmarks.robustness.filter_rows import filter_rows, held_out
+from benchmarks.robustness.play import BALLS, CONSTANTS, SEED, CellSession, PlayedSession, play_session
+from benchmarks.robustness.report import write_robustness_report
 from core.errors import CommandError
 from core.files import replace_file
 from core.jobs.backend import ALONE, HERE, JobBackend
@@ -32,7 +32,7 @@ from core.physics.flight_files import read_flight
 from core.text.json_text import parse_json
 from core.trajectory.filter_config import UNKNOWN
 
-FOLDER: Final = Path("rallyscope-data/bench-ignorance")
+FOLDER: Final = Path("rallyscope-data/bench-robustness")
 BALLS_PER_ROW: Final = 100
 
 
