@@ -1,38 +1,138 @@
-"""The labels of scikit-learn's DBSCAN for a set of events, found on their picture instead of in a tree."""
+"""DBSCAN over the addresses of events, found on their picture instead of in a tree; the labels are scikit-learn's.
+
+scikit-learn numbers clusters by their first core point and floods each one completely before the next, so a border
+point belongs to the lowest number that reaches it.
+"""
 
 from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.detection.fast.clusters_in_time import TIME_LISTS, label_in_time
-from core.detection.fast.opening import box_of, set_bits
-from core.detection.fast.picture import blank_picture, count_events, label_pixels
 from core.detection.stages.cluster import ClusterConfig, scaled_time
-from core.events import Events
+from core.events import Events, SensorSize
 from core.jit import njit
+
+NO_TIMES: Final = np.zeros(0)
+"""Instead of times where time does not count in the distance."""
+
+
+class ClusterMemory(NamedTuple):
+    """Working arrays of `label_events`, made once. The picture is empty between calls."""
+
+    last_event: NDArray[np.int32]
+    """(height + 2 reach, width + 2 reach) number of the last event on each pixel, -1 for none."""
+    event_before: NDArray[np.int32]
+    """(N,) of each event the one before on the same pixel, or -1."""
+    labels: NDArray[np.int32]
+    """(N,) cluster of each event; -1 for noise."""
+    stack: NDArray[np.int32]
+    """(N,) events whose neighbours are still to be looked at."""
+    disc: NDArray[np.int64]
+    """(K, 2) rows and columns of the pixels within eps of a pixel, the nearest first."""
+    reach: int
+    """Empty pixels around the picture, so that a neighbourhood never ends at its edge."""
+    eps_px: float
+    min_samples: int
+
+
+def allocate_clusters(eps_px: float, min_samples: int, sensor: SensorSize, room: int) -> ClusterMemory:
+    """Memory for up to `room` events of a sensor."""
+    reach = math.floor(eps_px)
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    squares = (x * x + y * y).ravel()
+    order = np.argsort(squares, kind="stable")
+    disc = np.stack([y.ravel(), x.ravel()], axis=1)[order[squares[order] <= eps_px * eps_px]]
+    picture = np.full((sensor.height_px + 2 * reach, sensor.width_px + 2 * reach), -1, np.int32)
+    lists = np.zeros((3, room), np.int32)
+    return ClusterMemory(picture, *lists, np.ascontiguousarray(disc, np.int64), reach, float(eps_px), int(min_samples))
 
 
 def grid_labels(events: Events, config: ClusterConfig) -> NDArray[np.int32]:
-    """(N,) the labels of `cluster.cluster_labels`, fast."""
-    count = len(events)
-    if not count:
+    """(N,) the labels of `core.detection.stages.cluster.cluster_labels`, fast."""
+    if not len(events):
         return np.zeros(0, np.int32)
-    picture, found = blank_picture(events.sensor, config.eps_px, count)
-    pixels, box = show_events(events.x_px, events.y_px, events.on, picture, found)
-    if config.time_scale_px_per_ms > 0:
-        times = scaled_time(events.t_us, config.time_scale_px_per_ms)
-        chains = np.empty((TIME_LISTS, count), np.int32)
-        label_in_time(times, pixels, box, picture, found, chains, config.eps_px, config.min_samples)
-        return found.labels[:count]
-    label_pixels(count, pixels, box, picture, found, config.min_samples)
-    return found.labels[found.pixel_of[:count]]
+    memory = allocate_clusters(config.eps_px, config.min_samples, events.sensor, len(events))
+    times = scaled_time(events.t_us, config.time_scale_px_per_ms) if config.time_scale_px_per_ms > 0 else NO_TIMES
+    label_events(events.x_px, events.y_px, times, memory)
+    return memory.labels
 
 
 @njit
-def show_events(x_px, y_px, on, picture, found):
-    """Enter all events into an empty picture; returns how many pixels have some, and the box of words with pixels."""
-    events = np.arange(len(x_px))
-    words = set_bits(x_px, y_px, events, len(x_px), picture.occupied.reshape((-1, picture.stride)), found.queue)
-    box = box_of(found.queue[:words], picture.stride)
-    return count_events(x_px, y_px, on, events, box, picture, found), box
+def label_events(x_px, y_px, times_px, memory):
+    """Number of clusters; the labels of the events are in `memory.labels`.
+
+    `times_px` is empty if time does not count. Then the events of a pixel share all neighbours, and so their label.
+    """
+    picture, labels, stack, reach = memory.last_event, memory.labels, memory.stack, memory.reach
+    flat = len(times_px) == 0
+    for i in range(len(x_px)):
+        row, column = y_px[i] + reach, x_px[i] + reach
+        memory.event_before[i] = picture[row, column]
+        picture[row, column] = i
+        labels[i] = -1
+    clusters = 0
+    for seed in range(len(x_px)):
+        if labels[seed] >= 0 or not _is_core(seed, x_px, y_px, times_px, memory):
+            continue
+        if not flat:
+            labels[seed] = clusters
+        stack[0] = seed
+        depth = 1
+        while depth:
+            depth -= 1
+            depth = _spread(np.int64(stack[depth]), clusters, depth, x_px, y_px, times_px, memory)
+        clusters += 1
+    for i in range(len(x_px)):
+        picture[y_px[i] + reach, x_px[i] + reach] = -1
+    return clusters
+
+
+@njit
+def _is_core(event, x_px, y_px, times_px, memory):
+    """Whether an event has enough neighbours, itself counted."""
+    picture, flat, near = memory.last_event, len(times_px) == 0, 0
+    row, column = np.int64(y_px[event]) + memory.reach, np.int64(x_px[event]) + memory.reach
+    for k in range(len(memory.disc)):
+        dy, dx = memory.disc[k, 0], memory.disc[k, 1]
+        other = picture[row + dy, column + dx]
+        while other >= 0:
+            if flat or _is_near(dy, dx, times_px[event] - times_px[other], memory.eps_px):
+                near += 1
+                if near >= memory.min_samples:
+                    return True
+            other = memory.event_before[other]
+    return False
+
+
+@njit
+def _spread(event, cluster, depth, x_px, y_px, times_px, memory):
+    """Give the neighbours of a core event its cluster and put them on the stack; returns the new depth of the stack."""
+    if not _is_core(event, x_px, y_px, times_px, memory):
+        return depth
+    picture, labels, flat = memory.last_event, memory.labels, len(times_px) == 0
+    row, column = np.int64(y_px[event]) + memory.reach, np.int64(x_px[event]) + memory.reach
+    for k in range(len(memory.disc)):
+        dy, dx = memory.disc[k, 0], memory.disc[k, 1]
+        other = picture[row + dy, column + dx]
+        if other < 0 or (flat and labels[other] >= 0):
+            continue
+        if flat:  # one event stands for all of its pixel
+            memory.stack[depth] = other
+            depth += 1
+        while other >= 0:
+            if labels[other] < 0 and (flat or _is_near(dy, dx, times_px[event] - times_px[other], memory.eps_px)):
+                labels[other] = cluster
+                if not flat:
+                    memory.stack[depth] = other
+                    depth += 1
+            other = memory.event_before[other]
+    return depth
+
+
+@njit(forceinline=True)
+def _is_near(dy, dx, dt, eps):
+    return dx * dx + dy * dy + dt * dt <= eps * eps

@@ -8,17 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from core.detection.fast.cluster import show_events
-from core.detection.fast.picture import ActivePixels, Picture, blank_picture, clear_picture, label_pixels
-from core.events import SensorSize
+from core.detection.fast.cluster import NO_TIMES, ClusterMemory, label_events
 from core.jit import njit
-
-
-class ClusterMemory(NamedTuple):
-    """Working arrays, made once. The picture is empty between windows."""
-
-    picture: Picture
-    found: ActivePixels
 
 
 class Clusters(NamedTuple):
@@ -34,25 +25,15 @@ class Clusters(NamedTuple):
     """Longer side of the upright bounding box over the shorter one."""
 
 
-def allocate_clusters(eps_px: float, sensor: SensorSize, room: int) -> ClusterMemory:
-    """Room for windows of up to `room` events."""
-    return ClusterMemory(*blank_picture(sensor, eps_px, room))
-
-
 @njit
-def measure_clusters(x_px, y_px, memory: ClusterMemory, min_samples: int) -> Clusters:
+def measure_clusters(x_px, y_px, memory: ClusterMemory) -> Clusters:
     """The DBSCAN clusters of one event or more; noise is left out."""
-    picture, found = memory
-    count = len(x_px)
-    pixels, box = show_events(x_px, y_px, np.zeros(count, np.bool_), picture, found)
-    clusters = label_pixels(count, pixels, box, picture, found, min_samples)
-    clear_picture(box, picture)
-    labels, pixel_of = found.labels, found.pixel_of
-
+    count, labels = len(x_px), memory.labels
+    clusters = label_events(x_px, y_px, NO_TIMES, memory)
     events, sum_x, sum_y = np.zeros(clusters, np.int64), np.zeros(clusters), np.zeros(clusters)
     low, high = np.full((2, clusters), np.inf), np.full((2, clusters), -np.inf)
     for i in range(count):
-        label = labels[pixel_of[i]]
+        label = labels[i]
         if label >= 0:
             x, y = float(x_px[i]), float(y_px[i])
             events[label] += 1
@@ -62,7 +43,7 @@ def measure_clusters(x_px, y_px, memory: ClusterMemory, min_samples: int) -> Clu
             low[1, label], high[1, label] = min(low[1, label], y), max(high[1, label], y)
     u, v, distance = sum_x / events, sum_y / events, np.zeros(clusters)
     for i in range(count):
-        label = labels[pixel_of[i]]
+        label = labels[i]
         if label >= 0:
             distance[label] += math.hypot(x_px[i] - u[label], y_px[i] - v[label])
     sides = high - low + 1.0

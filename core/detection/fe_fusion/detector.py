@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 from core.detection.detector import Detection
+from core.detection.fast.cluster import allocate_clusters
 from core.detection.fe_fusion.choice import possible_balls
-from core.detection.fe_fusion.clusters import allocate_clusters, measure_clusters
+from core.detection.fe_fusion.clusters import measure_clusters
 from core.detection.fe_fusion_config import FeFusionConfig
 from core.detection.stages.denoise import DenoiseConfig, survives_opening
 from core.detection.stages.roi import Centre, RoiConfig, inside_roi, next_region, roi_around
@@ -49,7 +50,7 @@ class FeFusionDetector:
         if len(events):
             if len(events) > self._room:
                 self._make_room(2 * len(events))
-            clusters = measure_clusters(events.x_px, events.y_px, self._memory, self.config.min_samples)
+            clusters = measure_clusters(events.x_px, events.y_px, self._memory)
             possible = possible_balls(clusters, self.config)
             if len(possible):
                 ball = possible[0]
@@ -72,4 +73,4 @@ class FeFusionDetector:
 
     def _make_room(self, room: int) -> None:
         self._room = room
-        self._memory = allocate_clusters(self.config.eps_px, self.sensor, room)
+        self._memory = allocate_clusters(self.config.eps_px, self.config.min_samples, self.sensor, room)

@@ -4,7 +4,6 @@ import pytest
 from benchmarks.detection.exactness import compare_detectors, compare_random
 from core.config import replace_setting
 from core.detection import (
-    Detection,
     FastDetector,
     ReferenceDetector,
     TrackState,
@@ -12,7 +11,6 @@ from core.detection import (
     paper_config,
     trace_window,
 )
-from core.detection.fast.window_kernel import rounded
 from core.events import SensorSize
 
 
@@ -57,24 +55,6 @@ def test_it_answers_as_the_reference_on_live_flights(name: str, make_scene, make
 def test_it_answers_as_the_reference_on_random_windows_with_random_configs() -> None:
     agreement = compare_random(60, 12, np.random.default_rng(5))
     assert agreement.differing == 0 and agreement.detections > 40
-
-
-def test_it_answers_with_ordinary_detections(make_scene, make_flight) -> None:
-    """They are made past the constructor."""
-    windows = make_scene(make_flight(du_px_per_ms=2.5)).windows()
-    detector = FastDetector(auto_config())
-    found = [one for one in map(detector.step, windows) if one]
-    assert found and found == [Detection(one.t_us, one.u_px, one.v_px, one.r_px) for one in found]
-    assert len({*found}) == len(found) and all(type(one.t_us) is int and type(one.u_px) is float for one in found)
-
-
-def test_centres_are_rounded_as_python_rounds_them() -> None:
-    rng = np.random.default_rng(0)
-    halfway = rng.integers(-1000, 300_000, 20_000) / 200
-    numbers = [rng.uniform(-5, 1300, 20_000), halfway, np.nextafter(halfway, 1e9), np.nextafter(halfway, -1e9)]
-    numbers += [rng.integers(0, 10_000, 5000) / 8, 10.0 ** rng.uniform(-12, 5, 5000)]
-    for number in np.concatenate(numbers).tolist():
-        assert rounded(number) == round(number, 2)
 
 
 def test_its_state_continues_in_the_readable_pipeline_and_back(make_scene, make_flight) -> None:

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from core.detection.fe_fusion.clusters import allocate_clusters, measure_clusters
+from core.detection.fast.cluster import allocate_clusters
+from core.detection.fe_fusion.clusters import measure_clusters
 from core.detection.stages.cluster import ClusterConfig, cluster_labels
 from core.events import Events, SensorSize
 
@@ -11,12 +12,12 @@ SENSOR = SensorSize(40, 30)
 @pytest.mark.parametrize("seed", range(5))
 def test_every_cluster_measures_what_its_events_do(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    memory = allocate_clusters(2.0, SENSOR, 400)
+    memory = allocate_clusters(2.0, 6, SENSOR, 400)
     for count in (1, 60, 400):
         t, x, y = np.arange(count), rng.integers(0, 40, count), rng.integers(0, 30, count)
         events = Events.from_columns(t, x, y, t % 2 == 0, SENSOR)
         labels = cluster_labels(events, ClusterConfig(eps_px=2.0, min_samples=6))
-        found = measure_clusters(events.x_px, events.y_px, memory, 6)
+        found = measure_clusters(events.x_px, events.y_px, memory)
         assert len(found.events) == labels.max(initial=-1) + 1
         for cluster in range(len(found.events)):
             mine = labels == cluster
@@ -26,11 +27,10 @@ def test_every_cluster_measures_what_its_events_do(seed: int) -> None:
             assert found.r_px[cluster] == pytest.approx(np.hypot(x[mine] - u, y[mine] - v).mean())
             sides = np.ptp(x[mine]) + 1, np.ptp(y[mine]) + 1
             assert found.elongation[cluster] == pytest.approx(max(sides) / min(sides))
-    images = memory.picture.occupied, memory.picture.cores, memory.picture.borders
-    assert not any(image.any() for image in images), "empty for the next window"
+    assert (memory.last_event == -1).all(), "empty for the next window"
 
 
 def test_without_events_there_is_no_cluster() -> None:
     alone = Events.from_columns([0, 1], [3, 30], [4, 20], [True, True], SENSOR)
-    found = measure_clusters(alone.x_px, alone.y_px, allocate_clusters(2.0, SENSOR, 10), 2)
+    found = measure_clusters(alone.x_px, alone.y_px, allocate_clusters(2.0, 2, SENSOR, 10))
     assert all(len(column) == 0 for column in found)
