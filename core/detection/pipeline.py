@@ -53,7 +53,7 @@ def trace_window(
 ) -> PipelineTrace:
     """Run every stage on one window. Neither the window nor the state is changed; the next state is in the trace.
 
-    `label_clusters` may be `fast_cluster.grid_labels`, which gives the same labels as scikit-learn and takes
+    `label_clusters` may be `fast.cluster.grid_labels`, which gives the same labels as scikit-learn and takes
     milliseconds where that takes seconds; the default keeps this pipeline independent of the fast path.
     """
     clock = _StageClock()

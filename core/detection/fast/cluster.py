@@ -47,8 +47,16 @@ def allocate_clusters(eps_px: float, min_samples: int, sensor: SensorSize, room:
     order = np.argsort(squares, kind="stable")
     disc = np.stack([y.ravel(), x.ravel()], axis=1)[order[squares[order] <= eps_px * eps_px]]
     picture = np.full((sensor.height_px + 2 * reach, sensor.width_px + 2 * reach), -1, np.int32)
-    lists = np.zeros((3, room), np.int32)
-    return ClusterMemory(picture, *lists, np.ascontiguousarray(disc, np.int64), reach, float(eps_px), int(min_samples))
+    return ClusterMemory(
+        last_event=picture,
+        event_before=np.zeros(room, np.int32),
+        labels=np.zeros(room, np.int32),
+        stack=np.zeros(room, np.int32),
+        disc=np.ascontiguousarray(disc, np.int64),
+        reach=reach,
+        eps_px=float(eps_px),
+        min_samples=int(min_samples),
+    )
 
 
 def grid_labels(events: Events, config: ClusterConfig) -> NDArray[np.int32]:
