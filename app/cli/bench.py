@@ -22,26 +22,17 @@ from core.errors import CommandError
 
 BENCHES = {
     "import": "recordings.bench_import",
-    "record": "recordings.bench_record",
     "detection": "detection.bench_detection",
     "drawn-scenes": "detection.bench_drawn_scenes",
     "simulation": "simulation.bench_simulation",
-    "sensor": "simulation.bench_sensor",
     "calibration": "calibration.bench_calibration",
-    "drift": "calibration.bench_drift",
-    "physics": "physics.bench_physics",
     "prediction": "prediction.bench_prediction",
-    "perceived-prediction": "prediction.bench_perceived_prediction",
     "rally": "rally.bench_rally",
     "outcomes": "rally.bench_outcomes",
     "robustness": "robustness.bench_robustness",
     "paper-perception": "perception.bench_paper_perception",
-    "scenes": "rally.bench_scenes",
     "learning": "learning.bench_learning",
-    "state-errors": "learning.bench_state_errors",
-    "jobs": "jobs.bench_jobs",
     "labels": "benchmarks.labels.bench_labels",
-    "label-mode": "app.bench_label_mode",
     "export": "app.bench_export",
     "app": "app.bench_app",
 }
@@ -64,17 +55,12 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of each speed (perceived-prediction, state-errors), balls of points alone (outcomes), "
-        "flights (drawn-scenes), "
-        "seeds (paper-perception, drift), seeds of both sides of every claim (learning), "
-        "pieces (jobs), "
-        "seconds (record)",
+        "balls of points alone (outcomes), flights (drawn-scenes), seeds (paper-perception), "
+        "seeds of both sides of every claim (learning)",
         "N",
     )
     folder: Path | None = flag(
-        "what is measured is kept here "
-        "(learning, state-errors, perceived-prediction, drawn-scenes, paper-perception, outcomes, "
-        "robustness)"
+        "what is measured is kept here (learning, drawn-scenes, paper-perception, outcomes, robustness)"
     )
     report: Path | None = flag("the page, for a bench that writes one", "FILE.md")
     chain: Literal["filter", "fit", "paper", "auto", "known"] | None = flag(

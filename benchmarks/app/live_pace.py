@@ -17,8 +17,7 @@ from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally, join_simulation
 from app.shared.simulation_process import SimulationProcess
 from app.shared.workspace import Workspace
-from benchmarks.app.measuring_browser import measuring_browser
-from benchmarks.app.trial_user import WINDOW
+from benchmarks.app.measuring_browser import WINDOW, measuring_browser
 from benchmarks.machine import Row, goal_row
 from core.errors import CommandError
 from core.live.link import messages as m

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from benchmarks.app.trial_user import BROWSER_FLAGS, find_chromium
 from core.errors import CommandError
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
+
+BROWSER_FLAGS: Final = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+WINDOW: Final = (1280, 720)
+
+
+def find_chromium() -> str | None:
+    """The browser, if there is one and something to drive it with."""
+    try:
+        import playwright  # noqa: F401
+    except ImportError:
+        return None
+    return os.environ.get("RALLYSCOPE_CHROMIUM") or shutil.which("chromium")
 
 
 @contextmanager

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from benchmarks.app.measuring_browser import measuring_browser
+from benchmarks.app.measuring_browser import WINDOW, measuring_browser
 from benchmarks.app.soak.served_app import served
-from benchmarks.app.trial_user import WINDOW
 from benchmarks.machine import Row, goal_row
 from core.cameras import stereo_preset
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording

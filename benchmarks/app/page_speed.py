@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from app.shared.workspace import Workspace
-from benchmarks.app.bench_label_mode import write_busy_recording
-from benchmarks.app.measuring_browser import measuring_browser
+from benchmarks.app.measuring_browser import WINDOW, measuring_browser
 from benchmarks.app.soak.served_app import served
 from benchmarks.app.soak.visitor import Visitor
-from benchmarks.app.trial_user import WINDOW
 from benchmarks.machine import Row, goal_row
 from core.cameras import stereo_preset
+from core.events import Events
+from core.recordings import RecordingWriter
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ STARTS: Final = 5
 SLIDES: Final = 100
 NOT_COUNTED: Final = 5
 """The first ones, which load code."""
+BUSY_US: Final = 10_000_000
 SCRUBBED_EVENTS: Final = 100_000_000
 SCRUB_S: Final = 10.0
 MOVE_S: Final = 1 / 40
@@ -229,3 +230,18 @@ def _enter(page: Page, mode: str) -> None:
     page.keyboard.press("Escape")
     page.get_by_role("button", name=mode).first.click(timeout=PATIENCE_MS)
     page.get_by_role("button", name=f"● {mode}").wait_for(timeout=PATIENCE_MS)
+
+
+def write_busy_recording(path: Path, events: int, *, seed: int = 1) -> None:
+    """Two calibrated cameras full of noise: what a picture costs does not depend on what the events mean."""
+    cameras = stereo_preset()
+    rng = np.random.default_rng(seed)
+    per_chunk, chunk_us = events // 200, BUSY_US // 100
+    with RecordingWriter(path, {n: c.sensor for n, c in cameras.items()}, calibration=cameras, seed=seed) as writer:
+        for number in range(100):
+            for name, camera in cameras.items():
+                t_us = np.sort(rng.integers(0, chunk_us, per_chunk)) + number * chunk_us
+                x = rng.integers(0, camera.sensor.width_px, per_chunk)
+                y = rng.integers(0, camera.sensor.height_px, per_chunk)
+                on = rng.random(per_chunk) < 0.5
+                writer.append(name, Events.from_columns(t_us, x, y, on, camera.sensor))

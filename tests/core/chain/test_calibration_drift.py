@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.calibration.drifted_rigs import epipolar_rms_px, feed_serves, turn_second
 from core.cameras import Camera, stereo_preset
 from core.chain import ChainState, RallyChain
 from core.chain.calibration_drift import CalibrationDrift, CalibrationDriftConfig
 from core.detection.window import windows_side_by_side
 from core.geometry import make_transform
 from core.recordings import open_recording
+from tests.core.chain.drifted_rigs import epipolar_rms_px, feed_serves, turn_second
 
 PAIR = stereo_preset("side")
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from benchmarks.simulation.dense_sensor import compare_events, dense_events
 from core.errors import ConfigError
 from core.events import Events, concatenate_events
 from core.simulation import SceneConfig, SensorConfig, scene_named
@@ -11,6 +10,7 @@ from core.simulation.event_cameras.event_camera import BLOCK_US, EventCamera
 from core.simulation.flights.ball_path import ParabolicPath
 from core.simulation.scenes.background import LOG_LIGHT, make_background
 from core.simulation.scenes.block_view import moving_steps
+from tests.core.simulation.dense_sensor import compare_events, dense_events
 
 
 def quiet(**settings) -> SensorConfig:

@@ -6,9 +6,7 @@ does not think. In the middle the server is killed (SIGKILL) and started again.
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import subprocess
 import sys
 import time
@@ -22,21 +20,20 @@ from app.modes.label.label_strip import HEIGHT_PX
 from app.modes.label.prefetch import GAP_PX
 from app.modes.label.view import DEFAULT_STEP_US
 from app.views.image_view import framing, free_share
-from benchmarks.app.trial_exports import check_exports, checks_text
+from benchmarks.app.measuring_browser import BROWSER_FLAGS, WINDOW, find_chromium
 from core.cameras import stereo_preset
 from core.recordings import PixelTruth, open_recording
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
 from labels.formats import LabelSet
 from labels.store import LabelStore, Layer
+from tests.app.browser.label_user_exports import check_exports, checks_text
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-BROWSER_FLAGS: Final = ("--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 CAMERA: Final = "left"
 ANNOTATOR: Final = "trial-user"
 CLICK_EVERY: Final = 10
-WINDOW: Final = (1280, 720)
 LINES_JS: Final = (
     "[...document.querySelectorAll('div[style^=\"font-size:12.5px\"]')].map(one => one.textContent).join()"
 )
@@ -70,15 +67,6 @@ class UserResult:
     formats_failed: int
     scored_labels: int
     """That Tune has scored the config against."""
-
-
-def find_chromium() -> str | None:
-    """The browser, if there is one and something to drive it with."""
-    try:
-        import playwright  # noqa: F401
-    except ImportError:
-        return None
-    return os.environ.get("RALLYSCOPE_CHROMIUM") or shutil.which("chromium")
 
 
 def label_with_browser(folder: Path, count: int, *, seed: int = 1, browser: Browser | None = None) -> UserResult:
