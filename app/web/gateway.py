@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
+import gzip
 import http
 import inspect
 import json
@@ -19,6 +21,8 @@ import urllib.parse
 from collections.abc import Awaitable, Callable, Iterator
 from contextvars import ContextVar
 from http.cookies import CookieError, SimpleCookie
+from importlib import resources
+from pathlib import Path
 from typing import Any, Final
 
 import viser
@@ -31,8 +35,67 @@ from websockets.http11 import Request, Response
 from app.theme import apply_theme
 from app.web.access_policy import TOKEN_COOKIE, Admission, RequestOrigin
 from app.web.address import check_address, port_taken
-from app.web.page_text import page_gzip, page_html, refusal_html
 from app.web.pages import PageConnection, Pages
+
+SCRIPTS: Final = (
+    "identity.js",
+    "bridge.js",
+    "drawing.js",
+    "sky.js",
+    "reconnect.js",
+    "link.js",
+    "clicks.js",
+    "windows.js",
+    "keyboard.js",
+    "notes.js",
+    "hand.js",
+    "enlarge.js",
+    "timebar.js",
+    "texts.js",
+    "panes.js",
+    "files.js",
+    "tour.js",
+    "names.js",
+)
+"""In the order in which they run; each adds to the object `rallyscope`."""
+
+
+@functools.cache
+def page_html() -> bytes:
+    """The whole page, UTF-8.
+
+    Raises:
+        RuntimeError: if viser's page is not built as we know it.
+    """
+    html = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text("utf-8")
+    head, found, rest = html.partition("<title>Viser</title>")
+    if not found:
+        raise RuntimeError("viser's page has no title to put our script beside; its version must be the pinned one")
+    folder = resources.files("app.web") / "page"
+    script = "\n".join((folder / name).read_text("utf-8") for name in SCRIPTS)
+    style = (folder / "style.css").read_text("utf-8")
+    ours = f"<title>Rallyscope</title><style>{style}</style><script>const rallyscope = {{}};\n{script}</script>"
+    return f"{head}{ours}{rest}".encode()
+
+
+@functools.cache
+def page_gzip() -> bytes:
+    """The same, packed."""
+    return gzip.compress(page_html())
+
+
+def refusal_html(title: str, text: str, *, form: bool = False) -> bytes:
+    """A small page that says why not; with a field for the token if `form`. Both texts are our own."""
+    field = (
+        "<form method='get' action='/'><input name='token' type='password' aria-label='Token' autofocus> "
+        "<button>Open</button></form>"
+    )
+    return (
+        "<!doctype html><html lang='en'><meta charset='utf-8'><title>Rallyscope</title>"
+        "<body style='font:16px system-ui;background:#1a1b1e;color:#ddd;padding:3em;max-width:44em'>"
+        f"<h1 style='color:#ff8c28'>{title}</h1><p>{text}</p>{field if form else ''}</body></html>"
+    ).encode()
+
 
 BROWSER_COOKIE: Final = "rallyscope-browser"
 BROWSER_COOKIE_S: Final = 400 * 86_400

@@ -8,8 +8,10 @@ windows. Every timed window has the ball in the picture. In mode `roi` the regio
 from __future__ import annotations
 
 import dataclasses
+import tempfile
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -23,9 +25,9 @@ from benchmarks.detection.exactness import (
     compare_random,
     distance_px,
 )
-from benchmarks.detection.simulated_streams import simulate_flights
 from benchmarks.machine import describe_machine
 from benchmarks.partial_rows import report_rows_to
+from core.cameras.presets import stereo_preset
 from core.config import replace_setting
 from core.detection import Detection, DetectorConfig, FastDetector, ReferenceDetector, TrackState, trace_window
 from core.detection.methods import method_config
@@ -33,7 +35,25 @@ from core.detection.window import windows_between
 from core.events import Window
 from core.metrics.run import duration_of
 from core.metrics.score import score_recording
-from core.recordings import CameraStream, PixelTruth
+from core.recordings import CameraStream, PixelTruth, open_recording
+from core.simulation import LaunchConfig, SensorConfig, StereoConfig, scene_named, simulate_recording
+
+
+def simulate_flights(
+    scene: str, noise_hz: float, speeds_mps: tuple[float, ...], *, seed: int, placement: str = "side"
+) -> list[CameraStream]:
+    """Both 1280x720 cameras of a placement while one serve, or rally, of each speed flies by.
+
+    Raises:
+        RallyscopeError: for an unknown scene.
+    """
+    config = StereoConfig(scene=scene_named(scene), sensor=SensorConfig(noise_hz=noise_hz))
+    serves = [LaunchConfig(speed_mps=speed) for speed in speeds_mps]
+    with tempfile.TemporaryDirectory(prefix="rallyscope-bench-") as folder:
+        path = Path(folder) / "flights.h5"
+        simulate_recording(path, config, stereo_preset(placement), serves, seed=seed)
+        return list(open_recording(path).cameras.values())
+
 
 SPEEDS_MPS: Final = (4.0, 5.0, 6.0, 7.0)
 CASES: Final = (("paper", 0.1), ("paper", 1.0), ("auto", 1.0), ("paper", 5.0))

@@ -2,23 +2,129 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
+from benchmarks.charts import ChartLine, line_chart
 from benchmarks.learning.beyond import event_cameras, landing_model, timings, tried
-from benchmarks.learning.charts import CHARTS, draw_learning_charts
 from benchmarks.learning.contests import against_rivals, both_timings, variants
 from benchmarks.learning.event_runs import PlayedSeed
-from benchmarks.learning.plan import REWARDS, RULES, Counts, Experiment
-from benchmarks.learning.runs import Results, values_at
-from benchmarks.learning.tables import at, five_best, paired
-from benchmarks.learning.targets import targets_table
+from benchmarks.learning.plan import REWARDS, RIVALS, RULES, Counts, Experiment
+from benchmarks.learning.runs import Results, SeedResult, values_at
+from benchmarks.learning.tables import at, five_best, paired, shown
 from benchmarks.learning.verdicts import noise_floor, verdicts
 from core.learning.config import EnvironmentConfig
 from core.learning.evaluation.policy_evaluator import PolicyEvaluator
-from core.learning.runs.summary import baseline_row
+from core.learning.runs.summary import baseline_row, spread_of
 from core.metrics.intervals import binomial_interval
 from core.text.markdown_table import markdown_table
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A bound on a figure of a training."""
+
+    title: str
+    training: str
+    episode: int
+    what: str
+    """returned (at least) or error_mm (at most)."""
+    bound: float
+
+
+TARGETS = (
+    Target("paper's agent, 3 m/s, returned @600", "reward-3-cdta", 600, "returned", 0.99),
+    Target("paper's agent, 4 m/s, returned @900", "reward-4-cdta", 900, "returned", 0.98),
+    Target("paper's agent, 4 m/s, error @1000", "reward-4-cdta", 1000, "error_mm", 226.0),
+    Target("paper's agent, 3 then 5 m/s, error @1700", "replay-threshold", 1700, "error_mm", 150.0),
+    Target("Q critic improved, 5 m/s, returned @300", "better-300", 300, "returned", 0.99),
+    Target("Q critic improved, 5 m/s, error @300", "better-300", 300, "error_mm", 100.0),
+    Target("landing model, 5 m/s, returned @50", "model-5", 50, "returned", 0.99),
+    Target("landing model, 5 m/s, error @50", "model-5", 50, "error_mm", 50.0),
+    Target("landing model, 5 m/s, error @100", "model-5", 100, "error_mm", 25.0),
+    Target("landing model, 5 m/s, error @1700", "model-5", 1700, "error_mm", 12.0),
+    Target("landing model, 100 a stage, error at 9 m/s", "model-climb-retain", 500, "error_mm", 20.0),
+    Target("landing model, hard and noisy, 5 m/s, error @200", "model-hard-noisy-5", 200, "error_mm", 60.0),
+    Target("landing model, hard and noisy, 9 m/s, error @200", "model-hard-noisy-9", 200, "error_mm", 60.0),
+    Target("law of reflection fitted, the same @200", "model-reflection-hard-noisy-9", 200, "error_mm", 66.0),
+    Target("law of reflection fitted, 1 degree of random error @300", "model-reflection-shaky", 300, "error_mm", 75.0),
+)
+
+
+NOTE = """
+*Reached*: yes, if the whole 95 % interval of the mean over seeds is within the bound; *the mean alone*, if only that.
+
+"""
+
+
+def targets_table(results: Results) -> str:
+    """Each figure, what was found, and whether the mean over seeds reaches it, with its whole interval or alone."""
+    rows = []
+    for target in TARGETS:
+        values = values_at(results[target.training], target.episode, target.what)
+        is_rate = target.what == "returned"
+        aimed = f">= {100 * target.bound:g} %" if is_rate else f"<= {target.bound:g} mm"
+        spread = spread_of(values)
+        reached = _reaches(spread.mean, target)
+        whole = reached and _reaches(spread.low if is_rate else spread.high, target)
+        verdict = "-" if math.isnan(spread.mean) else "yes" if whole else "the mean alone" if reached else "**no**"
+        rows.append([target.title, aimed, shown(target.what, values), str(len(values)), verdict])
+    titles = ("figure", "aimed at", "last policy, mean ± sd [95 %]", "seeds", "reached")
+    return markdown_table(titles, rows) + NOTE
+
+
+def _reaches(value: float, target: Target) -> bool:
+    return value >= target.bound if target.what == "returned" else value <= target.bound
+
+
+def _rivals(name: str, ours: str) -> dict[str, str]:
+    return {"paper's agent": ours} | {agent.upper(): f"rival-{name}-matched-{agent}" for agent in RIVALS}
+
+
+_RULES: Final = {rule: f"replay-{rule}" for rule in (*RULES, "scratch")}
+_MODELS: Final = {
+    "Q critic, improved": "better-300",
+    "gravity known": "model-flight-5",
+    "reflection known": "model-impact-5",
+    "privileged labels": "model-privileged",
+    "1 degree of bias": "model-biased",
+}
+CHARTS: Final = {
+    "rewards-error": ("Three rewards at 4 m/s", "error_mm", 800.0, {kind: f"reward-4-{kind}" for kind in REWARDS}),
+    "rewards-returned": ("Three rewards at 3 m/s, the paper's pace", "returned", 100.0,
+                         {kind: f"reward-slow-3-{kind}" for kind in REWARDS}),
+    "replay-error": ("Replay rules: 3 then 5 m/s", "error_mm", 800.0, _RULES),
+    "replay-returned": ("Replay rules: 3 then 5 m/s", "returned", 100.0, _RULES),
+    "rivals-4": ("4 m/s, matched exploration", "error_mm", 800.0, _rivals("4", "reward-4-cdta")),
+    "rivals-5": ("5 m/s, matched exploration", "error_mm", 800.0,
+                 _rivals("5", "replay-threshold") | {"landing model": "model-5"}),
+    "rivals-ladder": ("3 then 5 m/s, matched exploration", "error_mm", 800.0, _rivals("ladder", "replay-threshold")),
+    "model": ("Landing model and improved Q critic, 5 m/s", "error_mm", 120.0, _MODELS),
+}  # fmt: skip
+"""Title, what is drawn, the top of the chart, and the training of every line."""
+
+
+def draw_learning_charts(results: Results, folder: Path) -> None:
+    """Each chart as a file of its name."""
+    for name, (title, what, top, trainings) in CHARTS.items():
+        lines = [curve(words, results[training], what) for words, training in trainings.items() if results[training]]
+        y_title = "returned, %" if what == "returned" else "error, mm"
+        line_chart(folder / f"learning-{name}.svg", title, "episode", y_title, lines, y_top=top)
+
+
+def curve(name: str, results: Sequence[SeedResult], what: str) -> ChartLine:
+    """Mean and 95 % interval at every evaluation."""
+    episodes = sorted({e.episode for result in results for e in result.evaluations})
+    scale = 100.0 if what == "returned" else 1.0
+    spreads = [spread_of([scale * value for value in values_at(results, episode, what)]) for episode in episodes]
+    kept = [(episode, s) for episode, s in zip(episodes, spreads, strict=True) if s.count]
+    low = [s.mean if math.isnan(s.low) else s.low for _, s in kept]
+    high = [s.mean if math.isnan(s.high) else s.high for _, s in kept]
+    return ChartLine(name, [episode for episode, _ in kept], [s.mean for _, s in kept], low, high)
+
 
 TIME_HEADING = "## Time\n"
 PAPER_RETURNS = {

@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from benchmarks.machine import describe_machine
 from benchmarks.partial_rows import report_rows_to
-from benchmarks.rally.known_balls import measure_known_balls
 from benchmarks.rally.rally_report import write_rally_report
 from core.cameras import stereo_preset
 from core.cameras.presets import SENSOR_720
@@ -34,11 +33,47 @@ from core.chain.follow import true_positions
 from core.events import SensorSize
 from core.files import replace_file
 from core.live.worlds.closed_loop import ClosedLoop, PlayedBall
+from core.live.worlds.simulated_returns import ReturnOutcome, SimulatedReturnsConfig, play_known_balls
 from core.live.worlds.world import Block, WorldConfig
 from core.physics.config import Profile
 from core.physics.episode import Case
-from core.physics.task import STAGE_SPEEDS_MPS, task_profile
+from core.physics.task import STAGE_SPEEDS_MPS, TaskConfig, task_profile
 from core.recordings import BallTruth
+from core.simulation.episodes import draw_serves
+
+
+def measure_known_balls(task: TaskConfig, speed_mps: float, balls: int, seed: int) -> dict[str, object]:
+    """A row of the rally's bench for `balls` drawn serves; a ball without a stroke that could return it is missed."""
+    serves = draw_serves(speed_mps, balls, task, np.random.default_rng([seed, round(1000 * speed_mps)]))
+    found = play_known_balls(serves, SimulatedReturnsConfig(task=task))
+    errors_mm = 1e3 * found.error_m[np.isfinite(found.error_m)]
+    median, high = np.percentile(errors_mm, (50, 95)).tolist() if len(errors_mm) else (None, None)
+    counts = {
+        "own_half": found.count(ReturnOutcome.OWN_HALF),
+        "net": found.count(ReturnOutcome.NET),
+        "out": found.count(ReturnOutcome.LONG) + found.count(ReturnOutcome.WIDE),
+    }
+    returned = found.count(ReturnOutcome.RETURNED)
+    return {
+        "sensor": None,
+        "speed_mps": speed_mps,
+        "balls": balls,
+        "seen": None,
+        "returned": returned / balls,
+        "landing_mm_median": median,
+        "landing_mm_p95": high,
+        "aim_mm_median": None,
+        **counts,
+        "missed": balls - returned - sum(counts.values()),
+        "points": None,
+        "point_mm_median": None,
+        "point_mm_p95": None,
+        "step_ms_p50": None,
+        "step_ms_p99": None,
+        "chain_cores": None,
+        "wall_s_per_ball": None,
+    }
+
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Final
 
@@ -18,7 +18,6 @@ import numpy as np
 from benchmarks.machine import describe_machine
 from benchmarks.partial_rows import report_rows_to
 from benchmarks.robustness.cells import CELLS, Cell
-from benchmarks.robustness.filter_rows import filter_rows, held_out
 from benchmarks.robustness.play import BALLS, CONSTANTS, SEED, CellSession, PlayedSession, play_session
 from benchmarks.robustness.report import write_robustness_report
 from core.errors import CommandError
@@ -27,10 +26,51 @@ from core.jobs.backend import ALONE, HERE, JobBackend
 from core.jobs.jobs import open_jobs
 from core.live.worlds.step_testing import STEPS
 from core.metrics.intervals import binomial_interval
+from core.metrics.spinning_flights import foresee_flights, spinning_flights, touches_net
 from core.physics.episode import Case
+from core.physics.fit_flights import RecordedFlight
 from core.physics.flight_files import read_flight
 from core.text.json_text import parse_json
+from core.trajectory import FilterConfig, FilterPredictor, filter_for
 from core.trajectory.filter_config import UNKNOWN
+
+FILTERS: Final[dict[str, tuple[FilterConfig, bool]]] = {
+    "told `real`": (filter_for("real"), False),
+    "told `paper`": (filter_for("paper"), False),
+    "told nothing, each flight alone": (replace(filter_for("paper"), perhaps_real=True), False),
+    "told nothing, learning from flight to flight": (replace(filter_for("paper"), perhaps_real=True), True),
+}
+"""With whether they carry over what they learnt."""
+
+
+def held_out(flights: Sequence[RecordedFlight]) -> list[RecordedFlight]:
+    """Every second flight, in the order of their names: the filter was tuned on the others."""
+    return spinning_flights(flights[1::2])
+
+
+def filter_rows(flights: Sequence[RecordedFlight]) -> list[dict[str, object]]:
+    """A row per filter and time ahead, over flights that nothing was tuned on."""
+    rows = []
+    without = [flight for flight in flights if not touches_net(flight)]
+    for name, (config, carry) in FILTERS.items():
+        found = foresee_flights(FilterPredictor(config), flights, carry=carry)
+        clean = foresee_flights(FilterPredictor(config), without, carry=carry)
+        rows += [
+            {
+                "filter": name,
+                "ahead_ms": round(1e3 * ahead),
+                "flights": len(flights),
+                "predictions": len(one.errors_m),
+                "median_mm": 1e3 * one.median_m,
+                "worst_tenth_mm": 1e3 * one.worst_tenth_m,
+                "nees": one.nees,
+                "nees_off_net": clean[ahead].nees,
+                "off_net": len(without),
+            }
+            for ahead, one in found.items()
+        ]
+    return rows
+
 
 FOLDER: Final = Path("rallyscope-data/bench-robustness")
 BALLS_PER_ROW: Final = 100

@@ -14,14 +14,51 @@ from numpy.typing import NDArray
 from core.chain.chain import BallPoint
 from core.chain.control.decision import RacketDecision
 from core.chain.control.player import PlayerState
-from core.history.rally_picture import LandingSpot, Pose, RallyPicture
-from core.history.trail_speed import trail_speeds_mps
-from core.history.uncertainty import spreads_of
+from core.history.rally_picture import LandingSpot, Pose, RallyPicture, UncertaintyEllipse
 from core.recordings import BallTruth
 from core.trajectory import Prediction
 from core.trajectory.prediction import HitPlane
 
 Array = NDArray[np.float64]
+
+HALF_WINDOW_US: Final = 16_000
+"""A speed is the way from so long before a point to so long after it: an error of 1 mm at its ends is 0.05 m/s."""
+
+
+def trail_speeds_mps(t_us: NDArray[np.int64], ps_world_m: Array) -> Array:
+    """(N,) speed at each of the points (N, 3) of one flight, seen at ascending times (N,); NaN for a single point.
+
+    It is that of the chord, so a little low over the milliseconds of a bounce.
+    """
+    if len(t_us) < 2:
+        return np.full(len(t_us), np.nan)
+    first = np.searchsorted(t_us, t_us - HALF_WINDOW_US, side="left")
+    last = np.searchsorted(t_us, t_us + HALF_WINDOW_US, side="right") - 1
+    alone = first == last  # a gap on both sides: then from the neighbour
+    first, last = np.where(alone, np.maximum(first - 1, 0), first), np.where(alone & (first == 0), last + 1, last)
+    seconds = (t_us[last] - t_us[first]) * 1e-6
+    return np.linalg.norm(ps_world_m[last] - ps_world_m[first], axis=1) / seconds
+
+
+def spreads_of(prediction: Prediction) -> tuple[UncertaintyEllipse, ...]:
+    """Of the next bounce, level, and of the hit, in the hitting plane; of what is expected only."""
+    found: list[UncertaintyEllipse] = []
+    if prediction.bounces:
+        bounce = prediction.bounces[0]
+        found.append(
+            UncertaintyEllipse(
+                bounce.p_world_m, np.array([[bounce.sigma_m[0], 0.0, 0.0], [0.0, bounce.sigma_m[1], 0.0]])
+            )
+        )
+    hit = prediction.hit_plane
+    if hit is not None:
+        variances, directions = np.linalg.eigh(hit.covariance[1:3, 1:3])
+        lengths = np.sqrt(np.maximum(variances, 0.0))
+        axes = np.column_stack([np.zeros(2), (directions * lengths).T])
+        found.append(UncertaintyEllipse(hit.p_world_m, axes))
+    return tuple(found)
+
+
 Item = TypeVar("Item")
 
 TRAIL_US: Final = 700_000

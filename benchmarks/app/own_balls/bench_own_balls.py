@@ -8,18 +8,25 @@ nothing here is tuned on what is scored.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from benchmarks.app.own_balls.agreement_of_set import agreement_of_set
-from benchmarks.app.own_balls.card import set_card, set_remarks
 from benchmarks.app.own_balls.figures import AnsweredLayer, OwnBallsRow, ball_numbers, rows_of
-from benchmarks.app.own_balls.labelled_set import LabelledLayer, OwnSet, own_recordings, read_own_set
+from benchmarks.app.own_balls.labelled_set import (
+    LabelledLayer,
+    OwnSet,
+    count_by_source,
+    count_by_state,
+    own_recordings,
+    read_own_set,
+)
 from benchmarks.app.own_balls.page import own_balls_page
 from benchmarks.machine import describe_machine
 from benchmarks.perception.plan import METHODS
@@ -31,8 +38,86 @@ from core.jobs import ALONE, HERE, JobBackend, TaskControl, open_jobs
 from core.metrics import WindowAnswers
 from core.metrics.timed import TimedDetector, one_opencv_thread
 from core.recordings import open_recording
+from labels.agreement import Agreement, made_independently, measure_agreement
 from labels.arrays import LabelArrays
-from labels.score import answers_at
+from labels.score import SEAM_US, answers_at, joined_in_time
+
+
+def set_card(own: OwnSet) -> dict[str, object]:
+    """Cameras, duration, and how many labels came about how. What a file cannot know is for the one who recorded."""
+    first = own.first_looks()
+    return {
+        "recordings": [asdict(card) for card in own.recordings],
+        "seconds": sum(card.seconds for card in own.recordings),
+        "without_labels": [card.recording for card in own.recordings if not card.labels],
+        "annotators": {
+            name: {
+                "labels": sum(len(layer.labels) for layer in own.first_looks(name)),
+                "by_source": count_by_source(own.first_looks(name)),
+                "by_state": count_by_state(own.first_looks(name)),
+                "second_looks": sum(len(one.labels) for one in own.layers if one.blind and one.annotator == name),
+            }
+            for name in own.annotators
+        },
+        "labels": sum(len(layer.labels) for layer in first),
+        "proposed_by": dict(sum((Counter(layer.proposed_by) for layer in first), Counter())),
+    }
+
+
+def set_remarks(own: OwnSet) -> Iterator[str]:
+    """Sentences."""
+    first = own.first_looks()
+    proposed = sum((Counter(layer.proposed_by) for layer in first), Counter())
+    if accepted := proposed.total():
+        who = ", ".join(sorted(proposed))
+        yield (
+            f"{accepted} of {sum(len(layer.labels) for layer in first)} labels are accepted proposals of {who}, and "
+            "favour the detector that made them: read the rows `by hand` first"
+        )
+    copied = count_by_source(first).get("interpolated", 0)
+    if copied:
+        yield f"{copied} labels are interpolated: nobody looked at each of them"
+    if not any(layer.blind for layer in own.layers) and len(own.annotators) < 2:
+        yield "nobody has looked twice: how exact the labels are is not known, nor whether an error below that is one"
+    hidden = count_by_state(first).get("occluded", 0)
+    if hidden:
+        yield f"{hidden} balls are labelled as occluded: no method is asked for them"
+    notes = [card.recording for card in own.recordings if card.notes]
+    if notes:
+        yield f"`rallyscope info` has notes on {', '.join(notes)}"
+
+
+@dataclass(frozen=True, slots=True)
+class AnnotatorPair:
+    """Two that looked at the same instants."""
+
+    first: str
+    second: str
+    """The same name for the blind second looks."""
+    found: Agreement
+
+
+def agreement_of_set(own: OwnSet) -> tuple[AnnotatorPair, ...]:
+    """Every pair with a common label; labels that settle conflicts are left out, since they were made together."""
+    blind = [one for one in own.layers if one.blind]
+    pairs = [(first, second, own.first_looks(second)) for first, second in combinations(own.annotators, 2)]
+    pairs += [(name, name, [one for one in blind if one.annotator == name]) for name in own.annotators]
+    found = [AnnotatorPair(a, b, _agreement(own.first_looks(a), theirs)) for a, b, theirs in pairs]
+    return tuple(pair for pair in found if pair.found.common)
+
+
+def _agreement(mine: Sequence[LabelledLayer], theirs: Sequence[LabelledLayer]) -> Agreement:
+    """Of the cameras that both have labelled, one after the other, each moved by the same time on both sides."""
+    of_place = {(one.path, one.camera): one.labels for one in theirs}
+    both = [(one.labels, of_place[one.path, one.camera]) for one in mine if (one.path, one.camera) in of_place]
+    moves, end_us = [], 0
+    for pair in both:
+        moves.append(end_us)
+        end_us += max(int(labels.t_us[-1]) for labels in pair) + SEAM_US
+    sides = [[pair[side] for pair in both] for side in (0, 1)]
+    first, second = (made_independently(joined_in_time(side, moves)) for side in sides)
+    return measure_agreement(first, second)
+
 
 DATA: Final = Path("rallyscope-data")
 WARM_UP: Final = 3

@@ -2,16 +2,74 @@
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from core.detection.detector import Detection
-from core.detection.fast.cluster import allocate_clusters
-from core.detection.fe_fusion.choice import possible_balls
-from core.detection.fe_fusion.clusters import measure_clusters
+from core.detection.fast.cluster import NO_TIMES, ClusterMemory, allocate_clusters, label_events
 from core.detection.fe_fusion_config import FeFusionConfig
 from core.detection.stages.denoise import DenoiseConfig, survives_opening
 from core.detection.stages.roi import Centre, RoiConfig, inside_roi, next_region, roi_around
 from core.events import Events, SensorSize, Window
+from core.jit import njit
+
+
+class Clusters(NamedTuple):
+    """N clusters of one window, in the order of their first events."""
+
+    events: NDArray[np.int64]
+    u_px: NDArray[np.float64]
+    v_px: NDArray[np.float64]
+    """Centroid of the events."""
+    r_px: NDArray[np.float64]
+    """Mean distance of the events from it."""
+    elongation: NDArray[np.float64]
+    """Longer side of the upright bounding box over the shorter one."""
+
+
+@njit
+def measure_clusters(x_px, y_px, memory: ClusterMemory) -> Clusters:
+    """The DBSCAN clusters of one event or more; noise is left out."""
+    count, labels = len(x_px), memory.labels
+    clusters = label_events(x_px, y_px, NO_TIMES, memory)
+    events, sum_x, sum_y = np.zeros(clusters, np.int64), np.zeros(clusters), np.zeros(clusters)
+    low, high = np.full((2, clusters), np.inf), np.full((2, clusters), -np.inf)
+    for i in range(count):
+        label = labels[i]
+        if label >= 0:
+            x, y = float(x_px[i]), float(y_px[i])
+            events[label] += 1
+            sum_x[label] += x
+            sum_y[label] += y
+            low[0, label], high[0, label] = min(low[0, label], x), max(high[0, label], x)
+            low[1, label], high[1, label] = min(low[1, label], y), max(high[1, label], y)
+    u, v, distance = sum_x / events, sum_y / events, np.zeros(clusters)
+    for i in range(count):
+        label = labels[i]
+        if label >= 0:
+            distance[label] += math.hypot(x_px[i] - u[label], y_px[i] - v[label])
+    sides = high - low + 1.0
+    elongation = np.maximum(sides[0] / sides[1], sides[1] / sides[0])
+    return Clusters(events, u, v, distance / events, elongation)
+
+
+def possible_balls(clusters: Clusters, config: FeFusionConfig) -> NDArray[np.intp]:
+    """The numbers of the clusters with the events, the spread and the shape of a ball: the one with most events first.
+
+    That one is the answer. Taking the one nearest to the last centre instead was no better on development flights.
+    """
+    radius = clusters.r_px
+    possible = np.flatnonzero(
+        (clusters.events >= config.size_min)
+        & (config.radius_min_px <= radius)
+        & (radius <= config.radius_max_px)
+        & (clusters.elongation <= config.elongation_max)
+    )
+    return possible[np.argsort(-clusters.events[possible], kind="stable")]
+
 
 ROOM: Final = 1 << 14
 """Events of a window that the working arrays hold at first; they grow."""

@@ -17,12 +17,12 @@ import zmq
 from core.cameras import Camera
 from core.config import check_settings, setting
 from core.errors import LinkError, RallyscopeError
+from core.events import SensorSize
 from core.live.link import messages as m
 from core.live.link.adaptive_rate import AdaptiveRate
 from core.live.link.address import split_address
 from core.live.link.guard import LinkGateway, check_reach
 from core.live.link.keys import ServerKeys
-from core.live.link.prepare import prepare_simulation
 from core.live.link.published import contact_notice, event_batch, outcome_notice, published_ball_rows, serve_notice
 from core.live.link.responder import KernelProgress, PreparingResponder
 from core.live.worlds.world import Block, SimulatedWorld, WorldConfig
@@ -32,6 +32,34 @@ from core.simulation.episodes.recorded_serves import RecordedServes
 from core.simulation.event_cameras.event_camera import BLOCK_US
 from core.simulation.scenes.scene import name_of_scene, scene_named
 from core.simulation.sensor.readout import ReadoutCounts
+
+SENSOR: Final = SensorSize(64, 48)
+BLOCKS: Final = 120
+"""Simulated time of 1.2 s: a ball flies into the racket, back over the net, and to the floor."""
+BEFORE_RACKET_M: Final = np.array([0.5, 0.0, 0.1])
+SPEED_MPS: Final = 6.0
+
+
+def prepare_simulation(config: WorldConfig, cameras: Mapping[str, Camera]) -> None:
+    """Play two balls in small pictures, so that all that a rally needs is compiled; nothing else comes of it."""
+    small = {name: dataclasses.replace(camera, sensor=SENSOR, K=_scaled(camera)) for name, camera in cameras.items()}
+    world = SimulatedWorld(config, small, seed=0)
+    try:
+        world.draw_serve(5.0)
+        for number in range(BLOCKS):
+            if number == BLOCKS // 4:
+                start_m = world.rally.racket.p_m + BEFORE_RACKET_M
+                world.serve(start_m, (-SPEED_MPS, 0.0, 0.0), (0.0, 0.0, 0.0))
+            published_ball_rows(world.advance())
+    finally:
+        world.close()
+
+
+def _scaled(camera: Camera) -> np.ndarray:
+    """Camera matrix (3, 3) of the same view in the small picture."""
+    scale = SENSOR.width_px / camera.sensor.width_px
+    return camera.K * np.array([[scale], [scale], [1.0]])
+
 
 logger = logging.getLogger(__name__)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from core.config import check_settings, setting
 from core.errors import ConfigError
@@ -17,8 +18,38 @@ from core.physics.flight import MAX_FLIGHT_S, Air, air_from_config, fall_through
 from core.physics.task import ElevationConfig, TaskConfig
 from core.simulation.episodes.closed_form import fly_serves
 from core.simulation.episodes.episode_path import Trajectory, trace_episode
-from core.simulation.flights.ball_path import BallPath, ParabolicPath
-from core.simulation.flights.traced_flight import TracedFlight
+from core.simulation.flights.ball_path import BallPath, BallStates, ParabolicPath, VisibleRange, launcher_portals
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TracedFlight:
+    """One ball on an integrated trajectory, from `start_s` to `end_s`; as smooth and exact as its integrator."""
+
+    trajectory: Trajectory
+    """Its time counts from the launch."""
+    start_s: float
+    end_s: float
+
+    @property
+    def kinks_s(self) -> Array:
+        """Start, bounces and end."""
+        times_s = np.array([self.start_s + event.t_s for event in self.trajectory.events])
+        return np.append(times_s[times_s < self.end_s], self.end_s)
+
+    def at(self, t_s: ArrayLike) -> BallStates:
+        """The ball at the times `t_s` (N,); present from the start up to, not including, the end."""
+        t = np.atleast_1d(np.asarray(t_s, np.float64))
+        states = self.trajectory.at(t - self.start_s)
+        present = (self.start_s <= t) & (t < self.end_s)
+        states[~present] = np.nan
+        return BallStates(t, states[:, :3], states[:, 3:6], states[:, 6:9], present)
+
+    def portals(self, t_s: ArrayLike) -> VisibleRange:
+        """The launcher's mouth, and its like at the end."""
+        return launcher_portals(self, self.start_s, np.atleast_1d(np.asarray(t_s, np.float64)))
+
 
 DRAWS_AT_MOST: Final = 1000
 

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page
 
 from app.state.client_state import MODES
 from app.state.commands import EditSetting, LookAt, SetMode, SetOverlay, SetZoom, StopAt
-from benchmarks.app.page_return import GOAL_S, PATIENCE_S, measure_in
+from benchmarks.app.bench_app import GOAL_S, PATIENCE_S, measure_in
 from tests.app.browser.conftest import FEW_FRAMES, Window, save_screenshot, wait_for
 
 EVIL = b"""<!doctype html><title>evil</title><iframe id=frame></iframe><script>

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from app.cli import main
-from benchmarks.detection.simulated_streams import simulate_flights
+from benchmarks.detection.bench_detection import simulate_flights
 from core.config import replace_setting, save_config
 from core.detection import auto_config
 from core.detection.methods import method_config

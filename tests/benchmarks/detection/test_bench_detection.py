@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.detection.bench_detection import accuracy, time_both
-from benchmarks.detection.simulated_streams import simulate_flights
+from benchmarks.detection.bench_detection import accuracy, simulate_flights, time_both
 from core.config import replace_setting
 from core.detection import auto_config, paper_config
 from core.metrics.run import duration_of

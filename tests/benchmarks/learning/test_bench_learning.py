@@ -12,7 +12,7 @@ from benchmarks.learning.beyond import event_cameras
 from benchmarks.learning.event_runs import PlayedSeed, event_training, load_played, play_seed
 from benchmarks.learning.plan import EXPLORATIONS, RIVALS, Counts, counts_of, plan, rival_training
 from benchmarks.learning.real_balls import real_experiments
-from benchmarks.learning.targets import TARGETS
+from benchmarks.learning.report import TARGETS
 from benchmarks.learning.verdicts import CLAIMS
 from core.jobs import ALONE
 from core.metrics.intervals import binomial_interval

@@ -5,9 +5,9 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
+from benchmarks.learning.report import TARGETS, targets_table
 from benchmarks.learning.runs import Evaluation, Results, SeedResult
 from benchmarks.learning.tables import paired
-from benchmarks.learning.targets import TARGETS, targets_table
 from benchmarks.learning.verdicts import CLAIMS, Claim, Finding, judge_claims, verdicts
 from core.errors import ConfigError
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from core.history.trail_speed import trail_speeds_mps
+from core.history.rally_history import trail_speeds_mps
 
 T_US = np.arange(0, 200_000, 2_000)
 

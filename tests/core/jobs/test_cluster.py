@@ -10,7 +10,7 @@ import pytest
 
 from core.errors import CommandError, ConfigError, JobsError
 from core.jobs import JobBackend, TasksStoppedError, open_jobs
-from core.jobs.versions import check_versions, versions_here
+from core.jobs.cluster import check_versions, versions_here
 
 pytest.importorskip("distributed")
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.live.ring_buffer import MIN_ROWS, RingBuffer
+from core.live.ring_recording import MIN_ROWS, RingBuffer
 
 STEPS = st.lists(
     st.tuples(st.sampled_from(["put", "put", "put", "late", "forget"]), st.integers(0, MIN_ROWS)), max_size=60

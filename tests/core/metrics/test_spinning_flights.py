@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.robustness.filter_rows import held_out
+from benchmarks.robustness.bench_robustness import held_out
 from core.metrics.spinning_flights import (
     MAX_SPIN_RADPS,
     NOISE_M,

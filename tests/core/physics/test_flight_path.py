@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from core.physics.config import PhysicsConfig, TableImpactConfig, physics_profile
+from core.physics.fit_flights import positions_at
 from core.physics.flight import Air, air_from_config, fly
-from core.physics.flight_path import positions_at
 from core.physics.impact import Surface, surfaces_from_config
 
 Array = NDArray[np.float64]

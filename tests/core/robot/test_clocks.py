@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.robot.robot_clock import RobotClock
-from core.robot.session_clock import SessionClock
+from core.robot.robot_watch import RobotClock
+from core.robot.source_with_robot import SessionClock
 
 
 def ping(clock: RobotClock, at_us: float, there_us: float, back_us: float, offset_us: float) -> bool:

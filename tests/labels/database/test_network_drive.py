@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from core.errors import LabelError
-from labels.database.network_drive import filesystem_of, refuse_network_drive
+from labels.database.connection import filesystem_of, refuse_network_drive
 
 MOUNTS = r"""/dev/sda1 / ext4 rw,relatime 0 0
 tmpfs /tmp tmpfs rw 0 0

@@ -8,8 +8,7 @@ import pytest
 from core.errors import ConfigError
 from core.learning.agents.agent import StageProgress
 from core.learning.agents.policy import read_policy, save_policy
-from core.learning.agents.reflection_agent import ReflectionAgent
-from core.learning.agents.reflection_model import ReflectionModel
+from core.learning.agents.reflection_agent import ReflectionAgent, ReflectionModel
 from core.learning.agents.replay import ReplayBuffer
 from core.learning.agents.state_posterior import FEWEST_BALLS, StatePosterior
 from core.learning.config import EnvironmentConfig, LandingModelConfig, RunConfig, default_run, environment_profile

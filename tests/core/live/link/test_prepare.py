@@ -14,9 +14,8 @@ from core.errors import LinkError
 from core.events import SensorSize
 from core.live.link import messages as m
 from core.live.link.client import SimulationClient
-from core.live.link.prepare import prepare_simulation
 from core.live.link.responder import PreparingResponder
-from core.live.link.server import ServerConfig, SimulationServer
+from core.live.link.server import ServerConfig, SimulationServer, prepare_simulation
 from core.live.worlds.world import SimulatedWorld, WorldConfig
 from core.physics.task import task_profile
 from core.simulation.episodes.mujoco_rally import MujocoRally

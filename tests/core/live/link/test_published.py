@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.live.link.notices import BounceNotice, HitNotice
+from core.live.link.messages import BounceNotice, HitNotice
 from core.live.link.published import contact_notice, outcome_notice, serve_notice
 from core.live.worlds.world import ClassifiedBall, RacketContact
 from core.physics.episode import Case

@@ -9,8 +9,7 @@ from core.physics import PhysicsConfig, Serves, physics_profile
 from core.physics.config import AirConfig
 from core.simulation import LaunchConfig, StereoConfig, ball_truth, draw_serve_series, simulate_stereo, truth_times
 from core.simulation.flights.ball_path import ParabolicPath
-from core.simulation.flights.serve import serve_flight
-from core.simulation.flights.traced_flight import TracedFlight
+from core.simulation.flights.serve import TracedFlight, serve_flight
 from core.table import BALL_RADIUS_M, NET_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
 REAL = physics_profile("real")

@@ -6,9 +6,8 @@ from app import theme
 from app.modes.watch.robot.words import limits_words, robot_html
 from core.chain.control.step_test import CommandLatency
 from core.robot import RobotState, RobotStatus
-from core.robot.robot_clock import ClockOffset
 from core.robot.robot_step_test import StepTestReport
-from core.robot.robot_watch import RobotCounts, StopNote
+from core.robot.robot_watch import ClockOffset, RobotCounts, StopNote
 from tests.core.robot.limits import LIMITS
 
 STATE = RobotState(
