@@ -28,7 +28,7 @@ def describe_machine(*packages: str, **remarks: str) -> dict[str, object]:
 
 
 def machine_words(machine: Mapping[str, object]) -> str:
-    """The same for a report's reader."""
+    """The machine as text for a report."""
     return ", ".join(f"{name} {value}" for name, value in machine.items() if value is not None)
 
 

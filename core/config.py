@@ -147,7 +147,7 @@ def get_setting(config: object, path: tuple[str, ...]) -> Setting:
 
 
 def replace_setting(config: C, path: tuple[str, ...], value: Setting) -> C:
-    """The same config with the leaf at `path` set to `value`.
+    """A copy of the config with the leaf at `path` set to `value`.
 
     Raises:
         ConfigError: if the value is not allowed there.

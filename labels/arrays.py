@@ -46,7 +46,7 @@ class LabelArrays:
         return self.rows(slice(int(first), max(int(first), int(last))))
 
     def changed(self, t_us: int, label: Label | None) -> LabelArrays:
-        """The same labels with the one at `t_us` replaced, added, or taken out (None)."""
+        """A copy with the label at `t_us` replaced, added, or removed (None)."""
         row = int(np.searchsorted(self.t_us, t_us))
         present = row < len(self) and int(self.t_us[row]) == t_us
         if label is None:

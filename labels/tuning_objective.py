@@ -33,7 +33,7 @@ class LabelObjective:
     blocks: TimeBlocks
 
     def score(self, recording: Recording, config: DetectorConfig, cancelled: Cancelled) -> SplitScore:
-        """Of all cameras together."""
+        """Score of all cameras together."""
 
         def look(share: float) -> None:
             if cancelled():

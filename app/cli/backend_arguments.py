@@ -11,7 +11,7 @@ from core.jobs import JobBackend
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BackendArguments:
-    """Of a verb whose pieces are sent to the workers, and their results back."""
+    """Flags of a verb whose tasks are sent to workers and whose results come back."""
 
     TITLE: ClassVar = "where it is done; the results do not depend on it"
     jobs: PositiveInt | None = flag("pieces worked on at a time on this machine", "N", "one per core")
@@ -31,7 +31,7 @@ class BackendArguments:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedBackendArguments(BackendArguments):
-    """Of a verb whose workers open or write the files themselves."""
+    """Flags of a verb whose workers open and write the files themselves."""
 
     TITLE: ClassVar = (
         "where it is done; the results do not depend on it; the machines of a cluster must share the folders of all "

@@ -87,7 +87,7 @@ class DetectInEvents:
 
 @dataclass(frozen=True, slots=True)
 class DetectInFrames:
-    """The same from all pictures of a camera."""
+    """Detections in every picture of a frame camera."""
 
     camera: str | None
     method: str

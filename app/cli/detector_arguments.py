@@ -61,7 +61,7 @@ class AnyMethodArguments:
     weights: Path | None = flag("of yolo, made by `train-detector`", "FILE", "those that come with the package")
 
     def settings(self) -> tuple[Method, DetectorConfig, int]:
-        """Of a method that looks at events: its name, what it runs with, and the length of a window.
+        """Name, config and window length of an event-based method.
 
         Raises:
             RallyscopeError: for a bad file, or a flag that it does not have.

@@ -25,7 +25,7 @@ READY_S: Final = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraArguments:
-    """Of verbs that take event cameras."""
+    """Flags of verbs that open event cameras."""
 
     TITLE: ClassVar = "event cameras (--source camera:...)"
     calibration: Path | None = flag("calibration of the cameras, in the order of the serials", "FILE")

@@ -29,7 +29,7 @@ def _cell(value: object) -> str:
 
 
 def json_ready(value: object) -> object:
-    """The same with None for what is not a finite number, which JSON does not know."""
+    """A copy of the value with None for every number that is not finite, which JSON cannot hold."""
     if isinstance(value, dict):
         return {key: json_ready(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -17,7 +17,7 @@ FEW_EVERY_S: Final = 0.2
 
 
 class FrameThrottle:
-    """Of one browser; used by its loop, but for `hurry`."""
+    """Limits the frame rate of one browser. Called by its loop, except `request_frame`."""
 
     def __init__(self) -> None:
         self._by_software = False

@@ -55,7 +55,7 @@ def bounce_near(history: RallyHistory, now_us: int) -> Bounce | None:
 
 
 class OpeningMoment:
-    """Of one browser; used by its loop."""
+    """The time at which a browser opens a recording. Called by that browser's loop."""
 
     def __init__(self, begun: Callable[[], None]) -> None:
         """`begun` is called when the slow motion begins."""

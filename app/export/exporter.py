@@ -151,7 +151,7 @@ class Exporter:
 
 
 def _claim(workspace: Workspace) -> int:
-    """Of all servers on a folder one exports at a time, so that no two take the same name.
+    """Lock the export folder: one server exports at a time, so that two never choose the same name.
 
     Raises:
         CommandError: if another does, or the folder cannot be written.

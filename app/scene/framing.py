@@ -17,7 +17,7 @@ MARGIN: Final = 0.06
 
 
 def framed(viewpoint: Viewpoint, ps_world_m: ArrayLike, aspect: float, margin: float = MARGIN) -> Viewpoint:
-    """The same direction and angle of view, moved so that the points (N, 3) just fill a picture of width over height.
+    """The viewpoint moved so that the points (N, 3) just fill a picture of this width over height.
 
     It turns about the point of its line of sight that is nearest to what it looked at.
     """

@@ -35,7 +35,7 @@ def _steps(speeds_mps: ArrayLike) -> NDArray[np.intp]:
 
 
 def speed_line_colours(speeds_mps: ArrayLike) -> NDArray[np.uint8]:
-    """The same for points of a line: the browser takes these for linear light, not for sRGB."""
+    """Speed colours of the points of a line: the browser reads them as linear light, not as sRGB."""
     return _LINEAR[_steps(speeds_mps)]
 
 

@@ -35,7 +35,7 @@ class JobBackends:
         return (THIS_MACHINE,) if self.cluster is None else (THIS_MACHINE, THE_CLUSTER)
 
     def flags(self, place: str, jobs: int) -> tuple[str, ...]:
-        """Of the verb that does the work there; `jobs` at a time on this machine.
+        """Command line flags that select this backend; `jobs` tasks at a time on this machine.
 
         Raises:
             CommandError: for a place that is not offered.

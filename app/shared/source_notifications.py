@@ -24,7 +24,7 @@ class Notification(NamedTuple):
 
 
 class SourceNotifications:
-    """Of one browser; used by its loop."""
+    """Notifications about the live source for one browser. Called by its loop."""
 
     def __init__(self) -> None:
         self._looked_s = float("-inf")
@@ -68,7 +68,7 @@ def _troubles(status: SourceStatus, health: StreamHealth) -> dict[str, str]:
 
 
 def _robot_troubles(robot: RobotStatus | None) -> dict[str, str]:
-    """The same of a robot of one's own, once somebody has started it."""
+    """Problems of an external robot, once it was started."""
     if robot is None:
         return {}
     if robot.connection == "lost":
@@ -79,7 +79,7 @@ def _robot_troubles(robot: RobotStatus | None) -> dict[str, str]:
 
 
 def _drift_troubles(report: DriftReport | None) -> dict[str, str]:
-    """The same of the calibration; no figure, which would be told again with every change."""
+    """Problems of the calibration, without figures: a changing figure would repeat the notification."""
     if report is None or not report.alarm:
         return {}
     body = (

@@ -31,5 +31,5 @@ class BoardGuide:
         return replace(self, cells=covered, pictures={**self.pictures, camera: self.pictures.get(camera, 0) + 1})
 
     def emptied(self) -> BoardGuide:
-        """The same, as if it had never been seen."""
+        """A copy with nothing seen yet."""
         return BoardGuide(self.board, SweptCells(self.cells.active, enough=1))

@@ -147,7 +147,7 @@ class ClientState:
         return History(Configs(replace(present.a, window=window), replace(present.b, window=window)))
 
     def with_history(self, history: History[Configs]) -> ClientState:
-        """The same with other configs of the chosen method."""
+        """A copy with other configs of the chosen method."""
         if self.tune.method in STAGED:
             return replace(self, configs=history)
         return replace(self, own_configs={**self.own_configs, self.tune.method: history})

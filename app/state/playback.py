@@ -38,15 +38,15 @@ class Playhead:
         return self._inside(self._looped(self.anchor_us + moved))
 
     def grown(self, start_us: int, duration_us: int) -> Playhead:
-        """The same cursor in a live recording that has gone on."""
+        """The cursor in a live recording that has grown."""
         return replace(self, start_us=start_us, duration_us=duration_us)
 
     def seek(self, t_us: int, wall_s: float) -> Playhead:
-        """The same cursor elsewhere; it goes on playing if it did."""
+        """The cursor at another time; playing or paused as before."""
         return replace(self, anchor_us=self._inside(t_us), anchor_wall_s=wall_s, following=False)
 
     def looping(self, section_us: tuple[int, int] | None, wall_s: float) -> Playhead:
-        """The same cursor with a section to repeat, at its start if it stands outside; None ends the repeating."""
+        """The cursor with a section to repeat, moved to its start if it is outside; None ends the loop."""
         head = replace(self.seek(self.position_us(wall_s), wall_s), loop_us=None)
         if section_us is None:
             return head
@@ -84,7 +84,7 @@ class Playhead:
         return replace(self.seek(self.position_us(wall_s), wall_s), playing=False)
 
     def at_speed(self, speed: float, wall_s: float) -> Playhead:
-        """The same position, moving at `speed` recording seconds a second."""
+        """The cursor moving at `speed` recording seconds per second."""
         if not (math.isfinite(speed) and speed > 0):
             return self
         return replace(self.seek(self.position_us(wall_s), wall_s), speed=speed)

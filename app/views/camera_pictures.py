@@ -31,7 +31,7 @@ class CameraPicturesRequest:
 
     @property
     def key(self) -> Hashable:
-        """Of all requests with the same pictures. What is not there yet of a live recording may still come."""
+        """Cache key, equal for the same pictures. The missing end of a live recording may still arrive."""
         there_us = min(self.t_us, self.recording.duration_us)
         circles = tuple(sorted(self.circles.items()))
         return self.recording, self.t_us, there_us, self.look, circles, self.show_truth

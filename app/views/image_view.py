@@ -183,6 +183,6 @@ def set_png(image: viser.ImageHandle | viser.GuiImageHandle, png: bytes) -> None
 
 
 def set_frustum_png(frustum: viser.CameraFrustumHandle, png: bytes) -> None:
-    """The same for the picture in a camera frustum."""
+    """Set the PNG of a camera frustum."""
     frustum._format = "png"
     frustum._image_data = png

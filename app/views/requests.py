@@ -132,7 +132,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
 
 
 def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[PipelineTrace, ...]]:
-    """The same window through each config, every stage traced."""
+    """Traces of all stages of one window, one per config."""
     view = request.view
     across = len(request.configs) if request.look.arrangement == "side by side" else 1
     canvases: list[Canvas] = []
@@ -154,7 +154,7 @@ def render_tune(request: TuneRequest) -> tuple[Mosaic, tuple[PipelineTrace, ...]
 
 
 def render_answers(request: TuneRequest) -> tuple[Mosaic, tuple[WindowAnswer, ...]]:
-    """The same time through each config of a method without stages: its window's events and what it says of them."""
+    """Answers at one time of a method without stages, one per config, with the events of the window."""
     view = request.view
     across = len(request.configs) if request.look.arrangement == "side by side" else 1
     found = [request.answers.find(request.stream, view.method, config, request.t_us) for _, config in request.configs]

@@ -121,7 +121,7 @@ def _paint_polarity(pixels: NDArray[np.uint8], events: Events) -> None:
 
 
 def _outline(candidate: Candidate) -> NDArray[np.float64]:
-    """Of the hull that was measured; without one a box round the events (4, 2)."""
+    """Corners of the measured hull; without one, of a box around the events (4, 2)."""
     if candidate.shape is not None and len(candidate.shape.hull_px) > 1:
         return candidate.shape.hull_px
     xs, ys = candidate.events.x_px, candidate.events.y_px

@@ -80,7 +80,7 @@ def page_html() -> bytes:
 
 @functools.cache
 def page_gzip() -> bytes:
-    """The same, packed."""
+    """The page as gzip."""
     return gzip.compress(page_html())
 
 

@@ -54,7 +54,7 @@ def measure_return(folder: Path, progress: Callable[[float], None] = lambda shar
 def measure_in(
     browser: Browser, folder: Path, progress: Callable[[float], None] = lambda share: None, turns: int = TURNS
 ) -> Row:
-    """The same in a browser that is there."""
+    """Measure in an open browser."""
     file = folder / "return.h5"
     simulate_recording(file, StereoConfig(sensor=SensorConfig()), stereo_preset(), [LaunchConfig()], seed=1)
     pages = [browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]}) for _ in range(2)]

@@ -109,7 +109,7 @@ def measure_in(
     runs: int = RUNS,
     seconds: float = RUN_S,
 ) -> list[Row]:
-    """The same in a browser that is there."""
+    """Measure in an open browser."""
     watch, found = PaceWatch(), []
     process = SimulationProcess("--auto-serve", f"{SPEEDS_MPS[0]:g}", "--seed", "3")
     live = join_simulation(process.wait(), process=process)
@@ -165,7 +165,7 @@ def rows_of(runs: list[PaceRun]) -> list[Row]:
 
 
 def _processor_times() -> np.ndarray:
-    """Of all processors: user, nice, system, idle, iowait, irq, softirq, steal, in ticks."""
+    """Ticks of all processors: user, nice, system, idle, iowait, irq, softirq, steal."""
     return np.array(Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:], np.int64)
 
 

@@ -85,7 +85,7 @@ def measure_in(
     seconds: float = SCRUB_S,
     live_s: float = LIVE_S,
 ) -> list[Row]:
-    """The same in a browser that is there."""
+    """Measure in an open browser."""
     file, busy = folder / "ball.h5", Workspace(folder).recording_path("busy")
     simulate_recording(file, StereoConfig(sensor=SensorConfig()), stereo_preset(), [LaunchConfig()], seed=1)
     write_busy_recording(busy, events)

@@ -43,7 +43,7 @@ class PlayedSeed:
 
     @property
     def score(self) -> PolicyScore:
-        """The same as a score."""
+        """The outcome as a score."""
         return PolicyScore(SPEED_MPS, self.returned, self.errors_mm)
 
 

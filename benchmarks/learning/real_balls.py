@@ -115,7 +115,7 @@ def real_rows(recorded: str | None) -> list[RealRow]:
 
 
 def real_experiments(counts: Counts, recorded: str | None) -> tuple[Experiment, ...]:
-    """The same as experiments of the bench."""
+    """The trainings on recorded balls as experiments of the bench."""
     rows = [row for row in real_rows(recorded) if not row.is_seen]
     return tuple(Experiment(PREFIX + row.name, _scaled(row.config, counts)) for row in rows)
 

@@ -150,7 +150,7 @@ def _is_measured(folder: Path, seed: int, planned: PlannedRecording) -> bool:
 
 
 def _result_paths(folder: Path, seed: int, recording: str) -> list[Path]:
-    """Of every method, that of the frame detector last, if it has weights."""
+    """Result paths of every method; the frame detector's is last, if it has weights."""
     paths = [plan.result_path(folder, seed, recording, method) for method in plan.METHODS]
     frames = _frame_path(folder, seed, recording)
     return paths if frames is None else [*paths, frames]

@@ -88,7 +88,7 @@ def space_errors(
 
 
 def hit_error_mm(crossing: PlaneCrossing, ends_us: list[int], said: list[Prediction | None]) -> float | None:
-    """Of what was said at the last step 100 ms before; None if nothing was said of this flight."""
+    """Error of the prediction 100 ms before the hit, mm; None if there was none."""
     step = bisect_right(ends_us, crossing.t_us - LEAD_US) - 1
     newest = said[step] if step >= 0 else None
     if newest is None or newest.t_us < crossing.start_us or newest.hit_plane is None:

@@ -23,27 +23,27 @@ class LoadedCamera:
 
     @property
     def name(self) -> str:
-        """Of the camera."""
+        """Name of the camera."""
         return self.stream.name
 
     @property
     def sensor(self) -> SensorSize:
-        """Of the camera."""
+        """Sensor size of the camera."""
         return self.stream.sensor
 
     @property
     def event_count(self) -> int:
-        """All of them."""
+        """Number of events."""
         return len(self.events)
 
     @property
     def calibration(self) -> Camera | None:
-        """Of the camera."""
+        """Calibration of the camera."""
         return self.stream.calibration
 
     @property
     def triggers(self) -> Triggers:
-        """Of the recording."""
+        """Triggers of the recording."""
         return self.stream.triggers
 
     @property

@@ -49,7 +49,7 @@ def _wrapped(paragraph: str) -> str:
 
 
 def html_page(sections: Sequence[ReportSection], pictures: Sequence[WindowPicture]) -> str:
-    """The same as HTML, with the pictures in it: no script, no other file."""
+    """The page as HTML with embedded pictures: no script, no other file."""
     written = [_section(section) for section in sections]
     body = "\n".join([*written[:BEFORE_PICTURES], _figures(pictures), *written[BEFORE_PICTURES:]])
     return (

@@ -47,17 +47,17 @@ def chain_of(method: Method) -> ChainConfig:
 
 
 def result_path(folder: Path, seed: int, recording: str, method: Method) -> Path:
-    """Of what one method did on one recording; named by its settings too: a changed one is another result."""
+    """Path of one method's result on one recording; its settings are part of the name."""
     settings = json.dumps(config_to_mapping(chain_of(method)), sort_keys=True, default=str)
     stamp = hashlib.sha256(settings.encode()).hexdigest()[:10]
     return folder / "results" / str(seed) / f"{recording}-{method}-{stamp}.json"
 
 
 def frame_result_path(folder: Path, seed: int, recording: str, method: str, stamp: str) -> Path:
-    """The same of a method that looks at pictures; the stamp says which weights it has."""
+    """Result path of a frame-based method; the stamp identifies its weights."""
     return folder / "results" / str(seed) / f"{recording}-{method}-{stamp}.json"
 
 
 def reading_path(folder: Path, seed: int, recording: str) -> Path:
-    """Of what does not depend on a method: the frames, and the time of one read per event."""
+    """Path of what does not depend on the method: frames, and the read time per event."""
     return folder / "results" / str(seed) / f"{recording}.json"

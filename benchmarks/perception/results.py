@@ -92,7 +92,7 @@ class RecordingReading:
 
 
 def rounded(values: Sequence[float] | np.ndarray) -> tuple[float, ...]:
-    """As they are kept."""
+    """Values rounded for the result file."""
     return tuple(round(float(value), DIGITS) for value in values)
 
 
@@ -117,7 +117,7 @@ def kept_result(path: Path) -> PerceptionResult | None:
 
 
 def kept_reading(path: Path) -> RecordingReading | None:
-    """The same for what holds whatever the method."""
+    """The stored reading that holds for every method, or None."""
     stored: dict[str, Any] = read_json(path)
     if stored.keys() != {field.name for field in fields(RecordingReading)}:
         return None

@@ -68,7 +68,7 @@ def recall(results: Results) -> float:
 
 
 def error_mean_px(results: Results) -> float:
-    """Of the right answers."""
+    """Mean error of the correct answers, px."""
     return ratio(sum(sum(one.error_px) for one in results), sum(len(one.error_px) for one in results))
 
 
@@ -109,7 +109,7 @@ def latency_p50_ms(results: Results) -> float:
 
 
 def latency_p99_ms(results: Results) -> float:
-    """The same for light that came first in a window, and a slow step: 99 % of all light is answered sooner."""
+    """Latency that 99 % of all events stay below: first in a window, and a slow step."""
     return sensing_ms(results, 1.0) + cpu_ms(99)(results)
 
 
@@ -179,6 +179,6 @@ def interval(by_seed: Sequence[float], single: Sequence[float]) -> tuple[float, 
 
 
 def mean(values: Sequence[float]) -> float:
-    """Of those that are known."""
+    """Mean of the values that are known."""
     known = [value for value in values if not math.isnan(value)]
     return sum(known) / len(known) if known else math.nan

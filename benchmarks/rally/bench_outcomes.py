@@ -94,12 +94,12 @@ class IdleRacketBackend:
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
-        """Of the other court."""
+        """Value of the wrapped backend."""
         return self._world_backend.cameras
 
     @property
     def now_us(self) -> int:
-        """Of the other court."""
+        """Value of the wrapped backend."""
         return self._world_backend.now_us
 
     def begin(self, seed: int) -> None:

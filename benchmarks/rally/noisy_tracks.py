@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackNoise:
-    """Of the chain with the detector `refined` and cameras of the `side` placement: what was measured of the outgoing
+    """Noise of the chain with the detector `refined` and cameras of the `side` placement, measured on the outgoing
     flights of 59 balls, which no figure is made of. In millimetres along x, y, z.
     """
 

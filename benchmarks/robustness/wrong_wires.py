@@ -28,7 +28,7 @@ EARLIEST_S, LATEST_S = 0.05, 0.35
 
 
 class WrongWires:
-    """Of one session, as a cell says."""
+    """Errors of one session, drawn as a cell specifies."""
 
     def __init__(self, cell: Cell, cameras: Mapping[str, Camera], rng: np.random.Generator) -> None:
         self._cell, self._rng = cell, rng

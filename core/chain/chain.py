@@ -107,7 +107,7 @@ class RallyChain:
 
     @property
     def learned(self) -> LearnedConstants | None:
-        """Of air and table, by the balls so far; None for a chain that was told them, or does not learn."""
+        """Constants of air and table learned from the balls so far; None where they are known or not learned."""
         predictor = self._predictor
         return predictor.learned if isinstance(predictor, FilterPredictor) and self.config.filter.perhaps_real else None
 

@@ -107,7 +107,7 @@ class EventWindows(Dataset[WindowSample]):
         return {"events": events, "centre": centre, "recording": name, "camera": camera, "start_us": start_us}
 
     def sensor(self, number: int) -> SensorSize:
-        """Of the camera that saw this window."""
+        """Sensor size of the camera that recorded this window."""
         name, camera = self._streams[bisect.bisect_right(self._ends, number % len(self))]
         return self._recording(name).cameras[camera].sensor
 

@@ -22,7 +22,7 @@ from core.text.json_text import parse_json
 
 @dataclass(frozen=True, slots=True)
 class CameraFacts:
-    """Of one camera."""
+    """Counts and rates of one camera."""
 
     events: int
     centres: int
@@ -37,7 +37,7 @@ class CameraFacts:
 
 @dataclass(frozen=True, slots=True)
 class RecordingFacts:
-    """Of one recording."""
+    """Counts and outcomes of one recording."""
 
     name: str
     uuid: str

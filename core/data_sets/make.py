@@ -21,12 +21,12 @@ REMARK = "data_set"
 
 
 def recording_path(folder: Path, planned: PlannedRecording) -> Path:
-    """Of the whole recording."""
+    """Path of the finished recording."""
     return folder / f"{planned.name}.h5"
 
 
 def partial_path(folder: Path, planned: PlannedRecording) -> Path:
-    """Of the recording while this process makes it; one that was given up for dead may still be at it elsewhere."""
+    """Path of the recording while this process writes it; a process presumed dead may still write another."""
     return folder / f".{planned.name}.{socket.gethostname()}-{os.getpid()}.partial.h5"
 
 

@@ -191,7 +191,7 @@ class RecentBlocks:
 
     @property
     def end_s(self) -> float:
-        """Of the newest block."""
+        """End of the newest block, s."""
         return self._blocks[-1].end_us * 1e-6
 
     @property

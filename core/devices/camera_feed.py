@@ -28,7 +28,7 @@ QUIET_S: Final = 0.5
 
 @dataclass(frozen=True, slots=True)
 class FeedCounts:
-    """Of one camera since it was opened."""
+    """Counts of one camera since it was opened."""
 
     events: int = 0
     packets_dropped: int = 0
@@ -42,7 +42,7 @@ class FeedCounts:
 
 
 class CameraFeed:
-    """Of one camera, which is closed with it. Times are the camera's own."""
+    """Packets of one camera, which it owns and closes. Times are on the camera's clock."""
 
     def __init__(self, name: str, device: CameraDevice, changed: threading.Condition) -> None:
         """Begin to read; `changed` is notified whenever something came."""

@@ -52,7 +52,7 @@ class ClockEstimate:
 
 
 class ClockFit:
-    """Of one camera: tell it each arrival. One thread tells; `estimate` may be read from any. Memory is bounded."""
+    """Fits one camera's clock to arrival times. One thread adds; any may read `estimate`. Memory is bounded."""
 
     def __init__(self) -> None:
         self._estimate: ClockEstimate | None = None

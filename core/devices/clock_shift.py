@@ -11,7 +11,7 @@ SLEW: Final = 1e-3
 
 
 class ClockShift:
-    """Of one camera. Without a clock of its own, as with a sync cable, the shift stays 0."""
+    """Shift of one camera's clock. It stays 0 for a camera that shares a clock, as with a sync cable."""
 
     def __init__(self, own: ClockFit | None = None, reference: ClockFit | None = None) -> None:
         self._own, self._reference = own, reference

@@ -226,7 +226,7 @@ class _CameraFile:
 
 
 def raw_path(out: Path, name: str) -> Path:
-    """Of a camera, beside the recording."""
+    """Path of a camera's raw file beside the recording."""
     return _beside(out, f"{name}.raw")
 
 

@@ -75,7 +75,7 @@ class ReplayedLibrary:
         return getattr(self.real, name)
 
     def list_devices(self) -> list[Any]:
-        """As the library says it."""
+        """Devices in the form of the camera library."""
         speed = self.real.Connection.USB_SUPER
         return [
             self.real.ListedDevice(self.real.Name(one.model.name), speed, "", serial, None)
@@ -83,7 +83,7 @@ class ReplayedLibrary:
         ]
 
     def open(self, configuration: Any, *, iterator_timeout: float, raw: bool, serial: str) -> ReplayedDevice:
-        """As the library does it."""
+        """Open a device as the camera library does."""
         device = ReplayedDevice(self, self.cameras[serial], configuration, iterator_timeout, raw=raw)
         self.opened.append(device)
         if len(self.opened) == len(self.cameras) and not self._hold:

@@ -48,7 +48,7 @@ class MissedBallRequest:
 
     @property
     def key(self) -> Hashable:
-        """Of all requests with the same answer: where to look, and what is known by now."""
+        """Cache key: equal for requests with the same answer."""
         known_us = min(self.history.followed_us, self.t_us)
         return self.recording, self.history, self.t_us, known_us, self.history.outcome_count
 

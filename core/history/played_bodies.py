@@ -60,7 +60,7 @@ class PlayedBodies:
         return People(bodies.parts, bodies.ends(np.array([(t_us + there[-1].zero_us) * 1e-6]))[0])
 
     def then(self, start_us: int, scene: str, seed: int, zero_us: int = 0) -> PlayedBodies:
-        """The same until `start_us`, and from then on those of a live scene."""
+        """These bodies until `start_us`, then those of a live scene."""
         bodies = make_actors(SCENES[scene].cast, seed) if scene in SCENES else None
         return PlayedBodies((*self.parts_of_time, ScenePart(start_us, zero_us, bodies)))
 

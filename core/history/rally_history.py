@@ -41,7 +41,7 @@ def trail_speeds_mps(t_us: NDArray[np.int64], ps_world_m: Array) -> Array:
 
 
 def spreads_of(prediction: Prediction) -> tuple[UncertaintyEllipse, ...]:
-    """Of the next bounce, level, and of the hit, in the hitting plane; of what is expected only."""
+    """One-sigma ellipses of the expected next bounce (horizontal) and of the hit (in the hitting plane)."""
     found: list[UncertaintyEllipse] = []
     if prediction.bounces:
         bounce = prediction.bounces[0]

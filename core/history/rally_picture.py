@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """Of a racket: its centre, and the rotation from its frame (normal along +x) to the world."""
+    """Pose of a racket: its centre, and the rotation from its frame (normal along +x) to the world."""
 
     p_world_m: Array
     wxyz: Array

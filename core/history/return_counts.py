@@ -29,7 +29,7 @@ class ReturnRate:
 
     @property
     def share(self) -> float:
-        """Of the balls that came back, 0..1."""
+        """Share of returned balls, 0 to 1."""
         return self.returned / self.balls
 
     @property

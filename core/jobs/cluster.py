@@ -31,7 +31,7 @@ Versions = Mapping[str, str]
 
 @functools.cache
 def versions_here() -> dict[str, str]:
-    """Of this process; that of rallyscope has a hash of its source, so that an edited copy is another version."""
+    """Package versions of this process; rallyscope's includes a hash of its source, so an edited copy differs."""
     found = {"python": platform.python_version(), "rallyscope": f"{_version('rallyscope')}+{_source_hash()}"}
     return found | {name: _version(name) for name in PACKAGES}
 
@@ -116,7 +116,7 @@ class ClusterExecutor(Executor):
         return future
 
     def shares(self) -> float:
-        """Of the pieces that are worked on, the sum of what is done of each."""
+        """Sum of the progress, 0 to 1 each, of the running tasks."""
         return sum(list(self._shares.values()))
 
     def is_lost(self, error: BaseException) -> bool:
@@ -160,7 +160,7 @@ class ClusterExecutor(Executor):
             raise JobsError("the cluster's scheduler is gone", where=self._address, remedy=GONE) from error
 
     def _check_workers(self) -> None:
-        """Of those that are there already; each looks again before it begins a piece."""
+        """Check the versions of the present workers; each worker checks again before it starts a task."""
         if not self._workers():
             return
         found = self._client.run(_worker_facts, on_error="return")
@@ -191,7 +191,7 @@ class _Task:
 
 
 class _WorkerControl:
-    """Of a piece on a worker, which keeps its threads going when nobody wants their answer: the piece has to ask."""
+    """Control of a task on a worker. Dask keeps threads running after a cancel, so the task has to poll."""
 
     def __init__(self, worker: Any, number: int, topic: str) -> None:
         self._worker, self._number, self._topic = worker, number, topic
@@ -242,7 +242,7 @@ def _be_quiet() -> None:
 
 
 def _worker_facts(dask_worker: Any) -> tuple[dict[str, str], int]:
-    """Of the worker that runs it: its versions, and how many pieces it would work on at a time."""
+    """Versions of the worker that runs this, and its number of parallel tasks."""
     return versions_here(), dask_worker.state.nthreads
 
 

@@ -31,7 +31,7 @@ class TaskControl(Protocol):
 
 
 class CallbackControl:
-    """Of a piece that is worked on in this process."""
+    """Control of a task that runs in this process."""
 
     def __init__(self, tell: Callable[[float], None], stopped: Callable[[], bool]) -> None:
         self._tell = tell

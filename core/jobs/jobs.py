@@ -40,7 +40,7 @@ class TaskExecutor(Protocol):
         ...
 
     def shares(self) -> float:
-        """Of the pieces that are worked on, the sum of what is done of each."""
+        """Sum of the progress, 0 to 1 each, of the running tasks."""
         ...
 
     def check(self) -> None:

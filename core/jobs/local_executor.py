@@ -49,7 +49,7 @@ class LocalExecutor(Executor):
         return self._threads.submit(self._run, fn, *args, **kwargs)
 
     def shares(self) -> float:
-        """Of the pieces that are worked on, the sum of what is done of each."""
+        """Sum of the progress, 0 to 1 each, of the running tasks."""
         return sum(slot.share.value for slot in self._slots)
 
     def check(self) -> None:

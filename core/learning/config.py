@@ -373,7 +373,7 @@ def environment_profile(
 
 
 def spinning_environment(environment: EnvironmentConfig, most_radps: float = SPINNING_RADPS) -> EnvironmentConfig:
-    """The same with serves that spin: each component uniform up to this."""
+    """The environment with spinning serves: each spin component uniform up to this, rad/s."""
     serve = dataclasses.replace(environment.task.serve, spin_spread_radps=most_radps)
     return dataclasses.replace(environment, task=dataclasses.replace(environment.task, serve=serve))
 

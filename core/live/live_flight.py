@@ -44,7 +44,7 @@ def true_ball_of(state: m.WorldState) -> TrueBall | None:
 
 
 class LiveFlight:
-    """Of one session; the player's thread writes it, and makes snapshots of it."""
+    """The flight of one session. The player's thread writes it and takes snapshots."""
 
     def __init__(self) -> None:
         self._t_us = 0

@@ -124,7 +124,7 @@ class LivePlayer:
 
     @property
     def config(self) -> LivePlayerConfig:
-        """Of the chain."""
+        """Config of the chain."""
         return self._config
 
     @property
@@ -146,7 +146,7 @@ class LivePlayer:
 
     @property
     def latency(self) -> CommandLatency | None:
-        """Of the robot's commands, which is led by; None: it was never measured."""
+        """Measured latency of the robot's commands, which are sent that much earlier; None if never measured."""
         return self._latency
 
     def lead_by(self, latency: CommandLatency) -> None:

@@ -67,7 +67,7 @@ class FinishedBall:
 
 @dataclass(frozen=True, slots=True)
 class Percentiles:
-    """Of the last few hundred values, milliseconds; NaN before the first."""
+    """Percentiles of the last few hundred values, ms; NaN before the first."""
 
     p50_ms: float
     p99_ms: float
@@ -149,5 +149,5 @@ class RallySnapshot:
 
     @property
     def chain(self) -> ChainState | None:
-        """Of the newest step."""
+        """Chain state of the newest step."""
         return None if self.state is None else self.state.chain

@@ -63,7 +63,7 @@ class RingBuffer:
         self._ends.append(end + rows)
 
     def forget_before(self, number: int) -> None:
-        """Of older pieces nothing is told any more."""
+        """Drop blocks that are older."""
         count = bisect_left(self._numbers, number)
         if count:
             self._first = self._ends[count - 1]
@@ -137,7 +137,7 @@ class RingRecording:
 
     @property
     def uuid(self) -> str:
-        """Of the session."""
+        """Identity of the session."""
         return self._uuid
 
     @property
@@ -153,7 +153,7 @@ class RingRecording:
 
     @property
     def cameras(self) -> dict[str, CameraStream]:
-        """Of the present session."""
+        """Cameras of the present session."""
         with self._lock:
             known = self._calibration
             return {
@@ -259,7 +259,7 @@ class RingRecording:
             return [store[block] for block in blocks if block in store]
 
     def truth_of(self, camera: str, uuid: str) -> PixelTruth | None:
-        """Of the remembered blocks; None where nobody knows, and of a session that is over."""
+        """Ground truth of the buffered blocks; None where there is none, and of a finished session."""
         with self._lock:
             columns = self._blocks[camera].truth.columns if uuid == self._uuid else None
         return None if columns is None else PixelTruth(*columns)
@@ -302,7 +302,7 @@ class LiveCamera:
 
     @property
     def calibration(self) -> Camera | None:
-        """As the source says; None where it does not know."""
+        """Calibration given by the source; None where it has none."""
         return self._calibration
 
     @property

@@ -23,7 +23,7 @@ STOPPED_BLOCKS: Final = 3
 
 @dataclass(frozen=True, slots=True)
 class CameraHealth:
-    """Of one camera, since the session began."""
+    """Health of one camera since the session began."""
 
     name: str
     blocks_missing: int
@@ -46,7 +46,7 @@ class CameraHealth:
 
 @dataclass(frozen=True, slots=True)
 class StreamHealth:
-    """Of a source."""
+    """Health of a live source."""
 
     pace: float | None
     """Seconds of the source a second, over the last two; None while too little is known."""

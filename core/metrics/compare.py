@@ -243,7 +243,7 @@ def _by_bin(of: Callable[[Array], np.floating], t_us: NDArray[np.int64], values:
 
 
 def _within(reference: PixelReference, start_us: int, end_us: int) -> PixelReference:
-    """The same reference, asked in [start_us, end_us) only."""
+    """The reference restricted to [start_us, end_us)."""
     asked = reference.asked_us
     inside = asked[(start_us <= asked) & (asked < end_us)]
     return PixelReference(reference.kind, reference.name, reference.places, inside)

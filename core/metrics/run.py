@@ -83,7 +83,7 @@ def run_on_frames(
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> WindowAnswers:
-    """The same for the pictures of a camera: a window is the exposure of one, without events."""
+    """Run a detector over the pictures of a frame camera; a window is one exposure, without events."""
     between = (0, int(frames.t_us[-1])) if len(frames) else (0, 0)
     return answer_windows(detector, frame_windows(frames), between, progress=progress, cancelled=cancelled)
 

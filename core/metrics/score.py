@@ -53,7 +53,7 @@ class Score:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WindowVerdicts:
-    """Of N answers: what each was, at the time it is for. An answer elsewhere than the ball is missed and false."""
+    """Verdicts of N answers at their times. An answer away from the ball counts as missed and false."""
 
     t_us: NDArray[np.int64]
     known: NDArray[np.bool_]

@@ -26,7 +26,7 @@ class TimedDetector:
 
     @property
     def extra_circles(self) -> int:
-        """As the detector says."""
+        """Further circles that the detector found."""
         return self._detector.extra_circles
 
     def reset(self) -> None:

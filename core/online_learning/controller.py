@@ -46,7 +46,7 @@ class ExploringPolicy:
         return np.clip(self.policy.act(state, goal_m) + self.noise, -1.0, 1.0)
 
     def racket_speed_mps(self, state: ArrayLike) -> float:
-        """As the policy says."""
+        """Racket speed of the policy, m/s."""
         return self.policy.racket_speed_mps(state)
 
 
@@ -82,11 +82,11 @@ class LearningController:
         return self._goal
 
     def aimed_at(self, goal_m: ArrayLike) -> LearningController:
-        """The same learner with another goal."""
+        """A controller of the same learner with another landing point."""
         return LearningController(self._source, goal_m)
 
     def for_physics(self, physics: PhysicsConfig) -> LearningController:
-        """The same: it learns what there is."""
+        """Itself: it learns the physics from the balls."""
         return self
 
     def decide(

@@ -72,7 +72,7 @@ class ClassifiedStroke:
 
     @property
     def probability(self) -> float:
-        """Of the case."""
+        """Probability of the case, 0 to 1."""
         return float(self.probabilities[self.case])
 
 

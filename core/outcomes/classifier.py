@@ -79,7 +79,7 @@ class OutcomeClassifier:
     def add(
         self, t_us: int, p_world_m: Array, covariance_m2: Array, *, is_new_flight: bool = False
     ) -> ClassifiedStroke | None:
-        """The same for a point of any origin, in order of time."""
+        """Add a point of any origin, in order of time."""
         if is_new_flight:
             self._new_flight = 0
             if self._phase != "flying":

@@ -55,7 +55,7 @@ def join_serves(parts: list[Serves]) -> Serves:
 
 
 def _to_world(vectors: Array) -> Array:
-    """The same vectors, a quarter turn about z: their +y is our +x."""
+    """Vectors turned a quarter about z: +y of the file is +x of the world."""
     return np.stack([vectors[:, 1], -vectors[:, 0], vectors[:, 2]], axis=1)
 
 

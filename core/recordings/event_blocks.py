@@ -162,7 +162,7 @@ class _Column:
             )
 
     def read(self, start: int, count: int) -> NDArray:
-        """As they are stored: a value that does not fit is for the caller to see."""
+        """Values as stored; the caller checks the range."""
         if self._is_ours:
             skipped_filters, packed = self.dataset.id.read_direct_chunk((start,))
             if skipped_filters == 0:

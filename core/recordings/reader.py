@@ -132,7 +132,7 @@ class FileRecording:
         return order
 
     def _read_duration(self) -> int:
-        """As the file says, but never less than its events need."""
+        """Duration given by the file, but never less than its events need, us."""
         ends = [camera.end_us for camera in self._cameras.values() if isinstance(camera, FileCamera)]
         needed = max(ends, default=0)
         try:

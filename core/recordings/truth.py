@@ -65,7 +65,7 @@ class PixelTruth:
 
 
 def credible_pixels(truth: PixelTruth) -> PixelTruth:
-    """The same, not visible where the position is no number or far outside any picture, without radii below 0."""
+    """Pixel truth, marked not visible where a position is not finite or far outside any picture; no radii below 0."""
     with np.errstate(invalid="ignore"):
         near = (np.abs(truth.u_px) < LARGEST_PX) & (np.abs(truth.v_px) < LARGEST_PX)
         radius = np.isnan(truth.r_px) | ((truth.r_px >= 0) & (truth.r_px < LARGEST_PX))
@@ -76,7 +76,7 @@ def credible_pixels(truth: PixelTruth) -> PixelTruth:
 
 
 def credible_ball(ball: BallTruth) -> BallTruth:
-    """The same, not visible where position or velocity are absurd or the position is no number."""
+    """Ball truth, marked not visible where position or velocity are absurd or not finite."""
     with np.errstate(invalid="ignore"):
         near = (np.abs(ball.p_world_m) < LARGEST_M).all(axis=1) & ~(np.abs(ball.v_world_mps) > LARGEST_M).any(axis=1)
     if not bool(np.any(ball.visible & ~near)):

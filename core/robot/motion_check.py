@@ -75,7 +75,7 @@ def find_fault(
 
 
 def _static_fault(goal: FaceMotion, turn_radps: tuple[float, ...] | None, limits: RobotLimits) -> MotionFault | None:
-    """Of the target itself: these have a value that is compared with `not <=`, so that NaN never passes."""
+    """Fault of the target itself. Compared with `not <=`, so that NaN never passes."""
     speed, length = float(np.linalg.norm(goal.v_mps)), float(np.linalg.norm(goal.q_wxyz))
     if not abs(length - 1) <= 1e-3:
         return MotionFault("bounds", f"not a unit quaternion: its length is {length:.4g}")
@@ -98,7 +98,7 @@ def _static_fault(goal: FaceMotion, turn_radps: tuple[float, ...] | None, limits
 
 
 def _way_fault(goal: FaceMotion, lead_us: int, now: FaceMotion, limits: RobotLimits) -> MotionFault | None:
-    """Of the way there, and of its time."""
+    """Fault of the motion to the target, and of its time."""
     if lead_us <= 0:
         return MotionFault("late", f"the impact was {-lead_us / 1e3:.0f} ms ago")
     if lead_us > limits.max_lead_us:

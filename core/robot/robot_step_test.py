@@ -36,7 +36,7 @@ class StepTestReport:
 
 
 class RobotStepTest:
-    """Of one live rally, shared by all who look at it. All methods may be called from any thread."""
+    """Step test of one live rally, shared by all browsers. Any thread may call its methods."""
 
     def __init__(self, player: LivePlayer, robot: RobotClient) -> None:
         self._player, self._robot = player, robot

@@ -36,7 +36,7 @@ class ClockOffset:
 
 
 class RobotClock:
-    """Of one robot; used by one thread."""
+    """Clock of one robot; used by one thread."""
 
     def __init__(self) -> None:
         self.jumps = 0
@@ -145,7 +145,7 @@ class RobotStatus:
 
 @dataclass(slots=True)
 class RobotWatch:
-    """Of one robot. Whoever uses it from several threads holds a lock."""
+    """Connection state of one robot. Callers on several threads hold a lock."""
 
     address: str
     config: RobotWatchConfig = field(default_factory=RobotWatchConfig)

@@ -26,7 +26,7 @@ SPAN_US: Final = 1_000_000
 
 
 class SessionClock:
-    """Of one session; used by one thread, read by any."""
+    """Clock of one session; written by one thread, read by any."""
 
     def __init__(self) -> None:
         self._gaps: deque[tuple[float, float]] = deque()
@@ -80,7 +80,7 @@ class SourceWithRobot:
 
     @property
     def welcome(self) -> m.Reply:
-        """Of the session that the listeners know."""
+        """Welcome message of the session that listeners know."""
         return self._welcome
 
     @property
@@ -90,12 +90,12 @@ class SourceWithRobot:
 
     @property
     def has_outcomes(self) -> bool:
-        """As the source."""
+        """Value of the source."""
         return self._source.has_outcomes
 
     @property
     def physics(self) -> PhysicsConfig | None:
-        """As the source."""
+        """Value of the source."""
         return self._source.physics
 
     @property
@@ -110,7 +110,7 @@ class SourceWithRobot:
 
     @property
     def behind_s(self) -> float:
-        """As the source."""
+        """Value of the source."""
         return self._source.behind_s
 
     def add_listener(self, listener: LinkListener) -> None:

@@ -23,7 +23,7 @@ NOT_STARTED: Final = "not started yet: a person has to"
 
 
 class TargetArbiter:
-    """Of one robot, by its clock; used by one thread. It begins stopped."""
+    """Decides which target one robot follows, on its clock; used by one thread. It starts stopped."""
 
     def __init__(self, limits: RobotLimits) -> None:
         self.limits = limits

@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 
 
 def _uncounted(typingctx: Any, value: Any) -> Any:
-    """The same array or tuple, of the same type, for use within the kernel that got it as an argument only."""
+    """The array or tuple without reference counting, for use inside the kernel that got it as an argument."""
 
     def without_owner(context: Any, builder: Any, kind: Any, value: Any) -> Any:
         if isinstance(kind, types.Array):

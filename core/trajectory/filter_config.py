@@ -139,18 +139,18 @@ def filter_for(physics: PhysicsName, *, sigma_point_m: float = 0.003) -> FilterC
 
 
 def untold(config: FilterConfig) -> FilterConfig:
-    """The same where nothing is known of air and table but what is published of any."""
+    """The config for unknown constants of air and table: only their published spread is known."""
     return dataclasses.replace(config, **UNKNOWN)
 
 
 def without_air(config: FilterConfig) -> FilterConfig:
-    """The same without air, so that spin does not move the ball, for serves without spin."""
+    """The config without air, where spin does not move the ball, for serves without spin."""
     nothing = {name: PAPER[name] for name in ("drag", "drag_sigma", "magnus", "spin_sigma_radps")}
     return dataclasses.replace(config, **nothing)
 
 
 def with_physics(config: FilterConfig, physics: PhysicsName) -> FilterConfig:
-    """The same where balls fly and bounce as in the physics called `paper` or `real`."""
+    """The config for the known constants of the physics profile `paper` or `real`."""
     if physics == "real":
         real = FilterConfig()
         return dataclasses.replace(config, **{name: getattr(real, name) for name in PAPER})

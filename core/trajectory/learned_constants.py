@@ -60,7 +60,7 @@ class LearnedConstants:
         return found
 
     def after(self, ball: BallFilter, probability: float, air: float) -> LearnedConstants:
-        """The same after a flight: as its filter, so probable among those of its flight, has it; `air`: by all."""
+        """The constants after a flight, weighted by the probability of its filter among the flight's filters."""
         if ball.points - ball.strays < FEWEST_POINTS:  # strays moved nothing: most flights end with some, of the hit
             return self
         first = 0 if ball.state[DRAG] > MIN_SIGMA * 1e3 else 1

@@ -79,7 +79,7 @@ class PaperPredictor:
         self._expected_us = 1 << 62
 
     def forget(self) -> None:
-        """The same: nothing is learnt from flight to flight."""
+        """Itself: nothing is learned from flight to flight."""
         self.reset()
 
     @property

@@ -57,7 +57,7 @@ class TruthObjective:
     windows of a trial, which would otherwise seem better for being longer."""
 
     def score(self, recording: Recording, config: DetectorConfig, cancelled: Cancelled) -> SplitScore:
-        """Of all cameras together."""
+        """Score of all cameras together."""
         total = SplitScore()
         for name in self.cameras:
             stream = recording.cameras[name]

@@ -54,12 +54,12 @@ class Parameter:
 
     @property
     def choices(self) -> tuple[bool, ...] | tuple[str, ...] | None:
-        """Of a switch or a choice; None of a number."""
+        """Values of a switch or a choice; None for a number."""
         return (False, True) if self.spec.kind is bool else self.spec.choices or None
 
     @property
     def power(self) -> float:
-        """Of the scale; 1 is linear."""
+        """Exponent of the scale; 1 is linear."""
         low, span, default = self._range()
         share = (default - low) / span
         return min(LARGEST_POWER, max(1.0, math.log(share) / math.log(0.5))) if share > 0 else LARGEST_POWER

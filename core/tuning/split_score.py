@@ -17,7 +17,7 @@ WORST: Final = -COST_PER_PX * MATCH_RADIUS_PX
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Of one side of the split; nan where there is nothing to divide by."""
+    """Figures of one side of the split; nan where a denominator is 0."""
 
     precision: float
     """Share of the answers that are a ball."""

@@ -23,7 +23,7 @@ SPEEDS: Final = {"1": 1.0, "1/2": 0.5, "1/4": 0.25, "1/8": 0.125, "1/16": 0.0625
 
 @dataclass(frozen=True, slots=True)
 class ViewChoices:
-    """Of a picture or a film of the 3D view."""
+    """Size, view and length of a picture or film of the 3D view."""
 
     width_px: int
     height_px: int
@@ -53,7 +53,7 @@ class ViewOptions:
 
     @property
     def choices(self) -> ViewChoices:
-        """As they are now; a browser may send anything."""
+        """The current choices, checked: a browser may send anything."""
         width, height = SIZES.get(str(self._size.value), (1280, 720))
         rate = FRAMES_PER_S.get(str(self._rate.value), 25.0)
         return ViewChoices(width, height, rate, SPEEDS.get(str(self._speed.value), 0.25))

@@ -25,7 +25,7 @@ POLL_S: Final = 0.05
 
 
 class ViewShots:
-    """Of one browser. Methods are called by the loop, but for `picture_at`, which draws and waits."""
+    """Pictures of one browser's 3D view. Called by its loop, except `picture_at`, which draws and waits."""
 
     def __init__(self, host: ModeHost) -> None:
         self._host = host

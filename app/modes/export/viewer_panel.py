@@ -17,7 +17,7 @@ STYLE: Final = "padding:2px 12px;font-size:12.5px;line-height:1.45;overflow-wrap
 
 
 class ViewerPanel:
-    """Of one browser; nothing is shown where the command line gave no viewer."""
+    """Controls of the Rerun viewer in one browser; hidden where the command line gave no viewer."""
 
     def __init__(
         self, gui: viser.GuiApi, address: str | None, start: Callable[[], None], stop: Callable[[], None]

@@ -33,7 +33,7 @@ OFFER_EVERY_S: Final = 2.0
 
 
 class TuneMode:
-    """Of one browser."""
+    """The Tune mode of one browser."""
 
     uses_recording = True
     takes_keys = False

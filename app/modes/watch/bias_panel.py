@@ -14,7 +14,7 @@ from core.devices.bias_file import write_biases
 
 
 class BiasPanel:
-    """Of one camera in one browser. The camera is told in the pool, never in the loop."""
+    """Bias sliders of one camera in one browser. Biases are sent to the camera in the pool, never in the loop."""
 
     def __init__(
         self,

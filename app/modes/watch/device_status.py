@@ -12,7 +12,7 @@ Rows = list[tuple[str, str]]
 
 
 def device_rows(reports: tuple[CameraReport, ...], *, cable: bool) -> Rows:
-    """Of all cameras; the first one's clock is the session's."""
+    """Status rows of all cameras; the clock of the first camera is the session's."""
     rows: Rows = []
     for number, one in enumerate(reports):
         name = html_text(one.name)

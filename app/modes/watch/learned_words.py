@@ -10,7 +10,7 @@ SURE: Final = 0.9
 
 
 def learned_words(learned: LearnedConstants) -> str:
-    """Of drag, restitution and friction, each with its standard deviation."""
+    """Drag, restitution and friction as text, each with its standard deviation."""
     if not learned.balls:
         return "as published; nothing is told, it learns from every ball"
     drag, restitution, friction = (

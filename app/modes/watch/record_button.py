@@ -16,7 +16,7 @@ RECORD: Final = "Record"
 
 
 class RecordButton:
-    """Of one browser. The file is begun and ended in the pool, never in the loop."""
+    """The Record button of one browser. Files are opened and closed in the pool, never in the loop."""
 
     def __init__(self, gui: viser.GuiApi, rally: LiveRally, host: ModeHost) -> None:
         self._rally, self._host = rally, host

@@ -17,7 +17,7 @@ SHOW_EVERY_S: Final = 0.25
 
 
 class SourcePanel:
-    """Of one browser; the source is shared by all."""
+    """Controls of the live source in one browser; all browsers share the source."""
 
     def __init__(self, gui: viser.GuiApi, rally: LiveRally, host: ModeHost) -> None:
         self._rally = rally

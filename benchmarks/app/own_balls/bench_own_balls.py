@@ -107,7 +107,7 @@ def agreement_of_set(own: OwnSet) -> tuple[AnnotatorPair, ...]:
 
 
 def _agreement(mine: Sequence[LabelledLayer], theirs: Sequence[LabelledLayer]) -> Agreement:
-    """Of the cameras that both have labelled, one after the other, each moved by the same time on both sides."""
+    """Agreement over the cameras that both annotators have labelled."""
     of_place = {(one.path, one.camera): one.labels for one in theirs}
     both = [(one.labels, of_place[one.path, one.camera]) for one in mine if (one.path, one.camera) in of_place]
     moves, end_us = [], 0

@@ -38,7 +38,7 @@ START_S: Final = 900.0
 
 @dataclass(slots=True)
 class Samples:
-    """Of one process over time."""
+    """Samples of one process over time."""
 
     at_s: list[float] = field(default_factory=list)
     usages: list[ProcessUsage] = field(default_factory=list)
@@ -157,7 +157,7 @@ def _rate_row(name: str, visitors: list[Visitor], seconds: float) -> Row:
 
 
 def growth_rows(name: str, samples: Samples) -> list[Row]:
-    """Of one process, over the last two thirds."""
+    """Growth of one process over the last two thirds."""
     mb = [usage.resident_mb for usage in samples.usages]
     note = f"from {mb[0]:.0f} to {mb[-1]:.0f} MB, at most {max(mb):.0f}" if mb else "none ran"
     return [

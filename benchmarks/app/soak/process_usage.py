@@ -22,7 +22,7 @@ class ProcessUsage:
 
 
 def usage_of(pid: int) -> ProcessUsage:
-    """Of a process that is running.
+    """Memory, threads and files of a running process.
 
     Raises:
         CommandError: if it is not, or this is not Linux.

@@ -29,7 +29,7 @@ COLUMNS: Final = ("left", "middle", "right")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoardCover:
-    """Of N pictures with the whole board in them."""
+    """Positions and sizes of the board in N pictures that show all of it."""
 
     cells: NDArray[np.int64]
     """(48,) pictures with a point of the board in each cell, row by row from the upper left."""
@@ -90,7 +90,7 @@ def _ninth(cell: int) -> tuple[int, int]:
 
 
 def _empty_shares(empty: Sequence[int]) -> list[tuple[tuple[int, int], float]]:
-    """Of each ninth of the picture, the share of its cells that are among these."""
+    """Share of empty cells in each ninth of the picture."""
     whole, of_them = Counter(map(_ninth, range(CELL_COUNT))), Counter(map(_ninth, empty))
     return [(ninth, of_them[ninth] / count) for ninth, count in sorted(whole.items())]
 

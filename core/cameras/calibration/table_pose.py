@@ -80,7 +80,7 @@ def find_table_pose(name: str, lens: Camera, clicks: Clicks) -> TablePose:
 
 
 def _sigma_m(camera: Camera, ps: Array, click_sigma_px: float) -> float:
-    """Of the camera's place, by the slope of the pictures against its six unknowns."""
+    """Standard deviation of the camera's position, m, from the Jacobian of the pixels in its six unknowns."""
     from scipy.spatial.transform import Rotation  # loaded late, because the app's page waits for this module
 
     T = camera.T_world_camera

@@ -98,7 +98,7 @@ class LiveController(Controller, Protocol):
         ...
 
     def aimed_at(self, goal_m: ArrayLike) -> LiveController:
-        """The same with another goal (2,).
+        """A controller with another landing point (2,), m.
 
         Raises:
             ConfigError: if it cannot aim there.
@@ -106,7 +106,7 @@ class LiveController(Controller, Protocol):
         ...
 
     def for_physics(self, physics: PhysicsConfig) -> LiveController:
-        """The same where balls fly, bounce and leave the racket like this; one that was trained stays as it is."""
+        """A controller for other physics; a trained one is returned unchanged."""
         ...
 
 
@@ -131,7 +131,7 @@ class BuiltInController:
         return np.array([self.config.target_x_m, self.config.target_y_m])
 
     def aimed_at(self, goal_m: ArrayLike) -> BuiltInController:
-        """The same with another landing point (2,).
+        """A controller with another landing point (2,), m.
 
         Raises:
             ConfigError: if it is beyond the bounds of the configuration.
@@ -140,7 +140,7 @@ class BuiltInController:
         return BuiltInController(self.task, replace(self.config, target_x_m=x, target_y_m=y))
 
     def for_physics(self, physics: PhysicsConfig) -> BuiltInController:
-        """The same for balls that fly, bounce and leave the racket like this."""
+        """A controller for other physics."""
         return BuiltInController(replace(self.task, physics=physics), self.config)
 
     def decide(

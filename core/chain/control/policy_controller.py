@@ -72,11 +72,11 @@ class PolicyController:
         return self.policy.state == "spin"
 
     def aimed_at(self, goal_m: ArrayLike) -> PolicyController:
-        """The same policy with another goal."""
+        """The policy with another landing point."""
         return PolicyController(self.policy, self.task, goal_m, self.name)
 
     def for_physics(self, physics: PhysicsConfig) -> PolicyController:
-        """The same: it knows what it was trained with."""
+        """Itself: the policy keeps the physics that it was trained with."""
         return self
 
     def decide(

@@ -208,7 +208,7 @@ def _on_evidence(cluster, clusters, radius_px, memory):
 
 @njit
 def _correlation(off, on):
-    """Of time with position along the line between the polarities, within each, times sqrt(N). From sums per side:
+    """Correlation of time with position along the line between the polarities, times sqrt(N), from sums per side:
     N, t, x, y, tt, tx, ty, xx, xy, yy.
     """
     if off[0] < MIN_EVENTS or on[0] < MIN_EVENTS:

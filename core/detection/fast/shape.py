@@ -91,7 +91,7 @@ def circle_of_hull(hull, count):
 
 @njit
 def _cotangent(hull, at, a, b):
-    """Of the angle under which corner `at` sees the side from a to b: falls from +inf at 0 to -inf at 180 degrees."""
+    """Cotangent of the angle at corner `at` between a and b: falls from +inf at 0 to -inf at 180 degrees."""
     ax, ay = hull[a, 0] - hull[at, 0], hull[a, 1] - hull[at, 1]
     bx, by = hull[b, 0] - hull[at, 0], hull[b, 1] - hull[at, 1]
     return (ax * bx + ay * by) / abs(ax * by - ay * bx)

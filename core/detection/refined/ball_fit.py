@@ -75,7 +75,7 @@ class Quality(NamedTuple):
 
     @property
     def coverage(self) -> float:
-        """Of the edge that shows less."""
+        """Coverage of the edge with fewer events, 0 to 1."""
         return min(self.coverage_lead, self.coverage_trail)
 
 

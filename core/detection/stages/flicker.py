@@ -59,7 +59,7 @@ class FlickerMemory(NamedTuple):
         return FlickerMemory(long_ago, np.zeros(shape, np.bool_), np.zeros(shape, np.int32))
 
     def copy(self) -> FlickerMemory:
-        """The same values in arrays of their own."""
+        """A deep copy."""
         return FlickerMemory(self.risen_us.copy(), self.was_on.copy(), self.cycles.copy())
 
 

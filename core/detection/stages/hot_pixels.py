@@ -46,7 +46,7 @@ class HotPixelMemory:
         return HotPixelMemory(np.full(shape, np.iinfo(np.int32).min, np.int64), np.zeros(shape, np.int32))
 
     def copy(self) -> HotPixelMemory:
-        """The same values in arrays of their own."""
+        """A deep copy."""
         return HotPixelMemory(self.last_tick.copy(), self.score.copy())
 
 

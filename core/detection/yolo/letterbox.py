@@ -31,7 +31,7 @@ class Letterbox:
         return x, y, r_px * self.scale
 
     def to_picture(self, x_px: float, y_px: float, r_px: float) -> tuple[float, float, float]:
-        """The opposite."""
+        """Inverse of `to_input`: coordinates in the picture."""
         u, v = (x_px - self.left_px) / self.scale - 0.5, (y_px - self.top_px) / self.scale - 0.5
         return u, v, r_px / self.scale
 

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Losses:
-    """Of the last update after an episode; NaN before the first."""
+    """Losses of the last update after an episode; NaN before the first."""
 
     critic: float
     actor: float

@@ -157,7 +157,7 @@ class DdpgAgent:
         return arrays
 
     def restore(self, arrays: Arrays) -> None:
-        """The opposite; earlier checkpoints call the target networks slow."""
+        """Load what `to_arrays` gave; earlier checkpoints call the target networks slow."""
         arrays = {name.replace("slow_", "target_"): array for name, array in arrays.items()}
         for name, network, optimizer in self._networks():
             restore_network(arrays, name, network, optimizer)

@@ -39,7 +39,7 @@ class FeatureActor:
         return np.clip(self.features(states, speeds_mps, goals_m) @ self.outputs, -1.0, 1.0)
 
     def policy(self, run: RunConfig) -> Policy:
-        """The same for a run's policy file."""
+        """The actor as a policy for a run's policy file."""
         incoming, racket = racket_table(run)
         hidden = self._weights.astype(np.float32), self._biases.astype(np.float32)
         output = self.outputs[:-1].astype(np.float32), self.outputs[-1].astype(np.float32)
@@ -50,7 +50,7 @@ class FeatureActor:
         return {"weights": self._weights, "biases": self._biases, "outputs": self.outputs}
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
-        """The opposite.
+        """Load what `to_arrays` gave.
 
         Raises:
             KeyError, ValueError: if they are another agent's.

@@ -61,7 +61,7 @@ class GaussianProcessModel:
     """The velocity after a stroke, given balls. At least two."""
 
     def __init__(self, inputs: Array, velocities: Array) -> None:
-        """Of `stroke_inputs` (N, 7) and `velocities_after` (N, 3), all known."""
+        """Fit to `stroke_inputs` (N, 7) and `velocities_after` (N, 3), all finite."""
         self._fit(inputs, velocities)
         if (sound := ~self._odd_ones()).sum() >= 2 and not sound.all():
             self._fit(inputs[sound], velocities[sound])

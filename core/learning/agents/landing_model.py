@@ -148,7 +148,7 @@ class LandingModelAgent:
         return actor | network_to_arrays("model", self._model, self._model_optimizer)
 
     def restore(self, arrays: Arrays) -> None:
-        """The opposite."""
+        """Load what `to_arrays` gave."""
         restore_network(arrays, "actor", self._actor, self._actor_optimizer)
         restore_network(arrays, "model", self._model, self._model_optimizer)
 

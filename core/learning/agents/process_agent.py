@@ -107,7 +107,7 @@ class ProcessAgent:
         return self._actor.to_arrays()
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
-        """The opposite.
+        """Load what `to_arrays` gave.
 
         Raises:
             KeyError, ValueError: if they are another agent's.
@@ -135,7 +135,7 @@ def known_balls(buffer: ReplayBuffer) -> ReplayStates:
 
 
 def _process_of(buffer: ReplayBuffer) -> GaussianProcessModel | None:
-    """Of the newest balls that crossed the net and came down; None while there are too few."""
+    """Model fitted to the newest balls that crossed the net and landed; None while there are too few."""
     balls = known_balls(buffer)
     velocities = velocities_after(balls.states, balls.landings_m, balls.net_z_m)
     which = np.flatnonzero(np.isfinite(velocities).all(axis=1))[-MAX_BALLS:]

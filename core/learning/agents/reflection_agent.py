@@ -47,7 +47,7 @@ class ReflectionModel:
     def __init__(
         self, states: Array, racket_mps: Array, actions: Array, velocities: Array, stroke: StrokeConfig
     ) -> None:
-        """Of states (N, 6), the racket's speeds (N,), actions (N, 3) and the velocities afterwards (N, 3)."""
+        """Fit to states (N, 6), racket speeds (N,), actions (N, 3) and velocities after the hit (N, 3)."""
         self._stroke = stroke
         parts = self._parts(states, racket_mps, actions)
         wanted = velocities - _along_x(racket_mps)
@@ -162,7 +162,7 @@ class ReflectionAgent:
         return self._actor.to_arrays()
 
     def restore(self, arrays: dict[str, NDArray[np.generic]]) -> None:
-        """The opposite.
+        """Load what `to_arrays` gave.
 
         Raises:
             KeyError, ValueError: if they are another agent's.

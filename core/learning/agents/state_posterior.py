@@ -25,7 +25,7 @@ class StatePosterior:
     """From perceived states to believed ones."""
 
     def __init__(self, perceived: Array, environment: EnvironmentConfig) -> None:
-        """Of states (N, 6) of balls that there were."""
+        """Fit the prior to states (N, 6) of earlier balls."""
         self._position_m, self._velocity = environment.position_noise_m, environment.velocity_noise
         self._is_told = environment.state_source == "truth+noise" and len(perceived) >= FEWEST_BALLS
         if self._is_told:

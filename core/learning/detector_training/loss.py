@@ -42,7 +42,7 @@ def ciou(one: Tensor, other: Tensor) -> Tensor:
 
 
 def yolo_loss(heads: tuple[Tensor, Tensor], circles: Tensor) -> Tensor:
-    """Of raw heads and the balls (N, 4): picture in the batch, centre and radius in pixels of the input."""
+    """Loss of raw heads against balls (N, 4): picture in the batch, centre and radius in input pixels."""
     number = circles[:, 0].long()
     truth = torch.cat([circles[:, 1:3], 2 * circles[:, 3:], 2 * circles[:, 3:]], dim=1)
     sides = truth[:, 2]

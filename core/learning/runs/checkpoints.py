@@ -35,7 +35,7 @@ def pack_arrays(agent: Agent, buffer: ReplayBuffer) -> dict[str, NDArray[np.gene
 
 
 def restore_arrays(arrays: dict[str, NDArray[np.generic]], agent: Agent, buffer: ReplayBuffer) -> None:
-    """The opposite.
+    """Load what `pack_arrays` gave.
 
     Raises:
         KeyError, ValueError, TypeError, RuntimeError: if they are another agent's.
@@ -46,7 +46,7 @@ def restore_arrays(arrays: dict[str, NDArray[np.generic]], agent: Agent, buffer:
 
 
 def load_checkpoint(path: Path) -> tuple[dict[str, NDArray[np.generic]], dict[str, object]]:
-    """The opposite.
+    """Load a checkpoint that `save_checkpoint` wrote.
 
     Raises:
         ConfigError: if the file is not one.

@@ -88,7 +88,7 @@ class SeedProcess:
         return True
 
     def _train_sb3(self, seed: int) -> bool:
-        """The same for an agent that trains itself: one that was stopped starts its seed again."""
+        """Train a Stable-Baselines3 agent; a stopped one starts its seed again."""
         from core.learning.runs.sb3_baselines import Sb3Training  # late: the libraries are optional
 
         files = seed_files(self._run, seed)

@@ -45,7 +45,7 @@ def episode_rewards(outcomes: Outcomes, goals_m: Array, weights: Weights, config
 def rewards_of(
     case: NDArray[np.integer], landings_m: Array, net_z_m: Array, goals_m: Array, weights: Weights, config: RewardConfig
 ) -> Array:
-    """The same from the parts of an outcome that count: case (N,), landing (N, 2), height at the net (N,)."""
+    """Rewards (N,) from the parts of an outcome: case (N,), landing (N, 2), m, height at the net (N,), m."""
     accuracy = config.base + config.scale * (1 - _ratio(_distance(landings_m, goals_m), config.reach_m))
     rewards = np.where(case == Case.RETURNED, weights.w1 * config.base + weights.w2 * accuracy, 0.0)
     if config.kind == "simple":

@@ -56,7 +56,7 @@ class PlayedBall:
 
     @property
     def stage(self) -> str:
-        """Of the last command: none, pre or post."""
+        """Stage of the last command: none, pre or post."""
         return self.decisions[-1].stage if self.decisions else "none"
 
 

@@ -168,7 +168,7 @@ class SimulatedWorld:
         self._on_their_way.sort(key=lambda one: one[0])
 
     def set_noise(self, noise_hz: float) -> None:
-        """Of all cameras."""
+        """Set the noise rate of all cameras, Hz per pixel."""
         for eye in self._eyes.values():
             eye.set_noise(noise_hz)
 

@@ -122,7 +122,7 @@ def _block(frame: Frame) -> EventBlock:
 
 
 def _settle(contents: LogContents) -> None:
-    """Of each block its longest state, everything in the order in which it was written, and how much is missing."""
+    """The longest state of each block in the order of writing, and how much is missing."""
     for camera, blocks in contents.blocks.items():
         longest: dict[int, EventBlock] = {}
         for block in blocks:

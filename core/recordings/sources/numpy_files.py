@@ -87,7 +87,7 @@ def _check_unpacked_size(path: Path) -> None:
 
 
 def _memory_bytes() -> int:
-    """Of the machine; a usual size where it does not say."""
+    """Memory of the machine, bytes; a usual size where it is unknown."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):

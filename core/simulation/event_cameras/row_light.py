@@ -171,7 +171,7 @@ def _light_racket(racket, count, row):
 
 @njit(inline="always", error_model="numpy")
 def _log(value):
-    """Of a positive number, to 1e-15, without a call: 2 atanh((m - 1) / (m + 1)) of its mantissa m."""
+    """Logarithm of a positive number to 1e-15 without a call: 2 atanh((m - 1) / (m + 1)) of its mantissa m."""
     bits = np.float64(value).view(np.int64)
     exponent = (bits - ROOT_HALF_BITS) >> 52
     mantissa = np.int64(bits - (exponent << 52)).view(np.float64)  # from sqrt(1/2) to sqrt(2)

@@ -61,7 +61,7 @@ class EventBuffer(NamedTuple):
         return EventBuffer(np.empty((capacity, 3)), np.zeros(1, np.int64))
 
     def doubled(self) -> EventBuffer:
-        """The same events in a buffer with twice the room."""
+        """The events in a buffer of twice the size."""
         rows = np.empty((2 * len(self.rows), self.rows.shape[1]))  # memory that is not written to costs nothing
         rows[: self.filled[0]] = self.rows[: self.filled[0]]
         return EventBuffer(rows, self.filled)

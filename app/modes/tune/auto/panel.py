@@ -38,7 +38,7 @@ class AutoTuneForm:
 
 
 class AutoTunePanel:
-    """Of one browser; `start` and `cancel` are called from viser's event loop."""
+    """Controls of auto-tune in one browser; `start` and `cancel` are called from viser's event loop."""
 
     def __init__(
         self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None], places: tuple[str, ...]

@@ -19,7 +19,7 @@ BAR_PX: Final = 60
 
 @dataclass(frozen=True, slots=True)
 class SidesFigures:
-    """Of one config, on both sides of the split."""
+    """Figures of one config on the training and the held-out side of the split."""
 
     tuned: Figures
     held_out: Figures

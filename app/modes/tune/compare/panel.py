@@ -22,7 +22,7 @@ SPANS: Final[dict[str, int | None]] = {
 
 
 class ComparePanel:
-    """Of one browser; the callbacks are called from viser's event loop."""
+    """Controls of the method comparison in one browser; callbacks run in viser's event loop."""
 
     def __init__(
         self,

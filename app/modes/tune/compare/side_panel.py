@@ -19,7 +19,7 @@ KINDS: Final = ("missed", "false")
 
 
 class CompareSidePanel:
-    """Of one browser; methods are called in the loop, and `jump(method, stretch)` from viser's event loop."""
+    """Results of the comparison in one browser. Called in the loop; `jump` runs in viser's event loop."""
 
     def __init__(
         self,

@@ -31,7 +31,7 @@ DOTS: Final[uplot.Series_Points] = {"show": True, "size": 4, "stroke": BALL, "fi
 
 
 class LearningPanel:
-    """Of one browser. Whatever waits for the learner does so in the pool."""
+    """Controls of online learning in one browser. What waits for the learner waits in the pool."""
 
     def __init__(self, gui: viser.GuiApi, rally: LiveRally, host: ModeHost) -> None:
         self._gui, self._rally, self._host = gui, rally, host

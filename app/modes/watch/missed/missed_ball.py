@@ -20,7 +20,7 @@ LIVE_STEP_US: Final = 500_000
 
 
 class MissedBallSearch:
-    """Of one browser. Methods are called by the loop."""
+    """Finds the missed ball nearest to one browser's time cursor. Called by its loop."""
 
     def __init__(self, host: ModeHost) -> None:
         self._host = host

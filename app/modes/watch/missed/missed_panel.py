@@ -18,7 +18,7 @@ LAST: Final = 1e6
 
 
 class MissedPanel:
-    """Of one browser."""
+    """Shows the missed ball in one browser."""
 
     def __init__(self, gui: viser.GuiApi, look: Callable[[ModeName], None]) -> None:
         # Last: it comes and goes with the rally, and nothing that is about to be clicked may move.

@@ -18,7 +18,7 @@ STOP, START, STEP_TEST = "Stop the robot", "Start the robot", "Step test"
 
 
 class RobotPanel:
-    """Of one browser."""
+    """Status and controls of the robot link in one browser."""
 
     def __init__(self, gui: viser.GuiApi, robot: RobotClient, step_test: RobotStepTest, host: ModeHost) -> None:
         self._robot, self._step_test, self._host = robot, step_test, host

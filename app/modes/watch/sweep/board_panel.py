@@ -23,7 +23,7 @@ FEWEST, MOST = 3, 100
 
 
 class BoardPanel:
-    """Of one browser: it looks for the board in the second before its own cursor, in the pool."""
+    """Board coverage in one browser: searches the second before its time cursor, in the pool."""
 
     def __init__(self, gui: viser.GuiApi, host: ModeHost) -> None:
         self._host = host

@@ -14,7 +14,7 @@ from app.widgets import when_changed, when_clicked
 
 
 class SweepPanel:
-    """Of one browser: it counts what its own pictures show."""
+    """Coverage of a swept ball in one browser, counted from its own pictures."""
 
     def __init__(self, gui: viser.GuiApi, host: ModeHost) -> None:
         self._host = host

@@ -28,7 +28,7 @@ from core.recordings import Recording
 
 
 class TablePanel:
-    """Of one browser. Poses are found and written in the pool."""
+    """Table corners clicked in one browser. Poses are computed and written in the pool."""
 
     def __init__(self, gui: viser.GuiApi, host: ModeHost) -> None:
         self._host = host
