@@ -17,7 +17,7 @@ from app.cli.progress import Progress, progress_bar
 from app.cli.quiet_viser import silence_viser
 from app.cli.tables import format_row, format_table
 from app.cli.terminal import say
-from core.errors import CommandError, NotBuiltError
+from core.errors import CommandError
 
 BENCHES = {
     "import": "benchmarks.recordings.bench_import",
@@ -112,7 +112,7 @@ def run(arguments: BenchArguments) -> None:
         module = OWN_RECORDINGS.get(arguments.name, module)
     if module is None:
         built = ", ".join(name for name in BENCHES if find_bench(name))
-        raise NotBuiltError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
+        raise CommandError(f"`rallyscope bench {arguments.name}` is not built yet", remedy=f"there is {built}")
     measure: Callable[..., dict[str, object]] = importlib.import_module(module).run
     options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
     taken = inspect.signature(measure).parameters.keys()

@@ -24,6 +24,7 @@ from benchmarks.machine import Row, describe_machine, goal_row
 from benchmarks.partial_rows import report_rows_to
 from benchmarks.recordings.bench_import import EVT3_HEADER, RATE_PER_US, evt3_words, import_apart, write_evt3
 from core.detection import DetectorConfig, FastDetector
+from core.detection.saved import SavedDetector
 from core.metrics.run import run_detector
 from core.recordings import Recording, open_recording
 
@@ -119,8 +120,8 @@ def scrub_rows(recording: Recording) -> list[Row]:
     (stream,) = recording.cameras.values()
     look, config, kept = RenderSettings(), DetectorConfig(), AnswerCache()
     views: dict[str, Callable[[int], TuneRequest | WatchRequest]] = {
-        "Watch": lambda t_us: WatchRequest(recording, t_us, look, config, True),
-        "Tune": lambda t_us: TuneRequest(stream, t_us, look, TuneView(), (("A", config),), kept),
+        "Watch": lambda t_us: WatchRequest(recording, t_us, look, SavedDetector("auto", config), True),
+        "Tune": lambda t_us: TuneRequest(stream, t_us, look, TuneView(method="auto"), (("A", config),), kept),
     }
     rng = np.random.default_rng(SEED)
     rows = []
