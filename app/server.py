@@ -25,6 +25,8 @@ from app.startup.steps import Preparation
 from app.web import Admission, Gateway, open_gateway
 from core.detection import DetectorConfig, FastDetector, TrackState, trace_window
 from core.detection.fast.cluster import grid_labels
+from core.detection.methods import DEFAULT_METHOD, make_detector
+from core.detection.saved import SavedDetector
 from core.errors import CommandError, RallyscopeError
 from core.events import Events, SensorSize, Window
 from core.files import clear_unfinished
@@ -48,7 +50,7 @@ class App:
         *,
         host: str,
         port: int,
-        config: DetectorConfig | None = None,
+        detector: SavedDetector | None = None,
         autoplay: bool = False,
         live: LiveRally | None = None,
         preparation: Preparation | None = None,
@@ -57,7 +59,7 @@ class App:
         viewer_address: str | None = None,
         places: JobBackends = HERE_ONLY,
     ) -> None:
-        """`config` is what every browser's detector starts with; `live` is closed with the app.
+        """`detector` is what every browser starts with, unless that is as it was left; `live` is closed with the app.
 
         `viewer_address` is that of a Rerun viewer which may be streamed to, `rerun+http://HOST:PORT/proxy`. Trainings
         and searches may be done at `places`.
@@ -68,7 +70,7 @@ class App:
         self.services = Services.of(workspace, library, viewer_address, places)
         """What its browsers share."""
         self._first_recording = first_recording
-        self._config = config or DetectorConfig()
+        self._detector = detector
         self._autoplay = autoplay
         self._preparation = preparation
         self._sessions: dict[int, Session] = {}
@@ -138,7 +140,7 @@ class App:
             self.services,
             self._pool,
             self._awake.set,
-            self._config,
+            self._detector,
             self._preparation,
             visit=visit,
             pages=self._front.pages,
@@ -192,7 +194,8 @@ class App:
 
 
 def _warm_up() -> None:
-    """Load the compiled code of the detector."""
+    """Load the compiled code of the detectors that a browser begins with."""
     window = Window(Events.empty(SensorSize(64, 64)), 0, 1000)
     trace_window(window, TrackState(), DetectorConfig(), label_clusters=grid_labels)
     FastDetector(DetectorConfig()).step(window)
+    make_detector(DEFAULT_METHOD, window.events.sensor).step(window)

@@ -37,7 +37,7 @@ from app.views.image_view import ImageView
 from app.views.mosaic import Mosaic
 from app.views.requests import WatchRequest, render_watch
 from app.web.pages import PageConnection, Pages
-from core.detection import DetectorConfig
+from core.detection.saved import SavedDetector
 from core.errors import RallyscopeError, RecordingError
 from core.history.following import is_stereo
 from core.live.ring_recording import RingRecording
@@ -59,7 +59,7 @@ class Session:
         services: Services,
         pool: Executor,
         wake: Callable[[], None],
-        config: DetectorConfig,
+        detector: SavedDetector | None,
         preparation: Preparation | None = None,
         *,
         visit: PageConnection,
@@ -69,7 +69,7 @@ class Session:
         self.services = services
         self.pool = pool
         self._wake = wake
-        self._first_config = config
+        self._first_detector = detector
         self._awaited = AwaitedRecording(services.library, preparation, lambda: PreparationPanel(client.gui))
         self._pace = FrameThrottle()
         self._inbox: queue.SimpleQueue[Command | Callable[[], None]] = queue.SimpleQueue()
@@ -292,12 +292,12 @@ class Session:
     # Pictures -----------------------------------------------------------------------------------------------------
 
     def _request_picture(self, state: ClientState, recording: Recording, now_us: int) -> None:
-        config, show_truth = state.configs.present.a, state.tune.show_truth
+        detector, show_truth = state.detector_a, state.tune.show_truth
         key = (
             recording.uuid,
             now_us,
             state.look,
-            config,
+            detector,
             show_truth,
             state.watch.large,
             state.watch.table,
@@ -339,7 +339,7 @@ class Session:
             self._live_uuid = recording.uuid
             playhead = replace(playhead, live=True, following=True, playing=True, speed=1.0)
         if self._state is None:
-            self._state = self.page.first_state(name, cameras, playhead, self._first_config, at_ball=opens_us > 0)
+            self._state = self.page.first_state(name, cameras, playhead, self._first_detector, at_ball=opens_us > 0)
         else:
             views = {
                 "tune": replace(self._state.tune, centre_px=None),

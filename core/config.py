@@ -195,16 +195,24 @@ def load_config(config_type: type[C], path: Path) -> C:
     Raises:
         ConfigError: if the file is missing, is not TOML, or holds a setting that does not fit.
     """
+    return config_from_mapping(config_type, read_mapping(path), where=str(path))
+
+
+def read_mapping(path: Path) -> dict[str, typing.Any]:
+    """The tables of a TOML file of settings.
+
+    Raises:
+        ConfigError: if the file is missing, too large, or not TOML.
+    """
     try:
         size = path.stat().st_size
         if size > LARGEST_FILE_BYTES:
             raise ConfigError("too large for a config", expected="at most 1 MiB", got=f"{size} bytes", where=path)
-        mapping = parse_toml(path.read_text(encoding="utf-8"))
+        return parse_toml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError("cannot read the config", got=error.strerror, where=path) from error
     except ValueError as error:
         raise ConfigError("not a TOML file", got=str(error), where=path) from error
-    return config_from_mapping(config_type, mapping, where=str(path))
 
 
 def save_config(config: object, path: Path) -> None:
@@ -213,8 +221,17 @@ def save_config(config: object, path: Path) -> None:
     Raises:
         ConfigError: if the folder cannot be written.
     """
+    write_mapping(config_to_mapping(config), path)
+
+
+def write_mapping(mapping: dict[str, object], path: Path) -> None:
+    """Write settings as TOML, replacing the file in one step.
+
+    Raises:
+        ConfigError: if the folder cannot be written.
+    """
     try:
-        replace_file(path, tomli_w.dumps(config_to_mapping(config)).encode(), durable=True)
+        replace_file(path, tomli_w.dumps(mapping).encode(), durable=True)
     except OSError as error:
         raise ConfigError("cannot write the config", got=error.strerror, where=path, remedy=WRITE_REMEDY) from error
 

@@ -82,10 +82,6 @@ class JobsError(RallyscopeError):
     """A cluster that cannot be used or is gone, or a piece of work whose workers keep dying."""
 
 
-class NotBuiltError(RallyscopeError):
-    """A verb, method or scene that the contract names and that does not exist yet."""
-
-
 class DeviceError(RallyscopeError):
     """An event camera that is not there, cannot be opened or read, or does not do what it is asked."""
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import _thread
 import errno
-import fcntl
 import json
 import multiprocessing
 import os
@@ -24,6 +23,11 @@ from typing import Final
 
 from core.text.json_text import parse_json
 
+try:
+    import fcntl
+except ImportError:  # Windows: there filelock locks
+    fcntl = None
+
 PROBE_S: Final = 0.2
 """Who wants a lock waits as long: `is_held` has it for a moment, and that is no reason to give up."""
 GIVES_UP_AFTER_S: Final = 10.0
@@ -34,6 +38,10 @@ _LOCK: Final = ".lock"
 _ATTEMPTS: Final = 100
 _held: dict[Path, int] = {}
 """The locks on the folders of this process."""
+POSIX: Final = os.name == "posix"
+"""Windows opens no folders, neither deletes nor replaces what is open, and lets nobody else read what is locked."""
+BINARY: Final = getattr(os, "O_BINARY", 0)
+"""For `os.open`: without it Windows takes the file for a text, and changes the ends of its lines."""
 
 
 @contextmanager
@@ -83,6 +91,8 @@ def end_unfinished(folder: Path) -> None:
     lock = _held.pop(folder, None)
     if lock is not None:
         os.close(lock)
+    if not POSIX:  # the lock was open, so it is still there
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def clear_unfinished(parent: Path) -> None:
@@ -99,6 +109,8 @@ def clear_unfinished(parent: Path) -> None:
                 shutil.rmtree(folder, ignore_errors=True)
             finally:
                 os.close(lock)
+            if not POSIX:  # the lock was open, so it is still there
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def _lock_in(folder: Path) -> int | None:
@@ -128,9 +140,22 @@ def put_in_place(partial: Path, path: Path, *, durable: bool) -> None:
     """Give a whole file its final name, in the place of what has it."""
     if durable:
         sync(partial)
-    os.replace(partial, path)
+    _replace(partial, path)
     if durable:
         sync(path.parent)
+
+
+def _replace(source: Path, target: Path) -> None:
+    """Rename over what is there. On Windows somebody who reads that is in the way, mostly for a moment."""
+    until_s = time.monotonic() + PROBE_S
+    while True:
+        try:
+            os.replace(source, target)
+            return
+        except PermissionError:
+            if POSIX or time.monotonic() > until_s:
+                raise
+        time.sleep(PROBE_S / 20)
 
 
 def put_beside(source: Path, target: Path) -> None:
@@ -154,7 +179,9 @@ def put_beside(source: Path, target: Path) -> None:
 
 def sync(path: Path) -> None:
     """Wait until a file's content, or a folder's entries, are on the disk: a power cut may take either."""
-    descriptor = os.open(path, os.O_RDONLY)
+    if not POSIX and path.is_dir():
+        return
+    descriptor = os.open(path, os.O_RDONLY if POSIX else os.O_RDWR)  # Windows syncs what may be written
     try:
         os.fsync(descriptor)
     except OSError as error:
@@ -211,10 +238,26 @@ def is_held(path: Path) -> bool:
 def lock_descriptor(descriptor: int, *, shared: bool = False) -> None:
     """Lock an open file itself, until it is closed: for one that no lock file lies beside.
 
+    On Windows no two share a lock, whatever was asked for.
+
     Raises:
         BlockingIOError: if another has it locked.
     """
-    fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    if fcntl is not None:
+        fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+        return
+    from filelock import lock_descriptor as lock  # as late as in `hold`
+
+    if not lock(descriptor, blocking=False):
+        raise BlockingIOError(errno.EAGAIN, "another has it locked")
+
+
+def write_at(descriptor: int, data: bytes | memoryview, offset: int) -> int:
+    """Write into an open file at a place; how many bytes were taken. One thread at a time."""
+    if hasattr(os, "pwrite"):
+        return os.pwrite(descriptor, data, offset)
+    os.lseek(descriptor, offset, os.SEEK_SET)
+    return os.write(descriptor, data)
 
 
 def usable_cores() -> int:

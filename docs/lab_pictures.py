@@ -23,7 +23,7 @@ from app.modes.watch.table.commands import ChooseTableCorner, ClickTableCorner, 
 from app.session import Session
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
-from app.state.commands import SetMode, SetOverlay, SetWindow, SetZoom, StopAt
+from app.state.commands import SetMethod, SetMode, SetOverlay, SetWindow, SetZoom, StopAt
 from core.cameras import stereo_preset
 from core.cameras.calibration.table_corners import CORNERS
 from core.cameras.presets import SENSOR_720
@@ -102,6 +102,7 @@ def take_crescent(recordings: LabRecordings) -> Image.Image:
     """A ball, large: one polarity ahead, the other behind."""
     with show_app(recordings.workspace, "rally") as (page, session):
         session.send(SetMode("Tune"))
+        session.send(SetMethod("auto"))
         session.send(SetOverlay("raw"))
         session.send(SetZoom(8.0))
         seek(page, session, coming_us(session))

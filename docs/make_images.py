@@ -19,6 +19,7 @@ from playwright.sync_api import Page
 
 from app.session import Session
 from app.shared.workspace import Workspace
+from app.state.commands import SetMethod
 from core.errors import CommandError
 from docs.headless_app import show_app, still_picture, wait_for, wait_for_chain
 from docs.lab_pictures import STEPS, LabRecordings, take_lab_pictures
@@ -93,6 +94,7 @@ def take_watch(page: Page, session: Session) -> None:
 
 def take_tune(page: Page, session: Session) -> None:
     """The stages of the window at the moment."""
+    session.send(SetMethod("auto"))
     enter(page, session, "Tune")
     seek(page, session, moment_us(session))
     page.wait_for_timeout(2000)

@@ -273,15 +273,6 @@ class LabelStore:
         states = arrays.state[np.isin(arrays.t_us, times)]
         return LabelProgress(len(times), len(states), Counter(tuple(LabelState)[state] for state in states.tolist()))
 
-    def next_unchecked(self, t_us: ArrayLike, after_us: int) -> int | None:
-        """The first of these times behind `after_us` that has no label; goes round to the start once."""
-        times = np.unique(np.asarray(t_us, np.int64))
-        unchecked = times[~np.isin(times, self.labels().t_us)]
-        if not len(unchecked):
-            return None
-        row = int(np.searchsorted(unchecked, after_us, side="right"))
-        return int(unchecked[row % len(unchecked)])
-
     def close(self) -> None:
         """Let go of the file: everything is saved already."""
         with self._write_lock, self._lock:

@@ -161,12 +161,12 @@ def stages(bench: Bench) -> Arrays:
     return {"kept": np.array(kept), **text_columns("candidates", "\n".join(reasons))}
 
 
-def track(source: str) -> Callable[[Bench], Arrays]:
+def track(source: str, method: str) -> Callable[[Bench], Arrays]:
     """The table that `track` writes."""
 
     def compute(bench: Bench) -> Arrays:
         out = bench.new("track.csv")
-        run_verb("track", recording_of(bench, source), "--out", out)
+        run_verb("track", recording_of(bench, source), "--method", method, "--out", out)
         return text_arrays(out)
 
     return compute

@@ -158,14 +158,14 @@ def _inputs(
 def _detect(
     recording: Recording, arguments: StereoArguments, progress: Callable[[float], None]
 ) -> dict[str, PointTrack]:
-    config = arguments.detector.settings()
+    method, config = arguments.detector.settings()
     tracks = {}
     for number, (name, stream) in enumerate(recording.cameras.items()):
 
         def show(share: float, number: int = number) -> None:
             progress((number + share) / len(recording.cameras))
 
-        detector = make_detector(arguments.detector.method, stream.sensor, config)
+        detector = make_detector(method, stream.sensor, config)
         answers = run_detector(stream, detector, arguments.window_us or config.window.window_us, progress=show)
         seen = answers.detected
         tracks[name] = PointTrack.of(answers.t_us[seen], np.column_stack([answers.u_px, answers.v_px])[seen])

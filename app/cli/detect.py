@@ -40,8 +40,8 @@ class DetectArguments:
 
 def run(arguments: DetectArguments) -> None:
     """Detect, write, and say what came out."""
-    find = _find_in_frames if arguments.detector.method in FRAME_METHODS else _find_in_events
-    work = find(arguments)
+    frames = arguments.detector.frame_method
+    work = _find_in_events(arguments) if frames is None else _find_in_frames(arguments, frames)
     tabulate(arguments.recordings, arguments.out, work, arguments.engine, "Detecting", arguments.json, _say)
 
 
@@ -58,13 +58,13 @@ def _find_in_events(arguments: DetectArguments) -> DetectInEvents:
     return DetectInEvents(arguments.camera, method, config, window_us)
 
 
-def _find_in_frames(arguments: DetectArguments) -> DetectInFrames:
+def _find_in_frames(arguments: DetectArguments, method: str) -> DetectInFrames:
     """Raises CommandError for a flag that is of windows of events."""
     asked = arguments.detector
     for name, value in given({"config": asked.config, "window-us": asked.window_us}).items():
         remedy = "leave it out: all settings of yolo are in its weights, and a picture is a window"
-        raise CommandError(f"{asked.method} has no such setting", got=value, where=f"--{name}", remedy=remedy)
-    return DetectInFrames(arguments.camera, asked.method, asked.weights and asked.weights.absolute())
+        raise CommandError(f"{method} has no such setting", got=value, where=f"--{name}", remedy=remedy)
+    return DetectInFrames(arguments.camera, method, asked.weights and asked.weights.absolute())
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,7 +63,7 @@ def _export(arguments: ExportArguments, progress: Progress) -> tuple[Path, ...]:
         start_us=arguments.start_us,
         end_us=arguments.end_us,
         stride_us=arguments.stride_us,
-        chain=ChainConfig.of_method(arguments.detector.method, arguments.detector.settings()),
+        chain=ChainConfig.of_method(*arguments.detector.settings()),
         overwrite=arguments.force,
         seed=arguments.seed,
         policy="best" if arguments.best else "last",

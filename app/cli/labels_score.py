@@ -88,8 +88,8 @@ class AnswerLabels:
 
 def run_score(arguments: LabelScoreArguments) -> None:
     """Read the labels here, detect wherever the engine says, and compare."""
-    config, paths = arguments.detector.settings(), arguments.recordings
-    work = AnswerLabels(arguments.detector.method, config, arguments.window_us or config.window.window_us)
+    paths, (method, config) = arguments.recordings, arguments.detector.settings()
+    work = AnswerLabels(method, config, arguments.window_us or config.window.window_us)
     with open_jobs(arguments.engine.engine(), len(paths)) as jobs, progress_bar("Scoring") as progress:
         pieces = [_piece(arguments.layer(path), jobs.share_file(path)) for path in paths]
         answers = jobs.run(work, pieces, name=str, progress=progress)

@@ -10,11 +10,10 @@ import sys
 import traceback
 from collections.abc import Sequence
 from importlib.metadata import version
-from pathlib import Path
 
 from app.cli.arguments import Parser, add_verb, arguments_of
 from app.cli.terminal import PlainFormatter, say
-from core.errors import NotBuiltError, RallyscopeError
+from core.errors import RallyscopeError
 
 VERBS = {
     "serve": "open the app in a browser",
@@ -42,15 +41,7 @@ MODULES = {
     "sim-server": "sim_server",
     "train-detector": "train_detector",
 }
-"""Verbs whose module has another name than the verb."""
-
-
-def _module_name(verb: str) -> str:
-    return MODULES.get(verb, verb)
-
-
-BUILT = tuple(verb for verb in VERBS if Path(__file__).with_name(f"{_module_name(verb)}.py").exists())
-"""Verbs that work; each is the module `app.cli.<verb>` with `run(arguments: ItsArguments)`, or with several such
+"""Verbs whose module has another name than the verb. A module has `run(arguments: ItsArguments)`, or several such
 functions by the names of its sub-verbs in `ACTS`."""
 
 
@@ -88,19 +79,15 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
 
     Raises:
         CommandError: if it is not one of ours.
-        NotBuiltError: if its verb does not exist yet.
     """
     parser = Parser(prog="rallyscope", description="An interactive lab for event-camera table tennis.")
     parser.add_argument("--version", action="version", version=f"rallyscope {version('rallyscope')}")
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     chosen = next((word for word in argv if not word.startswith("-")), None)
     for verb, summary in VERBS.items():
-        built = verb in BUILT
-        child = verbs.add_parser(verb, help=summary if built else f"{summary} (not built yet)", description=summary)
-        if not built:
-            child.set_defaults(run=None)
-        elif verb == chosen:  # only the chosen verb's module is imported: `rallyscope info` need not load the app
-            module = importlib.import_module(f"app.cli.{_module_name(verb)}")
+        child = verbs.add_parser(verb, help=summary, description=summary)
+        if verb == chosen:  # only the chosen verb's module is imported: `rallyscope info` need not load the app
+            module = importlib.import_module(f"app.cli.{MODULES.get(verb, verb)}")
             acts = getattr(module, "ACTS", None)
             if acts is None:
                 add_verb(child, module.run)
@@ -108,6 +95,4 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
             sub_verbs = child.add_subparsers(dest="act", required=True, metavar="|".join(acts))
             for name, run in acts.items():
                 add_verb(sub_verbs.add_parser(name, help=arguments_of(run).__doc__), run)
-    if chosen in VERBS and chosen not in BUILT and not {"-h", "--help"} & set(argv):
-        raise NotBuiltError(f"`rallyscope {chosen}` is not built yet", remedy="see `rallyscope --help` for what is")
     return parser.parse_args(argv)

@@ -24,8 +24,7 @@ from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.web import Admission, Gateway, open_gateway
 from app.web.address import check_address
-from core.config import load_config
-from core.detection import DetectorConfig
+from core.detection.saved import load_detector
 from core.errors import CommandError
 from core.live.link.address import split_address
 from core.live.link.guard import check_reach
@@ -80,7 +79,7 @@ def run(arguments: ServeArguments) -> None:
     if arguments.rerun is not None:
         check_viewer_address(arguments.rerun)
     places = JobBackends(arguments.cluster)
-    config = load_config(DetectorConfig, arguments.config) if arguments.config else DetectorConfig()
+    detector = load_detector(arguments.config) if arguments.config else None
     workspace = Workspace(arguments.data)
     library = Library(workspace, _check_folders(arguments.folder or ()))
     library.names()  # where no folder can be made that is said before anything is started
@@ -112,7 +111,7 @@ def run(arguments: ServeArguments) -> None:
             first,
             host=arguments.host,
             port=arguments.port,
-            config=config,
+            detector=detector,
             preparation=None if startup is None else startup.preparation,
             front=front,
             viewer_address=arguments.rerun,

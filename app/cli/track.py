@@ -36,7 +36,7 @@ class TrackArguments:
 
 def run(arguments: TrackArguments) -> None:
     """Track, write, and say what came out."""
-    work = TrackRecording(arguments.detector.method, *arguments.detector.settings())
+    work = TrackRecording(*arguments.detector.settings())
     tabulate(arguments.recordings, arguments.out, work, arguments.engine, "Tracking", arguments.json, _say)
 
 

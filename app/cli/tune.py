@@ -20,7 +20,7 @@ from app.cli.labels_layer import read_layers
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table, json_ready
 from app.cli.terminal import say
-from core.config import save_config
+from core.detection.saved import SavedDetector, save_detector
 from core.errors import CommandError, ConfigError
 from core.files import end_with_parent
 from core.recordings import Recording, open_recording
@@ -68,7 +68,7 @@ class TuneArguments:
 def run(arguments: TuneArguments) -> None:
     """Search, write the best config, and say what it is worth."""
     check_folder(arguments.out)
-    method, start = arguments.detector.method, arguments.detector.settings()
+    method, start = detector = arguments.detector.settings()
     config = TuningConfig(trials=arguments.trials, seed=arguments.seed)
     engine = arguments.engine.engine()
     parameters = choose_parameters(method, start, arguments.parameters)
@@ -79,7 +79,7 @@ def run(arguments: TuneArguments) -> None:
         cameras = tuple(recording.cameras)
         if arguments.camera is not None:
             cameras = (choose_camera(recording, arguments.camera).name,)
-        objective = _objective(arguments, recording, cameras, config)
+        objective = _objective(arguments, detector, recording, cameras, config)
     ended = end_event()
     with _told(arguments.until_eof) as progress:
         result = tune(
@@ -104,19 +104,23 @@ def run(arguments: TuneArguments) -> None:
         "out": str(arguments.out),
     }
     try:
-        save_config(result.best, arguments.out)
+        save_detector(method, result.best, arguments.out)
     except ConfigError:  # what was found is said all the same: it may have taken hours
         found = json_ready({**about, "out": None} | report_of(result))
-        say(json.dumps(found) if arguments.json else _describe(arguments, result))
+        say(json.dumps(found) if arguments.json else _describe(arguments, method, result))
         raise
     found = json_ready(about | report_of(result))
-    say(json.dumps(found) if arguments.json else f"{_describe(arguments, result)}\nthe config: {arguments.out}")
+    say(json.dumps(found) if arguments.json else f"{_describe(arguments, method, result)}\nthe config: {arguments.out}")
 
 
 def _objective(
-    arguments: TuneArguments, recording: Recording, cameras: tuple[str, ...], config: TuningConfig
+    arguments: TuneArguments,
+    detector: SavedDetector,
+    recording: Recording,
+    cameras: tuple[str, ...],
+    config: TuningConfig,
 ) -> Objective:
-    method, start = arguments.detector.method, arguments.detector.settings()
+    method, start = detector
     if arguments.against == "truth":
         if arguments.annotator is not None:
             raise CommandError("goes with --against labels", where="--annotator")
@@ -141,7 +145,7 @@ def _line(state: TuningProgress) -> str:
     return f"{state.done} of {state.trials} trials{best}"
 
 
-def _describe(arguments: TuneArguments, result: TuningResult) -> str:
+def _describe(arguments: TuneArguments, method: str, result: TuningResult) -> str:
     start, best = result.trials[0], result.trials[result.best_trial]
     name = f"trial {result.best_trial}"
     rows = [
@@ -152,7 +156,7 @@ def _describe(arguments: TuneArguments, result: TuningResult) -> str:
     ]
     ended = f"ended early, after {len(result.trials)} of" if result.stopped else "all"
     lines = [
-        f"{arguments.detector.method} against {arguments.against}, {ended} {arguments.trials} trials",
+        f"{method} against {arguments.against}, {ended} {arguments.trials} trials",
         format_table(rows if result.best_trial else rows[::2]),
         "",
         format_table(_parameter_rows(result)),

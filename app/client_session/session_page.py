@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -15,6 +16,8 @@ from app.state.playback import Playhead
 from app.state.undo import History
 from app.web.pages import Message, PageConnection, Pages
 from core.detection import DetectorConfig
+from core.detection.methods import DEFAULT_METHOD
+from core.detection.saved import SavedDetector
 
 LINK_EVERY_S: Final = 0.3
 LINK_PLAYING_S: Final = 1.0
@@ -95,21 +98,30 @@ class SessionPage:
         return usual
 
     def first_state(
-        self, name: str, cameras: tuple[str, ...], playhead: Playhead, config: DetectorConfig, *, at_ball: bool = False
+        self,
+        name: str,
+        cameras: tuple[str, ...],
+        playhead: Playhead,
+        detector: SavedDetector | None,
+        *,
+        at_ball: bool = False,
     ) -> ClientState:
-        """What the browser begins with: as it was left, and what the command line asked for as its last step.
+        """What the browser begins with: as it was left, and the detector of the command line, if any, as its last step.
 
         Where it opens at a ball Tune is zoomed on that, unless a link says how it was looked at.
         """
         tune = TuneView(zoom=FIRST_ZOOM) if at_ball and not self._link else TuneView()
-        remembered = self._memory.recall(self._visit.browser)
-        fresh = Configs(config, config)
-        if remembered is None:
-            return ClientState(name, cameras, cameras[0], playhead, History(fresh), tune=tune)
-        history = remembered.configs
-        if config != DetectorConfig():
-            history = history.change(fresh, topic=None, wall_s=time.monotonic())
-        return ClientState(name, cameras, cameras[0], playhead, history, dict(remembered.own_configs), tune=tune)
+        fresh = History(Configs(DetectorConfig(), DetectorConfig()))
+        known = self._memory.recall(self._visit.browser)
+        left = known or Remembered(fresh, method=DEFAULT_METHOD)
+        tune = replace(tune, method=left.method if detector is None else detector.method)
+        state = ClientState(name, cameras, cameras[0], playhead, left.configs, dict(left.own_configs), tune=tune)
+        if detector is None:
+            return state
+        given = Configs(detector.config, detector.config)
+        if known is None:
+            return state.with_history(History(given))
+        return state.with_history(state.history.change(given, topic=None, wall_s=time.monotonic()))
 
     def follow_link(self, state: ClientState) -> ClientState:
         """Once the recording of a link is open: go where it leads."""
@@ -146,7 +158,7 @@ class SessionPage:
 
     def _keep(self, state: ClientState, keep: Callable[[str, Remembered], object]) -> None:
         """Have the settings written down if they are not those that were found or written before."""
-        remembered = Remembered(state.configs, state.own_configs)
+        remembered = Remembered(state.configs, state.own_configs, state.tune.method)
         known, self._kept = self._kept, remembered
         if known is not None and known != remembered and self._visit.browser:
             keep(self._visit.browser, remembered)

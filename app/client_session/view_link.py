@@ -1,7 +1,8 @@
 """What a browser looks at as a link, and back: a colleague who opens it sees the same moment with the same settings.
 
 A link is what stands behind the # of the address: `v=1&recording=demo&mode=Tune&t=123456&a.cluster.eps_px=3.5`. What is
-as usual is left out. It may come from anyone: opening one only makes the commands that the controls make.
+as usual is left out. A link that names no method is of `auto`: it was made when that was the default. It may come from
+anyone: opening one only makes the commands that the controls make.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from app.state.client_state import (
 )
 from app.state.commands import Command
 from app.state.settings_text import default_config, differing_settings, with_settings
-from core.detection.methods import METHODS, Method
+from core.detection.methods import METHODS, UNNAMED_METHOD, Method
 from core.errors import ConfigError
 from core.text.json_text import parse_json
 
@@ -42,11 +43,13 @@ Values = Mapping[str, str]
 
 @dataclass(frozen=True, slots=True)
 class _Use:
-    """Put both configs of the chosen method in place, as one step that can be undone."""
+    """Choose a method and put both its configs in place, as one step that can be undone."""
 
+    method: Method
     configs: Configs
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        state = commands.SetMethod(self.method).apply(state, wall_s)
         return state.with_history(state.history.change(self.configs, topic=None, wall_s=wall_s))
 
 
@@ -82,10 +85,10 @@ def commands_of(values: Values, state: ClientState) -> tuple[Command, ...]:
                 found += make(values[key])
             except (ValueError, TypeError, OverflowError):
                 continue
-    method = values.get("method", _TUNE.method)
+    method = values.get("method", UNNAMED_METHOD)
     if values.get("v") == VERSION and method in METHODS:
         with contextlib.suppress(ConfigError, ValueError, TypeError, RecursionError):
-            found.append(_Use(_configs(values, method)))  # type: ignore[arg-type]
+            found.append(_Use(method, _configs(values, method)))  # type: ignore[arg-type]
     return tuple(found)
 
 
@@ -110,7 +113,7 @@ def _view(state: ClientState, now_us: int) -> Iterator[tuple[str, str]]:
     yield "at", "{:.1f},{:.1f}".format(*tune.centre_px) if tune.centre_px is not None else ""
     yield "slot", tune.slot if tune.slot != _TUNE.slot else ""
     yield "compare", "1" if tune.compare else ""
-    yield "method", tune.method if tune.method != _TUNE.method else ""
+    yield "method", tune.method if tune.method != UNNAMED_METHOD else ""
     yield "methods", ",".join(tune.compared) if tune.compared != _TUNE.compared else ""
     yield "beside", "1" if tune.side_by_side else ""
     yield "truth", "0" if not tune.show_truth else ""

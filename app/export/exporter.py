@@ -16,10 +16,12 @@ from app.export.unfinished import Cancelled, ExportCancelledError, Progress
 from app.formatting.file_size import size_text
 from app.shared.workspace import Workspace, slug_from
 from core.errors import WRITE_REMEDY, CommandError, RallyscopeError
-from core.files import lock_descriptor
+from core.files import POSIX, lock_descriptor
 
 logger = logging.getLogger(__name__)
 CLOSE_WITHIN_S: Final = 5.0
+CLAIM: Final = ".exporting"
+"""What is locked where a folder cannot be."""
 Work = Callable[[Path, Progress, Cancelled], tuple[Path, ...]]
 """Makes the files under the path it is given."""
 
@@ -158,7 +160,7 @@ def _claim(workspace: Workspace) -> int:
     """
     folder = workspace.exports
     try:
-        claim = os.open(folder, os.O_RDONLY)
+        claim = os.open(folder, os.O_RDONLY) if POSIX else os.open(folder / CLAIM, os.O_RDWR | os.O_CREAT)
     except OSError as error:
         raise CommandError("cannot export", got=error.strerror, where=folder, remedy=WRITE_REMEDY) from error
     try:

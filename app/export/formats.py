@@ -57,7 +57,7 @@ class ExportRequest:
     pictures: bool = True
     stages: bool = True
     plots: bool = True
-    chain: ChainConfig = field(default_factory=lambda: ChainConfig.of_method("auto"))
+    chain: ChainConfig = field(default_factory=ChainConfig)
     overwrite: bool = False
     seed: int | None = None
     """Of a run: whose actor or film; None: its first."""

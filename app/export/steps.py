@@ -68,8 +68,3 @@ class ChainFollower:
             started_s = time.perf_counter()
             found = {name: detectors[name].step(window) for name, window in windows.items()}
             yield ChainStep(end_us, windows, found, time.perf_counter() - started_s, None, before)
-
-
-def follow_span(recording: Recording, span: Span, config: ChainConfig, *, picture_every: int) -> Iterator[ChainStep]:
-    """Step after step through the span."""
-    return ChainFollower(recording, config, picture_every=picture_every).follow(recording, span)

@@ -135,20 +135,6 @@ class Canvas:
         size = self._text_size()
         self.texts.append(PictureText(round(16 * size), round(36 * size), text, int(ink), is_title=True))
 
-    def paint_texts(self) -> None:
-        """Make the words part of the picture, on a dark ground so that they can be read, for who shows only pixels."""
-        size = self._text_size()
-        thickness = max(1, round(2.6 * size))  # thin strokes vanish when a browser shrinks the picture
-        for one in self.texts:
-            (width, height), below = cv2.getTextSize(one.text, cv2.FONT_HERSHEY_SIMPLEX, size, thickness)
-            x = int(np.clip(one.x, 2, max(2, self.image.shape[1] - width - 2)))
-            y = int(np.clip(one.y, height + 2, max(height + 2, self.image.shape[0] - below)))
-            cv2.rectangle(
-                self.image, (x - 2, y - height - 2), (x + width + 1, y + below - 1), int(PaletteIndex.BACKGROUND), -1
-            )
-            cv2.putText(self.image, one.text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, one.ink, thickness, cv2.LINE_8)
-        self.texts.clear()
-
     def _text_size(self) -> float:
         """Equally large on the screen however wide the picture is and however many share the window."""
         return 0.62 * self.across * self.image.shape[1] / TARGET_WIDTH_PX

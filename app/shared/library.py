@@ -55,10 +55,6 @@ class Library:
         """Offer a recording that grows; it stays its owner's to close."""
         self._live[name] = recording
 
-    def to_import(self, name: str) -> bool:
-        """Whether this is an event file in the folder of recordings that opening imports."""
-        return name in self._files_to_import()
-
     def file_to_import(self, name: str) -> Path | None:
         """The event file of this name in the list; None for what is a recording already."""
         return self._files_to_import().get(name)

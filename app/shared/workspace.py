@@ -10,8 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.config import load_config, save_config
-from core.detection import DetectorConfig
+from core.detection.saved import SavedDetector, load_detector, save_detector
 from core.errors import WRITE_REMEDY, CommandError, ConfigError
 from core.files import begin_unfinished, end_unfinished, put_beside
 
@@ -30,9 +29,9 @@ def slug_from(text: str) -> str:
     return slug
 
 
-def _holds(path: Path, config: DetectorConfig) -> bool:
+def _holds(path: Path, detector: SavedDetector) -> bool:
     try:
-        return load_config(DetectorConfig, path) == config
+        return load_detector(path) == detector
     except ConfigError:
         return False
 
@@ -95,8 +94,8 @@ class Workspace:
         """Where the config of this name is or will be."""
         return self.configs / f"{slug_from(name)}.toml"
 
-    def keep_config(self, name: str, config: DetectorConfig) -> Path:
-        """Save a config over nothing but the same, other servers' included: as NAME, or NAME-2 and so on.
+    def keep_config(self, name: str, detector: SavedDetector) -> Path:
+        """Save a detector over nothing but the same, other servers' included: as NAME, or NAME-2 and so on.
 
         Raises:
             ConfigError: if it cannot be written.
@@ -105,8 +104,8 @@ class Workspace:
         try:
             folder = begin_unfinished(self.configs)
             try:
-                save_config(config, folder / "config.toml")
-                while not _holds(path, config):
+                save_detector(*detector, folder / "config.toml")
+                while not _holds(path, detector):
                     with suppress(FileExistsError):
                         put_beside(folder / "config.toml", path)
                         break

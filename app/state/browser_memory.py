@@ -18,7 +18,7 @@ from app.shared.workspace import Workspace
 from app.state.client_state import Configs
 from app.state.settings_text import default_config, differing_settings, with_settings
 from app.state.undo import History
-from core.detection.methods import METHODS, STAGED, Method
+from core.detection.methods import METHODS, STAGED, UNNAMED_METHOD, Method, method_named
 from core.errors import CommandError, ConfigError
 from core.files import replace_file
 from core.text.json_text import parse_json
@@ -39,10 +39,12 @@ STAGED_NAME: Final[Method] = "auto"
 
 @dataclass(frozen=True, slots=True)
 class Remembered:
-    """The settings of one browser."""
+    """The settings of one browser, and the method that it had chosen."""
 
     configs: History[Configs]
     own_configs: Mapping[Method, History[Configs]] = field(default_factory=dict)
+    method: Method = UNNAMED_METHOD
+    """The chosen one."""
 
 
 class BrowserMemory:
@@ -124,7 +126,8 @@ class BrowserMemory:
 
 def _encode(remembered: Remembered) -> dict[str, object]:
     histories: dict[Method, History[Configs]] = {STAGED_NAME: remembered.configs, **remembered.own_configs}
-    return {"version": 1, "methods": {method: _encode_history(method, one) for method, one in histories.items()}}
+    methods = {method: _encode_history(method, one) for method, one in histories.items()}
+    return {"version": 1, "method": remembered.method, "methods": methods}
 
 
 def _encode_history(method: Method, history: History[Configs]) -> dict[str, object]:
@@ -147,7 +150,9 @@ def _decode(content: Mapping) -> Remembered:
         method: _decode_history(method, methods[method]) for method in METHODS if method in methods
     }
     configs = known.pop(STAGED_NAME)
-    return Remembered(configs, {method: one for method, one in known.items() if method not in STAGED})
+    own_configs: dict[Method, History[Configs]] = {method: one for method, one in known.items() if method not in STAGED}
+    chosen = content.get("method", UNNAMED_METHOD)
+    return Remembered(configs, own_configs, method_named(chosen) if chosen in METHODS else UNNAMED_METHOD)
 
 
 def _decode_history(method: Method, content: Mapping) -> History[Configs]:

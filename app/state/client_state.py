@@ -14,7 +14,8 @@ from app.state.swept_cells import SweptCells
 from app.state.table_clicks import TableClicks
 from app.state.undo import History
 from core.detection import DetectorConfig
-from core.detection.methods import STAGED, Method, method_config
+from core.detection.methods import DEFAULT_METHOD, STAGED, Method, method_config
+from core.detection.saved import SavedDetector
 
 ModeName = Literal["Watch", "Tune", "Label", "Train", "Export"]
 MODES: Final[tuple[ModeName, ...]] = get_args(ModeName)
@@ -50,8 +51,8 @@ class TuneView:
     """The config that the sliders change."""
     compare: bool = False
     """Both configs side by side on the same window."""
-    method: Method = "auto"
-    """The one that the sliders, the picture and the scores are of."""
+    method: Method = DEFAULT_METHOD
+    """The one that the sliders, the picture and the scores are of; Watch, Label and Export detect with it, too."""
     compared: tuple[Method, ...] = ("auto", "refined")
     """Those that are compared, in their usual order."""
     side_by_side: bool = False
@@ -103,7 +104,7 @@ class ClientState:
     """The one that Tune looks at."""
     playhead: Playhead
     configs: History[Configs]
-    """Of the methods with stages, which share them. Watch and Label detect with them whatever Tune looks at."""
+    """Of the methods with stages, which share them."""
     own_configs: Mapping[Method, History[Configs]] = field(default_factory=dict)
     """Of each other method that was edited: they see windows of another length."""
     mode: ModeName = "Watch"
@@ -124,9 +125,14 @@ class ClientState:
         return self.config_of(self.tune.method)
 
     @property
-    def staged_config(self) -> DetectorConfig:
-        """The chosen slot of the methods with stages."""
-        return self.configs.present.of(self.tune.slot)
+    def detector(self) -> SavedDetector:
+        """The chosen method with the config that the sliders change."""
+        return SavedDetector(self.tune.method, self.config)
+
+    @property
+    def detector_a(self) -> SavedDetector:
+        """The chosen method with its config A."""
+        return SavedDetector(self.tune.method, self.history.present.a)
 
     @property
     def history(self) -> History[Configs]:

@@ -325,8 +325,11 @@ class UseConfig:
     """Put a whole config (the default, a loaded file) into the slot that is being edited."""
 
     config: DetectorConfig
+    method: Method | None = None
+    """What it is of, which becomes the chosen one; None for the one that is chosen."""
 
     def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        state = state if self.method is None else SetMethod(self.method).apply(state, wall_s)
         return _with_config(state, self.config, topic=None, wall_s=wall_s)
 
 

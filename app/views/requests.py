@@ -19,9 +19,10 @@ from core.cameras.calibration.coverage import cell_box, cells_of
 from core.detection import Detection, DetectorConfig, FastDetector, PipelineTrace, trace_window
 from core.detection.fast.cluster import grid_labels
 from core.detection.methods import STAGED, method_config
+from core.detection.saved import SavedDetector
 from core.detection.stages.roi import Roi
 from core.events import Window
-from core.metrics.one_window import WindowAnswer
+from core.metrics.one_window import WindowAnswer, answer_window
 from core.recordings import CameraStream, Recording
 
 WARM_UP_WINDOWS = 25
@@ -39,8 +40,8 @@ class WatchRequest:
     recording: Recording
     t_us: int
     look: RenderSettings
-    config: DetectorConfig
-    """Of the detector whose circle is drawn."""
+    detector: SavedDetector
+    """The one whose circle is drawn."""
     show_truth: bool
     large: str = ""
     """The only camera that is shown; all of them if it is empty or unknown."""
@@ -110,8 +111,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
             canvas = Canvas.of_binned(pixels, stream.sensor, binning, across=across)
         if request.show_truth:
             draw_truth(canvas, stream.truth, window.end_us)
-        seen = window_before(stream, window.end_us, request.config.window.window_us)
-        detection = _detector_before(stream, seen.start_us, request.config).step(seen)
+        detection = answer_window(stream, *request.detector, window.end_us).detection
         if detection is not None:
             draw_detection(canvas, detection)
             balls.append((name, int(cells_of((detection.u_px, detection.v_px), stream.sensor)[0])))

@@ -23,6 +23,7 @@ from benchmarks.partial_rows import report_rows_to
 from core.cameras import stereo_preset
 from core.config import replace_setting
 from core.detection import DetectorConfig
+from core.detection.saved import SavedDetector
 from core.errors import CommandError
 from core.recordings import Recording, open_recording
 from core.simulation import LaunchConfig, SensorConfig, StereoConfig, simulate_recording
@@ -143,11 +144,13 @@ def _views(recording: Recording) -> dict[str, Callable[[int, DetectorConfig], Tu
     stream, look = recording.cameras["left"], RenderSettings()
     other, kept = DetectorConfig(), AnswerCache()
     return {
-        "watch, both cameras": lambda t, config: WatchRequest(recording, t, look, config, True),
-        "tune": lambda t, config: TuneRequest(stream, t, look, TuneView(), (("A", config),), kept),
-        "tune, zoom 8": lambda t, config: TuneRequest(stream, t, look, TuneView(zoom=8.0), (("A", config),), kept),
+        "watch, both cameras": lambda t, config: WatchRequest(recording, t, look, SavedDetector("auto", config), True),
+        "tune": lambda t, config: TuneRequest(stream, t, look, TuneView(method="auto"), (("A", config),), kept),
+        "tune, zoom 8": lambda t, config: TuneRequest(
+            stream, t, look, TuneView(method="auto", zoom=8.0), (("A", config),), kept
+        ),
         "tune, A and B": lambda t, config: TuneRequest(
-            stream, t, look, TuneView(), (("A", config), ("B", other)), kept
+            stream, t, look, TuneView(method="auto"), (("A", config), ("B", other)), kept
         ),
     }
 

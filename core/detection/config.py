@@ -46,7 +46,7 @@ class DetectorConfig:
 
 
 def auto_config() -> DetectorConfig:
-    """The default: the paper's stages, with the leading polarity decided from the data."""
+    """The settings of `auto`: the paper's stages, with the leading polarity decided from the data."""
     return DetectorConfig()
 
 

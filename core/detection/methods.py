@@ -31,6 +31,10 @@ METHODS: Final[dict[Method, str]] = {
     "fe-fusion": "a rival: the centroid of one cluster of events",
 }
 """Those that work, with what they are."""
+DEFAULT_METHOD: Final[Method] = "refined"
+"""Where nothing names a method."""
+UNNAMED_METHOD: Final[Method] = "auto"
+"""Of files, links and browsers' settings that name none: they were written when this was the default."""
 _STAGES: Final = (
     "window", "hot_pixels", "flicker", "roi", "denoise", "cluster", "polarity", "geometry", "localise",
 )  # fmt: skip

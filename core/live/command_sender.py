@@ -49,8 +49,6 @@ class CommandSender:
     def put(self, order: QueuedCommand) -> None:
         """Send this next."""
         with self._changed:
-            if self._order is not None:
-                self._meter.late += 1
             self._order = order
             self._changed.notify()
 
@@ -75,14 +73,12 @@ class CommandSender:
         state, target = self._source.state, order.decision.target
         t_us = round(1e6 * target.t_s)
         if order.session != self._source.welcome.session or (state is not None and t_us <= state.t_us):
-            meter.late += 1
             return
         p, q, v = (tuple(a.tolist()) for a in (target.p_m, target.q_wxyz, target.v_mps))
         sent_s = time.monotonic()
         try:
-            reply = self._robot.aim_racket(p, q, v, t_us)
+            self._robot.aim_racket(p, q, v, t_us)
         except LinkError as error:
-            meter.refused += 1
             meter.last_refusal = str(error)
             logger.info("racket target not taken: %s", error)
             return
@@ -90,5 +86,3 @@ class CommandSender:
         meter.arrival_to_sent_ms.append(1e3 * (sent_s - order.arrived_s))
         if order.window_s == order.window_s:
             meter.window_to_sent_ms.append(1e3 * (sent_s - order.window_s))
-        if reply.session == order.session:
-            meter.window_to_effect_ms.append(1e-3 * (reply.t_us - order.decision.t_us))

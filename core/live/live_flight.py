@@ -60,11 +60,7 @@ class LiveFlight:
         self._forget()
 
     def _forget(self) -> None:
-        self._first_pre: Prediction | None = None
-        self._first_post: Prediction | None = None
         self._newest: Prediction | None = None
-        self._pre: RacketDecision | None = None
-        self._post: RacketDecision | None = None
 
     def blocks_missing(self, state: m.WorldState) -> int:
         """How many blocks were lost between the last one and this."""
@@ -89,17 +85,9 @@ class LiveFlight:
         if not chain.is_new or found is None:
             return None
         self._newest = found
-        if found.stage == "pre":
-            self._first_pre = self._first_pre or found
-        else:
-            self._first_post = self._first_post or found
         decision = state.decision
         if not state.is_new or decision is None:
             return None
-        if found.stage == "pre":
-            self._pre = decision
-        else:
-            self._post = decision
         if playing:
             self._last_decision = decision
         return decision
@@ -143,11 +131,7 @@ class LiveFlight:
             goal_m=controller.goal_m,
             state=self._state,
             points=tuple(self._points),
-            first_pre=self._first_pre,
-            first_post=self._first_post,
             newest=self._newest,
-            pre_decision=self._pre,
-            post_decision=self._post,
             racket=self._racket,
             ball=self._ball,
             phase=self._phase,

@@ -15,7 +15,7 @@ EVERY_S: Final = 0.25
 """Percentiles are computed so often."""
 SAMPLES: Final = 500
 NOTHING: Final = Percentiles(float("nan"), float("nan"))
-NO_HEALTH: Final = PlayerHealth(0.0, 0.0, 0.0, NOTHING, NOTHING, NOTHING, NOTHING, 0, 0, 0, "", 0, 0)
+NO_HEALTH: Final = PlayerHealth(0.0, 0.0, NOTHING, NOTHING, NOTHING, 0, "", 0, 0)
 
 
 def percentiles(values_ms: deque[float]) -> Percentiles:
@@ -33,25 +33,21 @@ class LiveMeter:
         self._step_ms: deque[float] = deque(maxlen=SAMPLES)
         self.arrival_to_sent_ms: deque[float] = deque(maxlen=SAMPLES)
         self.window_to_sent_ms: deque[float] = deque(maxlen=SAMPLES)
-        self.window_to_effect_ms: deque[float] = deque(maxlen=SAMPLES)
-        self.sent = self.late = self.refused = self.blocks = self.dropped = 0
+        self.sent = self.blocks = self.dropped = 0
         self.last_refusal = ""
         self._steps = 0
-        self._busy_s = self._simulated_s = 0.0
-        self._marks: deque[tuple[float, float, int, float, float]] = deque()
+        self._marks: deque[tuple[float, float, int]] = deque()
         self._made_s = 0.0
         self._health = NO_HEALTH
 
     def note_step(self, seconds: float) -> None:
         """A step of chain and controller took so long."""
         self._steps += 1
-        self._busy_s += seconds
         self._step_ms.append(1e3 * seconds)
 
-    def note_block(self, simulated_s: float) -> None:
+    def note_block(self) -> None:
         """A block was played."""
         self.blocks += 1
-        self._simulated_s += simulated_s
 
     def health(self) -> PlayerHealth:
         """The figures; called by the player's own thread, whose time on the processor it takes."""
@@ -59,23 +55,19 @@ class LiveMeter:
         if now_s - self._made_s < EVERY_S:
             return self._health
         self._made_s = now_s
-        self._marks.append((now_s, time.thread_time(), self._steps, self._busy_s, self._simulated_s))
+        self._marks.append((now_s, time.thread_time(), self._steps))
         while len(self._marks) > 2 and now_s - self._marks[1][0] > SPAN_S:
             self._marks.popleft()
         then, last = self._marks[0], self._marks[-1]
-        wall_s, simulated_s = max(last[0] - then[0], 1e-9), last[4] - then[4]
+        wall_s = max(last[0] - then[0], 1e-9)
         known = len(self._marks) > 1
         self._health = PlayerHealth(
             state_hz=(last[2] - then[2]) / wall_s if known else 0.0,
             core_share=(last[1] - then[1]) / wall_s if known else 0.0,
-            chain_share=(last[3] - then[3]) / simulated_s if simulated_s > 0 else 0.0,
             step=percentiles(self._step_ms),
             arrival_to_sent=percentiles(self.arrival_to_sent_ms.copy()),
             window_to_sent=percentiles(self.window_to_sent_ms.copy()),
-            window_to_effect=percentiles(self.window_to_effect_ms.copy()),
             commands_sent=self.sent,
-            commands_late=self.late,
-            commands_refused=self.refused,
             last_refusal=self.last_refusal,
             blocks=self.blocks,
             blocks_dropped=self.dropped,

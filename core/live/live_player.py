@@ -320,7 +320,7 @@ class LivePlayer:
             return
         for windows in block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ():
             self._follow(player.step(windows), heard)
-        self._meter.note_block((state.t_us - state.start_us) * 1e-6)
+        self._meter.note_block()
 
     def _follow(self, state: PlayerState, heard: _ReceivedBlock) -> None:
         self._meter.note_step(state.chain.seconds.total + state.control_s)

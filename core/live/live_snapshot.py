@@ -81,21 +81,14 @@ class PlayerHealth:
     """Steps of the chain per second of wall time."""
     core_share: float
     """Of one core, that the player's thread takes."""
-    chain_share: float
-    """Computing per simulated time: above 1 the chain cannot follow."""
     step: Percentiles
     """Computing of one step: chain and controller."""
     arrival_to_sent: Percentiles
     """From the arrival of a block to the sending of a command that it led to."""
     window_to_sent: Percentiles
     """The same from the end of the simulated window, so with the wait for the end of its block and the link."""
-    window_to_effect: Percentiles
-    """From the window's end to the command's effect, in simulated time: the whole delay of the loop."""
     commands_sent: int
     """Of this session, as all counts."""
-    commands_late: int
-    """Not sent: their impact was over already, or a newer one came first."""
-    commands_refused: int
     last_refusal: str
     """Empty if there was none."""
     blocks: int
@@ -123,14 +116,8 @@ class RallySnapshot:
     """After the newest step."""
     points: tuple[BallPoint, ...]
     """Triangulated balls of the last seconds, oldest first."""
-    first_pre: Prediction | None
-    """The first prediction of this flight before the bounce; stays until the next flight begins, as the next three."""
-    first_post: Prediction | None
     newest: Prediction | None
     """The newest of this flight."""
-    pre_decision: RacketDecision | None
-    """The newest of this flight, before the bounce."""
-    post_decision: RacketDecision | None
     racket: RacketPose | None
     ball: TrueBall | None
     """None while there is no ball."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.errors import RecordingError
 from core.events import Events, SensorSize
+from core.files import POSIX
 from core.recordings import layout
 from core.recordings.blocks import CHUNK_EVENTS, pack_column
 from core.recordings.camera_buffer import CameraBuffer, pack_block
@@ -198,6 +199,8 @@ class RecordingWriter:
             if not self.failed:
                 self.flush()
                 indices = {name: buffer.index.marks() for name, buffer in self._cameras.items()}
+                if not POSIX:
+                    self._file.close()  # there nobody reads what is locked
                 assemble(self.path, indices=indices)
         except RecordingError:
             self.failed = True

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.config import config_to_mapping
-from core.detection import DetectorConfig, FastDetector
+from core.detection import Detection, DetectorConfig, RefinedDetection, make_detector
+from core.detection.methods import DEFAULT_METHOD, Method, method_config
 from core.detection.window import windows_between
 from core.recordings import CameraStream
 from labels.assist.residual import residual_of_neighbours
@@ -70,14 +71,15 @@ def propose(
     start_us: int,
     end_us: int,
     *,
+    method: Method = DEFAULT_METHOD,
     config: DetectorConfig | None = None,
     snap_config: SnapConfig | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Proposals:
-    """What the detector finds in [start_us, end_us), snapped."""
-    config, snap_config = config or DetectorConfig(), snap_config or SnapConfig()
+    """What the detector finds in [start_us, end_us), snapped; of a ball whose motion is known at the windows' ends."""
+    config, snap_config = method_config(method, config), snap_config or SnapConfig()
     window_us = config.window.window_us
-    detector = FastDetector(config, stream.sensor)
+    detector = make_detector(method, stream.sensor, config)
     rows: list[tuple[float, ...]] = []
     times: list[int] = []
     previous: tuple[float, float] | None = None
@@ -88,6 +90,7 @@ def propose(
         if found is None:
             previous = None
             continue
+        found = _at(window.end_us, found)
         reach = snap_config.reach_us + 1000
         near = stream.slice(max(found.t_us - reach, 0), found.t_us + reach)
         fitted = snap(near, found.t_us, found.u_px, found.v_px, v_px_per_ms=previous, config=snap_config)
@@ -100,7 +103,17 @@ def propose(
             previous = (fitted.vx_px_per_ms, fitted.vy_px_per_ms)
     table = np.array(rows, np.float64).reshape(-1, 6)
     x, y, r = (np.ascontiguousarray(table[:, column]) for column in range(3))
-    return Proposals(np.array(times, np.int64), x, y, r, table[:, 3:], window_us, detector_name(config))
+    return Proposals(np.array(times, np.int64), x, y, r, table[:, 3:], window_us, detector_name(config, method))
+
+
+def _at(t_us: int, found: Detection) -> Detection:
+    """The ball as far as it has moved until then: labels have round times. Without a known motion it stays."""
+    if not isinstance(found, RefinedDetection):
+        return found
+    ms = 1e-3 * (t_us - found.t_us)
+    return replace(
+        found, t_us=t_us, u_px=found.u_px + ms * found.vu_px_per_ms, v_px=found.v_px + ms * found.vv_px_per_ms
+    )
 
 
 def joined_proposals(first: Proposals | None, second: Proposals) -> Proposals:
@@ -125,7 +138,7 @@ def joined_proposals(first: Proposals | None, second: Proposals) -> Proposals:
     )
 
 
-def detector_name(config: DetectorConfig, method: str = "auto") -> str:
+def detector_name(config: DetectorConfig, method: Method) -> str:
     """Method and the first digits of the hash of its settings: what a label says it was proposed by."""
     text = json.dumps(config_to_mapping(config), sort_keys=True)
     return f"{method}#{hashlib.sha256(text.encode()).hexdigest()[:12]}"

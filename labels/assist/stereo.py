@@ -45,19 +45,6 @@ def epipolar_curve(here: Camera, uv_px: ArrayLike, there: Camera, *, points: int
     return curve[near]
 
 
-def nearest_on_curve(curve: Array, uv_px: ArrayLike) -> tuple[Array, float]:
-    """The point of a polyline (M, 2) that is nearest to a click, and its distance; nan and inf for an empty one."""
-    click = np.asarray(uv_px, np.float64)
-    if len(curve) < 2:
-        return np.full(2, np.nan), float("inf")
-    start, step = curve[:-1], np.diff(curve, axis=0)
-    share = np.einsum("ij,ij->i", click - start, step) / np.maximum(np.einsum("ij,ij->i", step, step), 1e-12)
-    feet = start + np.clip(share, 0, 1)[:, None] * step
-    distance = np.linalg.norm(feet - click, axis=1)
-    best = int(np.argmin(distance))
-    return feet[best], float(distance[best])
-
-
 def check_stereo(first: Camera, uvs_first: ArrayLike, second: Camera, uvs_second: ArrayLike) -> StereoCheck:
     """Triangulate pairs of positions (N, 2) and compare them with the projections of the points found."""
     uvs = np.stack([np.atleast_2d(np.asarray(uv, np.float64)) for uv in (uvs_first, uvs_second)], axis=1)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from core.errors import LabelError
-from core.files import lock_descriptor, sync
+from core.files import POSIX, lock_descriptor, sync
 from labels.database.connection import telling, transaction
 from labels.database.edit_log import SessionHistory, Writer, add_edit, make_layer, step_back
 from labels.database.folder import Layer, journals_in
@@ -28,8 +28,11 @@ def migrate(db: sqlite3.Connection, folder: Path, recording_uuid: str) -> tuple[
     notes: list[str] = []
     for layer in journals_in(folder, recording_uuid):
         path = layer.journal(folder)
+        if not POSIX:  # no version that wrote them ran there, and what is locked could not be read
+            notes += _take_over(db, layer, path)
+            continue
         try:
-            file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+            file = os.open(path, os.O_RDONLY)
         except FileNotFoundError:
             continue  # another program has just taken it over
         try:

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from core.cameras import Camera
 from core.cameras.calibration import Board
-from core.cameras.calibration.board import BoardPainter
 from core.events import Events, SensorSize
 from core.geometry import make_transform, transform_points
 from core.recordings import RecordingWriter
+from tests.board_painter import BoardPainter
 
 BOARD = Board("dots", 5, 7, 0.03)
 BLINK_MS = 250

@@ -27,7 +27,8 @@ from app.web import door
 from benchmarks.app.bare_browser import BareBrowser
 from benchmarks.app.soak.process_usage import usage_of
 from core.config import replace_setting
-from core.detection import DetectorConfig
+from core.detection import DetectorConfig, refined_config
+from core.detection.saved import SavedDetector
 from core.errors import CommandError
 from core.files import PREFIX
 
@@ -184,7 +185,7 @@ def test_a_browser_that_comes_back_finds_what_it_had(lab: App, away_s: float, mo
         wait_for(lambda: state_of(session).playhead.anchor_us == 123_000, "its link to be followed")
         state = state_of(session)
         assert state.config == edited and state.mode == "Tune" and state.recording == "a"
-        assert state.history.undo().present.a == had.history.undo().present.a == DetectorConfig()
+        assert state.history.undo().present.a == had.history.undo().present.a == refined_config()
         assert state.playhead.anchor_us == 123_000
     finally:
         again.close()
@@ -216,7 +217,7 @@ def test_two_servers_on_one_folder_show_each_others_work_and_take_nothing_away(l
             config = replace_setting(DetectorConfig(), ("cluster", "eps_px"), 4.0 + number)
             session.send(UseConfig(config))
             wait_for(lambda session=session, config=config: state_of(session).config == config, "the config")
-            app.services.workspace.keep_config("mine", config)
+            app.services.workspace.keep_config("mine", SavedDetector("auto", config))
         assert set(workspace.config_names()) == {"mine", "mine-2"}
         assert (receiving / "half.raw").exists() and receiving.name.startswith(PREFIX)
         shutil.copy(workspace.recording_path("a"), workspace.recording_path("c"))

@@ -17,6 +17,7 @@ import numpy as np
 from app.cli.main import main
 from app.shared.workspace import Workspace
 from core.detection import DetectorConfig
+from core.detection.saved import SavedDetector
 from core.errors import RallyscopeError
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter, open_recording
@@ -24,7 +25,7 @@ from labels.model import Label, LabelState
 from labels.store import LabelStore
 disk, events = Path(sys.argv[1]), Path(sys.argv[2])
 workspace = Workspace(disk)
-kept = workspace.keep_config("mine", DetectorConfig())
+kept = workspace.keep_config("mine", SavedDetector("auto", DetectorConfig()))
 done = 0
 with LabelStore.open(disk / "labels", "u", "left", "anna") as store:
     store.put(Label(t_us=0, state=LabelState.NO_BALL))
@@ -53,7 +54,7 @@ with LabelStore.open(disk / "labels", "u", "left", "anna") as store:
     except RallyscopeError as error:
         print("labels", number, error, flush=True)
 try:
-    workspace.keep_config("other", DetectorConfig())
+    workspace.keep_config("other", SavedDetector("auto", DetectorConfig()))
 except RallyscopeError as error:
     print("config", error, flush=True)
 print("import", main(["import", str(events), str(disk / "b.h5")]), flush=True)

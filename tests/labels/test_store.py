@@ -108,9 +108,6 @@ def test_unchecked_is_the_absence_of_a_label_and_not_a_negative(tmp_path: Path) 
         assert (progress.total, progress.checked, progress.unchecked) == (4, 2, 2)
         assert dict(progress.by_state) == {LabelState.NO_BALL: 1, LabelState.VISIBLE: 1}
         assert store.at(30) is None
-        assert store.next_unchecked([10, 20, 30, 40], after_us=30) == 40
-        assert store.next_unchecked([10, 20, 30, 40], after_us=40) == 30
-        assert store.next_unchecked([10, 20], after_us=0) is None
 
 
 def test_a_segment_is_one_step_of_undo_and_one_edit(tmp_path: Path) -> None:

@@ -59,18 +59,19 @@ TOURS: Final[Mapping[ModeName, tuple[TourStep, ...]]] = {
     "Tune": (
         TourStep(
             "Inside the detector",
-            "One window of one camera's events, as a stage of the detector sees it. In geometry the hulls that pass as "
-            "a ball are green; red ones say which number fails.",
+            "One window of one camera's events, and the ball that the detector finds in it. Zoom comes closer and "
+            "follows the ball.",
             PICTURE,
         ),
         TourStep(
-            "Stages",
-            "From raw events to the ball, one after the other; keys 1 to 6. Zoom comes closer and follows the ball.",
-            "Stage",
+            "Methods",
+            "refined is the default. auto and paper show their stages, from raw events to the ball (keys 1 to 6): "
+            "green hulls pass as a ball, red ones say which number fails.",
+            "Method",
         ),
         TourStep(
             "Thresholds",
-            "Each slider is one setting of a stage, and picture and table follow it at once. Z takes a change back.",
+            "Each slider is one setting of the method, and picture and table follow it at once. Z takes a change back.",
             "Detector",
         ),
         TourStep(

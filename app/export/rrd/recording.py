@@ -40,7 +40,7 @@ SHARE_OF_STEPS = 0.95
 class RrdContents:
     """What goes into the file."""
 
-    chain: ChainConfig = field(default_factory=lambda: ChainConfig.of_method("auto"))
+    chain: ChainConfig = field(default_factory=ChainConfig)
     stride_us: int = DEFAULT_STRIDE_US
     """Time between two pictures; rounded to whole windows of the detector."""
     pictures: bool = True

@@ -28,7 +28,7 @@ from app.state.client_state import ClientState
 from app.state.commands import TogglePlay
 from app.widgets import when_clicked
 from core.chain import ChainConfig
-from core.detection import DetectorConfig
+from core.detection.saved import SavedDetector
 from core.errors import CommandError
 from core.live.ring_recording import RingRecording
 from core.recordings import Recording
@@ -107,7 +107,7 @@ class ExportMode:
                 self._offered_s = wall_s
                 self._labelled_by = self._annotators()
                 self._plan.offer(tuple(sorted(self._host.services.workspace.run_names())), self._labelled_by)
-            said = made_with_html(self._plan.plan, state.configs.present.a, self._labelled_by)
+            said = made_with_html(self._plan.plan, state.detector_a, self._labelled_by)
             if said != self._made_with.content:
                 self._made_with.content = said
             self._files.show(self._exporter.state(), self._exporter.files())
@@ -142,7 +142,7 @@ class ExportMode:
             return
         layers = self._host.services.workspace.labels
         live = self._host.services.rallies.live
-        work = _recording_work(recording, plan, state.configs.present.a, layers, live)
+        work = _recording_work(recording, plan, state.detector_a, layers, live)
         self._exporter.start(state.recording, FORMATS[plan.format].suffix, work)
         self._looked_s = float("-inf")
 
@@ -152,7 +152,7 @@ class ExportMode:
         if state is None or recording is None or services.viewer.address is None:
             return
         order = StreamOrder(
-            services.viewer.address, state.recording, recording, self._plan.plan, state.configs.present.a,
+            services.viewer.address, state.recording, recording, self._plan.plan, state.detector_a,
             services.workspace.labels, services.rallies.live,
         )  # fmt: skip
         order.check()
@@ -217,7 +217,7 @@ def _run_work(run: Path) -> Callable[[Path, Progress, Cancelled], tuple[Path, ..
 
 
 def _recording_work(
-    recording: Recording, plan: ExportPlan, detector: DetectorConfig, labels: Path, live: LiveRally | None
+    recording: Recording, plan: ExportPlan, detector: SavedDetector, labels: Path, live: LiveRally | None
 ) -> Callable[[Path, Progress, Cancelled], tuple[Path, ...]]:
     def work(path: Path, progress: Progress, cancelled: Cancelled) -> tuple[Path, ...]:
         source, span = recording, span_of(recording, plan.start_us, plan.end_us)
@@ -232,7 +232,7 @@ def _recording_work(
             pictures=plan.pictures,
             stages=plan.stages,
             plots=plan.plots,
-            chain=ChainConfig.of_method("auto", detector),
+            chain=ChainConfig.of_method(*detector),
         )
         shown = labels_of(labels, source.uuid, plan.annotator)
         groups = groups_of(recording, live)

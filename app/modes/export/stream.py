@@ -11,7 +11,7 @@ from app.export.unfinished import Cancelled, Progress
 from app.modes.export.plan_panel import ExportPlan
 from app.shared.live_rally import LiveRally
 from core.chain import ChainConfig
-from core.detection import DetectorConfig
+from core.detection.saved import SavedDetector
 from core.errors import CommandError
 from core.live.ring_recording import RingRecording
 from core.recordings import Recording
@@ -28,7 +28,7 @@ class StreamOrder:
     name: str
     recording: Recording
     plan: ExportPlan
-    detector: DetectorConfig
+    detector: SavedDetector
     labels: Path
     """The folder of all labels."""
     live: LiveRally | None
@@ -56,7 +56,7 @@ class StreamOrder:
 
         plan, recording = self.plan, self.recording
         contents = RrdContents(
-            chain=ChainConfig.of_method("auto", self.detector),
+            chain=ChainConfig.of_method(*self.detector),
             stride_us=plan.stride_us,
             pictures=plan.pictures,
             stages=plan.stages,

@@ -20,7 +20,7 @@ from app.modes.label.editor import LabelEditor
 from app.modes.label.label_writer import LayerKey, Saved
 from app.modes.label.plan import CameraWork
 from core.cameras import Camera
-from core.detection import DetectorConfig
+from core.detection.saved import SavedDetector
 from core.recordings import CameraStream
 from labels.arrays import LabelArrays
 from labels.assist import Proposals, WholeFlight, check_labels, next_blind, propose, review_queue, whole_flight
@@ -78,7 +78,7 @@ class LabelSuggestions:
 
     # Proposals ----------------------------------------------------------------------------------------------------
 
-    def toggle_propose(self, config: DetectorConfig) -> None:
+    def toggle_propose(self, detector: SavedDetector) -> None:
         """Run the detector from the cursor to the end, in both cameras; or stop it."""
         if self._job is not None:
             self._job.cancel()
@@ -91,11 +91,11 @@ class LabelSuggestions:
             callbacks.note(Note("No proposals here", "The detector works on events, not on frames.", "yellow"))
             return
         # From a little before the cursor: what is proposed there is judged by its neighbours on both sides.
-        window_us = config.window.window_us
+        window_us = detector.config.window.window_us
         start_us = self._reached_us = max(labelling.t_us - LEAD_IN_US, 0) // window_us * window_us
         end_us = labelling.recording.duration_us
         job: Job[None] = Job(
-            lambda progress, cancelled: self._propose(streams, start_us, end_us, config, progress, cancelled),
+            lambda progress, cancelled: self._propose(streams, start_us, end_us, detector, progress, cancelled),
             lambda _: callbacks.later(self._job_done),
             lambda error: callbacks.later(lambda: self._job_failed(error)),
         )
@@ -106,11 +106,11 @@ class LabelSuggestions:
         streams: list[CameraStream],
         start_us: int,
         end_us: int,
-        config: DetectorConfig,
+        detector: SavedDetector,
         progress: Callable[[float], None],
         cancelled: Callable[[], bool],
     ) -> None:
-        window_us, span_us = config.window.window_us, max(end_us - start_us, 1)
+        window_us, span_us = detector.config.window.window_us, max(end_us - start_us, 1)
         chunk_us = min(max(span_us // 10, SHORTEST_CHUNK_US), CHUNK_US) // window_us * window_us or window_us
         for begin_us in range(start_us, end_us, chunk_us):
             reached_us, parts = begin_us + chunk_us, {}
@@ -118,7 +118,9 @@ class LabelSuggestions:
             for stream in streams:
                 if cancelled():
                     return
-                found = propose(stream, lead_us, min(reached_us, end_us), config=config)
+                found = propose(
+                    stream, lead_us, min(reached_us, end_us), method=detector.method, config=detector.config
+                )
                 parts[stream.name] = found.between(begin_us, reached_us + 1)
             self._editor.callbacks.later(
                 lambda parts=parts, t_us=reached_us: None if cancelled() else self._take(parts, t_us)

@@ -263,7 +263,7 @@ class LabelMode:
             self._freeze(self._recording, lambda: self._carry_out(name))
         elif assistant is not None and state is not None and self._active:
             acts: dict[str, Callable[[], None]] = {
-                "propose": lambda: assistant.toggle_propose(state.staged_config),
+                "propose": lambda: assistant.toggle_propose(state.detector),
                 "suspicious": assistant.next_suspicious,
                 "blind": assistant.second_look,
                 "accept_flight": assistant.take_flight,

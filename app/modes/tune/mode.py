@@ -22,9 +22,9 @@ from app.state.commands import BeginScore, Command, LookAt, UseConfig
 from app.views.answer_cache import AnswerCache
 from app.views.methods_picture import MethodsRequest, answer_methods
 from app.views.requests import PictureAnswer, TuneRequest, answer_request
-from core.config import load_config
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector
+from core.detection.saved import load_detector
 from core.metrics import Score, judge_answers, known_truth, run_detector, score_answers
 from core.recordings import Recording
 
@@ -209,7 +209,7 @@ class TuneMode:
     def _save_config(self, name: str) -> None:
         state, workspace = self._host.state, self._host.services.workspace
         if state is not None:
-            wanted, path = workspace.config_path(name), workspace.keep_config(name, state.config)
+            wanted, path = workspace.config_path(name), workspace.keep_config(name, state.detector)
             self._files.show(workspace.config_names(), chosen=path.stem)
             other = "" if path == wanted else f"there is another {wanted.stem} already, so this is {path.stem}; "
             command = detect_command(state.tune.method, path)
@@ -218,7 +218,8 @@ class TuneMode:
     def _load_config(self, name: str) -> None:
         workspace = self._host.services.workspace
         if name in workspace.config_names():
-            self._send(UseConfig(load_config(DetectorConfig, workspace.config_path(name))))
+            saved = load_detector(workspace.config_path(name))
+            self._send(UseConfig(saved.config, saved.method))
 
     # The score ----------------------------------------------------------------------------------------------------
 

@@ -146,6 +146,7 @@ class Trainer:
                     stdout=log,
                     stderr=subprocess.STDOUT,
                     start_new_session=True,  # Ctrl-C in the terminal of the app is not meant for it
+                    creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # the same on Windows
                     env={**os.environ, "PYTHONUNBUFFERED": "1"},
                 )
         except OSError as error:

@@ -89,7 +89,8 @@ def read_status(run: Path) -> RunStatus | None:
     if not _is_status(found):
         return None
     status = RunStatus(**found)  # type: ignore[arg-type]
-    if status.state in ("running", "paused") and not _is_alive(status.pid):
+    alive = _is_alive(status.pid) if files.POSIX else is_held(run)  # to ask for a process may end it on Windows
+    if status.state in ("running", "paused") and not alive:
         return dataclasses.replace(status, state="failed", message=status.message or "the process ended unexpectedly")
     return status
 

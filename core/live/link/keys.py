@@ -17,6 +17,7 @@ import zmq
 from zmq.utils import z85
 
 from core.errors import LinkError
+from core.files import BINARY, POSIX
 
 KEY_CHARACTERS: Final = 40
 MAX_CLIENTS: Final = 1000
@@ -98,7 +99,7 @@ def read_client_keys(folder: Path) -> ClientKeys:
 def _write_pair(folder: Path) -> KeyPair:
     public, secret = zmq.curve_keypair()
     folder.mkdir(parents=True, mode=0o700)
-    with open(os.open(folder / "secret.key", os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+    with open(os.open(folder / "secret.key", os.O_WRONLY | os.O_CREAT | os.O_EXCL | BINARY, 0o600), "wb") as file:
         file.write(secret + b"\n")
     (folder / "public.key").write_bytes(public + b"\n")
     return KeyPair(public, secret)
@@ -108,7 +109,7 @@ def _read_pair(folder: Path) -> KeyPair:
     path = folder / "secret.key"
     pair = KeyPair(_read_key(folder / "public.key"), _read_key(path))
     mode = stat.S_IMODE(path.stat().st_mode)
-    if mode & 0o077:
+    if POSIX and mode & 0o077:  # elsewhere the mode does not tell who may read
         remedy = f"chmod 600 {path}"
         raise LinkError(
             "others may read the secret key", expected="mode 600", got=f"{mode:o}", where=path, remedy=remedy

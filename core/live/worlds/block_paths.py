@@ -71,7 +71,6 @@ class SampledPath:
         self._ends: list[tuple[float, Array]] = []
         self._pieces: tuple[Array, Array] | None = None
         self._kinks: list[float] = []
-        self._start_s = start_s
         self.end_s = start_s
         self.launch: tuple[float, Array] | None = None
         """Time and state (9,) of the serve that is being seen."""

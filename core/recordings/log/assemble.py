@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.errors import RecordingError
-from core.files import replacing
+from core.files import POSIX, replacing
 from core.recordings import layout
 from core.recordings.blocks import CHUNK_EVENTS, GZIP_LEVEL, pack_column, unpack_column
 from core.recordings.hdf5 import HDF5_ERRORS
@@ -52,8 +52,11 @@ def assemble(
                 contents.notes += recovery_notes(contents, os.fstat(log.fileno()).st_size)
             if contents.damaged and destination is None:
                 contents.notes[-1] += f" The damaged log is {_keep_log(path).name}."
-            with replacing(target, durable=True, partial=partial), h5py.File(partial, "w") as file:
-                _write(file, log, contents, indices)
+            with replacing(target, durable=True, partial=partial):
+                with h5py.File(partial, "w") as file:
+                    _write(file, log, contents, indices)
+                if not POSIX:
+                    log.close()  # there nothing is replaced that is open
         except HDF5_ERRORS as error:
             raise RecordingError(
                 "the recording could not be finished",

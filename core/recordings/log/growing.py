@@ -21,7 +21,7 @@ from typing import BinaryIO, Final
 from isal import isal_zlib
 
 from core.errors import RecordingError
-from core.files import lock_descriptor, sync
+from core.files import BINARY, POSIX, lock_descriptor, sync, write_at
 
 MAGIC: Final = b"RALLYSCOPE-GROW1"
 HEAD: Final = struct.Struct("<4sIQI")
@@ -37,7 +37,7 @@ class GrowingFile:
         try:
             if overwrite and path.exists():
                 _make_way(path)
-            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | BINARY, 0o666)
         except FileExistsError as error:
             raise RecordingError("the file exists", where=path, remedy="choose another name, or --force") from error
         except OSError as error:
@@ -97,16 +97,25 @@ class GrowingFile:
         done = 0
         try:
             while done < len(data):
-                done += os.pwrite(self._descriptor, data[done:], self._end + done)
+                done += write_at(self._descriptor, data[done:], self._end + done)
         except OSError as error:
             raise _disk_refuses(self.path, error) from error
         self._end += len(data)
 
 
 def is_growing(path: Path) -> bool:
-    """Whether the file is such a log."""
-    with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
+    """Whether the file is such a log.
+
+    Raises:
+        RecordingError: on Windows, if its writer is at work: there nobody else may read what it has locked.
+    """
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except PermissionError as error:
+        if POSIX:
+            raise
+        raise _being_written(path) from error
 
 
 def open_abandoned(path: Path) -> BinaryIO:
@@ -144,4 +153,8 @@ def _lock(descriptor: int, path: Path, *, shared: bool = False) -> None:
     try:
         lock_descriptor(descriptor, shared=shared)
     except OSError as error:
-        raise RecordingError("the recording is being written right now", where=path, remedy="wait for it") from error
+        raise _being_written(path) from error
+
+
+def _being_written(path: Path) -> RecordingError:
+    return RecordingError("the recording is being written right now", where=path, remedy="wait for it")

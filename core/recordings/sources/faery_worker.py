@@ -14,13 +14,18 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import struct
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 from faery import aedat, dat, es
+
+try:
+    import resource
+except ImportError:  # Windows: there nothing limits the worker
+    resource = None
 
 LARGEST_PX = 8192
 """Of a sensor, where a DAT header does not say."""
@@ -32,7 +37,9 @@ MEMORY_BYTES = 4 << 30
 
 def main(kind: str, path: str, track: int | None) -> None:
     """Decode one file and send its events over standard output; a failure is sent, too."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+    if resource is not None:
+        with suppress(ValueError, OSError):  # macOS may know no such limit
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     try:
         {"dat": _decode_dat, "es": _decode_es, "aedat4": _decode_aedat4}[kind](path, track)
         _send(b"Z")

@@ -190,12 +190,3 @@ def pixel_seen(maps, pixel):
     light, net_light, net_cover = maps[pixel, LIGHT], maps[pixel, NET_LIGHT], maps[pixel, NET_COVER]
     lights = np.float64(light), maps[pixel, DEPTH_M], np.float64(net_light), np.float64(net_cover)
     return maps[pixel, RAY_X], maps[pixel, RAY_Y], *lights, maps[pixel, LOG_LIGHT]
-
-
-@njit(error_model="numpy")
-def render_light(maps, view, moving, out):
-    """Log intensity of every pixel, written to `out`: the dense picture at one instant."""
-    for pixel in range(len(out)):
-        seen = pixel_seen(maps, pixel)
-        light = pixel_light(seen, view, moving)
-        out[pixel] = seen[LOG_LIGHT] if light == UNTOUCHED else math.log(light)

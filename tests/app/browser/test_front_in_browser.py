@@ -94,8 +94,8 @@ def test_a_reload_keeps_what_was_looked_at_and_the_undo(chromium: Browser, lab) 
     kept = window.state
     again = reloaded(page, lab, session)
     assert again.mode == "Tune" and again.playhead.position_us(time.monotonic()) == 150_000
-    assert again.tune == kept.tune and again.configs.present == kept.configs.present
-    assert again.configs.undo().present.a.cluster.eps_px == kept.configs.undo().present.a.cluster.eps_px != 5.0
+    assert again.tune == kept.tune and again.history.present == kept.history.present
+    assert again.history.undo().present.a.cluster.eps_px == kept.history.undo().present.a.cluster.eps_px != 5.0
     page.close()
 
 
@@ -122,7 +122,7 @@ def test_a_colleague_who_opens_the_link_sees_the_same(chromium: Browser, lab) ->
     wait_for(lambda: set(lab.sessions) - known, "the colleague to connect")
     (session,) = set(lab.sessions) - known
     wait_for(lambda: session.state is not None and session.state.mode == "Tune", "the link to be followed")
-    assert session.state is not None and session.state.configs.present.a.cluster.eps_px == 6.0
+    assert session.state is not None and session.state.config.cluster.eps_px == 6.0
     assert session.state.playhead.position_us(time.monotonic()) == 120_000
     other.close()
     mine.close()

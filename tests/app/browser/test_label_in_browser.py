@@ -262,7 +262,7 @@ def test_proposals_are_accepted_by_key_and_by_segment(labelling, wait_for) -> No
     labelling.keys("Space")
     labelling.settle(BALL_US + 2000)
     accepted = labelling.label(BALL_US)
-    assert accepted.provenance.source is PositionSource.ACCEPTED and accepted.provenance.detector.startswith("auto#")
+    assert accepted.provenance.source is PositionSource.ACCEPTED and accepted.provenance.detector.startswith("refined#")
     labelling.keys("r")
     labelling.settle()
     assert labelling.work.here.draft(BALL_US + 2000) is None

@@ -11,6 +11,7 @@ from app.server import App
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace
+from app.state.commands import SetMethod
 from core.errors import RecordingError
 from core.events import Events
 from core.live.replay_source import ReplaySource
@@ -92,6 +93,7 @@ def test_a_replayed_recording_is_watched_recorded_tuned_and_labelled_and_a_lost_
             assert recorded.ball is None and recorded.duration_us > 600_000
             assert all(one.event_count and one.truth is None for one in recorded.cameras.values())
 
+        session.send(SetMethod("auto"))
         window.press("Tune")
         wait_for(lambda: session.sheet.pictures, "the picture of Tune")
         page.get_by_text("circularity min").first.wait_for()

@@ -6,9 +6,10 @@ from dataclasses import replace
 import pytest
 
 from app.modes.tune import settings
-from app.state.commands import SetOverlay, SetZoom, UseConfig
-from core.config import get_setting, load_config
-from core.detection import DetectorConfig
+from app.state.commands import SetMethod, SetOverlay, SetZoom, UseConfig
+from core.config import get_setting
+from core.detection import DetectorConfig, refined_config
+from core.detection.saved import load_detector
 
 pytestmark = pytest.mark.browser
 YELLOW, GREEN = (255, 225, 60), (165, 225, 40)
@@ -26,12 +27,25 @@ def near(tune, wait_for):
 
 @pytest.fixture
 def tune(window, wait_for):
-    """A window in Tune at a moment with a ball."""
+    """A window in Tune at a moment with a ball, with a method that has stages."""
+    window.session.send(SetMethod("auto"))
     window.seek(BALL_US)
     window.press("Tune")
     wait_for(lambda: window.state.mode == "Tune", "Tune")
     window.page.get_by_text("ball at").first.wait_for()
     return window
+
+
+def test_it_begins_with_refined_and_the_file_that_is_saved_names_it(window, workspace, wait_for) -> None:
+    window.seek(BALL_US)
+    window.press("Tune")
+    window.page.get_by_text("moves (").first.wait_for()
+    assert window.field("motion [px]").is_visible()
+    window.fill(window.field("Name"), "mine")
+    window.press("Save")
+    window.page.get_by_text("Saved as mine").wait_for()
+    path = workspace.root / "configs" / "mine.toml"
+    assert load_detector(path) == ("refined", refined_config()) == window.state.detector
 
 
 def test_the_stages_show_the_ball_its_hull_and_its_circle(near, count_like) -> None:
@@ -151,7 +165,7 @@ def test_a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, w
     tune.press("Save")
     path = workspace.root / "configs" / "my-config.toml"
     wait_for(path.exists, "the file")
-    assert load_config(DetectorConfig, path) == tune.state.config
+    assert load_detector(path) == tune.state.detector
     wait_for(lambda: tune.field("Saved").input_value() == "my-config", "the choice of what was just saved")
     tune.press("Reset")
     wait_for(lambda: tune.state.config == DetectorConfig(), "reset")
@@ -162,12 +176,12 @@ def test_a_config_is_saved_under_a_plain_name_and_loads_again(tune, workspace, w
     tune.fill(tune.field("Name"), "My config")
     tune.field("Name").press("Enter")
     tune.page.get_by_text("Saved as my-config-3").wait_for()
-    assert get_setting(load_config(DetectorConfig, path), RADIUS_MAX) == 17, "nor by Enter"
+    assert get_setting(load_detector(path).config, RADIUS_MAX) == 17, "nor by Enter"
     tune.press("Undo")
     wait_for(lambda: tune.state.config == DetectorConfig(), "undo")
     tune.field("Name").press("Enter")
     tune.page.get_by_text("Saved as my-config-2").last.wait_for()
-    assert load_config(DetectorConfig, path) != DetectorConfig(), "nothing is overwritten"
+    assert load_detector(path).config != DetectorConfig(), "nothing is overwritten"
     assert len(list(path.parent.glob("my-config*.toml"))) == 3
     wait_for(lambda: tune.field("Saved").input_value() == "my-config-2", "the choice of the second")
     tune.page.get_by_label("Saved").first.click()
@@ -293,7 +307,7 @@ def test_a_method_without_stages_shows_its_ball_and_its_own_sliders(near, wait_f
     assert near.page.get_by_text("Stage", exact=True).count() == 0
     near.fill(motion, "5")
     wait_for(lambda: near.state.config.refined.motion_px == 5.0, "the setting")
-    assert near.state.staged_config == DetectorConfig()
+    assert near.state.configs.present.a == DetectorConfig()
     near.fill(near.field("radius max [px]"), "4")
     near.page.get_by_text("no ball").first.wait_for()
     choose(near, "Method", "paper")

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 from app.cli import main
 from core.cameras import Camera, load_calibration
 from core.cameras.calibration import Board
-from core.cameras.calibration.board import BoardPainter
 from core.events import Events, SensorSize
 from core.geometry import make_transform
 from core.recordings import RecordingWriter
+from tests.board_painter import BoardPainter
 
 BOARD = Board("dots", 5, 7, 0.03)
 CAMERA = Camera(

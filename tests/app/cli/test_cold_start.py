@@ -52,7 +52,7 @@ def test_detect(serve_recording, tmp_path, cache) -> None:
     assert kernels(cache) == 0, "this verb is the first"
     done = run_cold(["detect", str(serve_recording), "--camera", "left", "--out", str(out)], cache)
     assert rows(out) > 100
-    assert kernels(cache) > 20
+    assert kernels(cache) > 10
     assert "every start compiles again" not in done.stderr
 
 
@@ -76,7 +76,8 @@ def test_track(serve_recording, tmp_path, cache) -> None:
 @pytest.mark.parametrize(("option", "name"), [("--evt3", "events"), ("--rrd", "one.rrd")])
 def test_export(serve_recording, tmp_path, cache, option, name) -> None:
     out = tmp_path / name
-    run_cold(["export", str(serve_recording), option, str(out), "--end-us", "100000"], cache)
+    arguments = ["export", str(serve_recording), option, str(out), "--end-us", "100000"]
+    run_cold([*arguments, "--method", "auto"], cache)  # what `refined` takes, `track` has compiled
     assert out.exists()
 
 

@@ -42,12 +42,12 @@ def test_the_table_has_a_row_per_detection_with_the_columns_of_the_contract(reco
     summary = json.loads(capsys.readouterr().out)
     rows = rows_of(out)
     assert out.read_text().splitlines()[0] == "t_us,u_px,v_px,r_px"
-    assert len(rows) == summary["detections"] > 50 and summary["windows"] >= 190
+    assert len(rows) == summary["detections"] > 100 and summary["windows"] >= 390
     times = np.array([int(row["t_us"]) for row in rows])
-    assert (np.diff(times) > 0).all() and (times % 2000 == 0).all(), "the end of each window"
+    assert (np.diff(times) > 0).all() and len(set(times % 1000)) == 1, "as long after the end of each window"
     assert all(0 <= float(row["u_px"]) < 1280 and 0 <= float(row["v_px"]) < 720 for row in rows)
     assert summary["score"]["precision"] > 0.9 and summary["score"]["recall"] > 0.9
-    assert summary["method"] == "auto" and summary["camera"] == "left" and summary["window_us"] == 2000
+    assert summary["method"] == "refined" and summary["camera"] == "left" and summary["window_us"] == 1000
 
 
 def test_several_recordings_make_a_folder_of_the_same_tables_in_their_order(recording, tmp_path, capsys) -> None:
@@ -86,7 +86,7 @@ def test_refined_says_more_as_json_and_the_same_in_the_table(recording, tmp_path
     assert np.array(motion["covariance"]).shape == (len(rows), 5, 5)
     assert np.linalg.eigvalsh(motion["covariance"]).min() > 0
     assert abs(summary["sensor_delay"]["delay_us"] - 250) < 3 * summary["sensor_delay"]["sigma_us"]
-    assert detect(recording, out, "--camera", "left", "--json") == 0
+    assert detect(recording, out, "--camera", "left", "--method", "auto", "--json") == 0
     assert "motion" not in json.loads(capsys.readouterr().out), "auto knows none"
 
 
@@ -116,6 +116,37 @@ def test_the_config_and_the_window_of_the_command_line_count(recording, tmp_path
     assert (first["window_us"], first["detections"], first["score"]["precision"]) == (4000, 0, None)
     assert second["window_us"] == 5000
     assert (tmp_path / "a.csv").read_text() == "t_us,u_px,v_px,r_px\n", "no row when there is no ball"
+
+
+def test_the_method_is_the_one_that_is_given_else_the_files_else_refined(recording, tmp_path, capsys) -> None:
+    """A file without a method was written when `auto` was the default; one that has only sections of another is its."""
+    files = {
+        "named": 'method = "ebpp"\n',
+        "stages": "[cluster]\neps_px = 2.5\n",
+        "window": "[window]\nwindow_us = 4000\n",
+        "section": "[window]\nwindow_us = 1500\n[refined]\nmotion_px = 3.0\n",
+    }
+    for name, text in files.items():
+        (tmp_path / f"{name}.toml").write_text(text)
+    save_config(auto_config(), tmp_path / "whole.toml")
+    asked = [
+        ((), "refined", 1000),
+        (("--config", "named"), "ebpp", 2000),
+        (("--config", "stages"), "auto", 2000),
+        (("--config", "window"), "auto", 4000),
+        (("--config", "section"), "refined", 1500),
+        (("--config", "whole"), "auto", 2000),
+        (("--method", "paper"), "paper", 2000),
+        (("--method", "refined", "--config", "whole"), "refined", 2000),
+    ]
+    for flags, method, window_us in asked:
+        words = [str(tmp_path / f"{word}.toml") if word in (*files, "whole") else word for word in flags]
+        assert detect(recording, tmp_path / "ball.csv", "--camera", "left", "--json", *words) == 0
+        summary = json.loads(capsys.readouterr().out)
+        assert (summary["method"], summary["window_us"]) == (method, window_us), flags
+    (tmp_path / "odd.toml").write_text('method = "magic"\n')
+    assert detect(recording, tmp_path / "ball.csv", "--camera", "left", "--config", str(tmp_path / "odd.toml")) == 2
+    assert "odd.toml: method: no such method; expected auto" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import sys
 import pytest
 
 from app.cli import main
-from app.cli.main import BUILT, VERBS, _module_name
+from app.cli.main import VERBS
 
 
 def test_the_version_is_printed(capsys) -> None:
@@ -20,17 +20,12 @@ def test_bad_arguments_are_one_line_and_exit_2(arguments: list[str], capsys) -> 
     assert error.startswith("rallyscope") and error.count("\n") == 1
 
 
-def test_every_verb_of_the_contract_is_built() -> None:
-    assert set(VERBS) == set(BUILT)
-
-
-@pytest.mark.parametrize("verb", BUILT)
+@pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_has_help(verb: str, capsys) -> None:
     with pytest.raises(SystemExit) as ended:
         main([verb, "--help"])
     assert ended.value.code == 0
     assert "usage: rallyscope" in capsys.readouterr().out
-    assert _module_name(verb).isidentifier()
 
 
 def test_the_installed_script_returns_the_exit_code() -> None:

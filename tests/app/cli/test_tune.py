@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from app.cli import main
-from core.config import load_config, replace_setting, save_config
+from core.config import replace_setting, save_config
 from core.detection import DetectorConfig
+from core.detection.saved import load_detector
 from core.recordings import open_recording
 from labels.model import Label, LabelState
 from labels.store import LabelStore
@@ -45,7 +46,7 @@ def test_the_config_is_better_than_the_one_it_started_from_and_detect_takes_it(
     assert start.keys() == {"precision", "recall", "median_error_px", "objective", "balls"}
     assert best["objective"] > start["objective"] and len(report["history"]) == 9
     before, after = report["changed"]["geometry.circularity_min"]
-    assert before == 0.9 and load_config(DetectorConfig, out).geometry.circularity_min == after
+    assert before == 0.9 and load_detector(out).config.geometry.circularity_min == after
     assert set(report["importance"]) == set(NAMES.split(","))
     assert report["better_held_out"] is (
         report["best"]["held_out"]["objective"] > report["start"]["held_out"]["objective"]
@@ -75,7 +76,7 @@ def test_where_nothing_is_better_it_says_so_and_keeps_the_start(
 ) -> None:
     out = tmp_path / "same.toml"
     assert tune(serve_recording, out, "--config", strict, "--camera", "left", "--trials", "1") == 0
-    assert "Nothing better was found" in capsys.readouterr().out and load_config(DetectorConfig, out) == STRICT
+    assert "Nothing better was found" in capsys.readouterr().out and load_detector(out) == ("auto", STRICT)
 
 
 def test_labels_are_as_good_as_the_truth_to_tune_against(
@@ -148,7 +149,7 @@ def test_a_polite_end_leaves_the_best_so_far(serve_recording: Path, tmp_path: Pa
     assert child.returncode == 0 and time.monotonic() - ended_s < 60
     report = json.loads(last)
     assert report["stopped"] and 1 <= report["trials"] < report["asked"]
-    assert load_config(DetectorConfig, out)
+    assert load_detector(out).method == "refined"
 
 
 def test_it_ends_with_its_parent(serve_recording: Path, tmp_path: Path) -> None:

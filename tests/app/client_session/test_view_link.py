@@ -79,8 +79,15 @@ def test_of_a_method_with_settings_of_its_own_too() -> None:
 
 
 def test_what_is_as_usual_is_left_out_of_a_short_link() -> None:
-    assert link_of(fresh(), 0) == "v=1&recording=demo&t=0&speed=0.05"
+    assert link_of(fresh(), 0) == "v=1&recording=demo&t=0&speed=0.05&method=refined"
     assert "t=" not in link_of(fresh(live=True, following=True), 1_999_000)
+
+
+def test_a_link_without_a_method_is_of_the_one_that_was_usual_when_it_was_made() -> None:
+    there = followed("v=1&recording=demo&mode=Tune&t=0&speed=0.05&a.cluster.eps_px=4.0")
+    assert there.tune.method == "auto" and there.config.cluster.eps_px == 4.0
+    assert followed(link_of(there, 0)).tune.method == "auto"
+    assert followed("mode=Tune").tune.method == "refined", "written by hand: nothing is said of a detector"
 
 
 def test_a_followed_link_is_one_step_that_can_be_undone() -> None:

@@ -36,11 +36,11 @@ def test_an_event_file_in_the_folder_is_offered_with_its_kind_and_becomes_a_reco
     (workspace.recordings / "notes.txt").write_text("not for the list")
     library = Library(workspace)
     (name,) = library.names()
-    assert name == "clip.csv (CSV, imported when opened)" and library.to_import(name)
+    assert name == "clip.csv (CSV, imported when opened)" and library.file_to_import(name)
     recording = library.open(name)
     assert sum(stream.event_count for stream in recording.cameras.values()) == 500
     assert library.names() == ("clip",) and library.settled_name(name) == "clip" and library.has(name)
-    assert (workspace.recordings / "clip.h5").is_file() and not library.to_import(name)
+    assert (workspace.recordings / "clip.h5").is_file() and library.file_to_import(name) is None
     assert library.open("clip") is recording and library.open(name) is recording
     library.close()
 

@@ -4,8 +4,9 @@ import sys
 import pytest
 
 from app.shared.workspace import Workspace, slug_from
-from core.config import load_config, replace_setting
+from core.config import replace_setting, save_config
 from core.detection import DetectorConfig
+from core.detection.saved import SavedDetector, load_detector
 from core.errors import CommandError
 
 
@@ -42,17 +43,25 @@ def test_only_plain_names_are_offered(tmp_path) -> None:
 
 
 def test_a_config_is_never_saved_over_another_one(tmp_path) -> None:
-    workspace, config = Workspace(tmp_path), DetectorConfig()
-    other = replace_setting(config, ("localise", "radius_max_px"), 17.0)
+    workspace, config = Workspace(tmp_path), SavedDetector("auto", DetectorConfig())
+    other = config._replace(config=replace_setting(config.config, ("localise", "radius_max_px"), 17.0))
     first = workspace.keep_config("Mine", config)
-    assert first.name == "mine.toml" and load_config(DetectorConfig, first) == config
+    assert first.name == "mine.toml" and load_detector(first) == config
     assert workspace.keep_config("mine", config) == first  # the same may be saved again
     second = workspace.keep_config("mine", other)
-    assert second.name == "mine-2.toml" and load_config(DetectorConfig, second) == other
+    assert second.name == "mine-2.toml" and load_detector(second) == other
     assert workspace.keep_config("mine", other) == second
     second.write_text("not a config")
     assert workspace.keep_config("mine", other).name == "mine-3.toml"
     assert sorted(path.name for path in workspace.configs.iterdir()) == ["mine-2.toml", "mine-3.toml", "mine.toml"]
+
+
+def test_the_same_settings_of_another_method_are_another_config(tmp_path) -> None:
+    workspace, config = Workspace(tmp_path), DetectorConfig()
+    save_config(config, workspace.config_path("mine"))  # as an earlier version did, for what was `auto`
+    assert workspace.keep_config("mine", SavedDetector("auto", config)).name == "mine.toml"
+    assert workspace.keep_config("mine", SavedDetector("paper", config)).name == "mine-2.toml"
+    assert load_detector(workspace.config_path("mine-2")) == ("paper", config)
 
 
 SAVES = """
@@ -61,12 +70,13 @@ from pathlib import Path
 from app.shared.workspace import Workspace
 from core.config import replace_setting
 from core.detection import DetectorConfig
+from core.detection.saved import SavedDetector
 workspace, number = Workspace(Path(sys.argv[1])), int(sys.argv[2])
 configs = [replace_setting(DetectorConfig(), ("localise", "radius_max_px"), 10.0 + number + k / 64) for k in range(15)]
 print(1, flush=True)
 sys.stdin.readline()
 for config in configs:
-    workspace.keep_config("mine", config)
+    workspace.keep_config("mine", SavedDetector("auto", config))
 """
 
 
@@ -84,7 +94,7 @@ def test_servers_on_one_folder_that_save_under_one_name_lose_no_config_and_doubl
         server.stdin.close()
         server.stdout.close()
     workspace = Workspace(tmp_path)
-    kept = [load_config(DetectorConfig, workspace.config_path(name)) for name in workspace.config_names()]
+    kept = [load_detector(workspace.config_path(name)).config for name in workspace.config_names()]
     assert sorted(config.localise.radius_max_px for config in kept) == sorted(
         10.0 + number + k / 64 for number in range(3) for k in range(15)
     )
@@ -95,7 +105,7 @@ def test_a_config_that_cannot_be_kept_is_one_clear_line(tmp_path) -> None:
     workspace.configs.rmdir()
     (tmp_path / "configs").write_text("a file in the way")
     with pytest.raises(CommandError, match="cannot use the workspace folder"):
-        workspace.keep_config("mine", DetectorConfig())
+        workspace.keep_config("mine", SavedDetector("auto", DetectorConfig()))
 
 
 def test_a_folder_that_cannot_be_made_is_one_clear_line(tmp_path) -> None:

@@ -57,6 +57,20 @@ def test_a_name_that_is_none_of_ours_reads_and_writes_nothing(tmp_path: Path, br
     assert memory.recall(browser) is None and not list(tmp_path.rglob("*.json"))
 
 
+def test_settings_without_a_method_are_of_the_one_that_was_the_default_when_they_were_kept(tmp_path: Path) -> None:
+    memory = BrowserMemory(Workspace(tmp_path))
+    memory.keep(BROWSER, Remembered(history(), method="refined"))
+    path = Workspace(tmp_path).browsers / f"{BROWSER}.json"
+    content = json.loads(path.read_bytes())
+    for stored, method in (("refined", "refined"), ("magic", "auto"), (None, "auto")):
+        content["method"] = stored
+        if stored is None:
+            del content["method"]
+        path.write_text(json.dumps(content))
+        back = memory.recall(BROWSER)
+        assert back is not None and back.method == method
+
+
 def test_a_damaged_file_is_as_if_there_were_none(tmp_path: Path) -> None:
     memory = BrowserMemory(Workspace(tmp_path))
     memory.keep(BROWSER, Remembered(history()))

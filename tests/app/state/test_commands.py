@@ -97,12 +97,13 @@ REFINED_RADIUS = ("refined", "radius_max_px")
 
 
 def test_a_method_without_stages_has_configs_of_its_own_in_windows_of_its_own(state: ClientState) -> None:
-    refined = c.SetMethod("refined").apply(state, 0.0)
+    refined = state
+    assert refined.tune.method == "refined", "the default"
     assert refined.config == refined_config() and refined.own_configs == {}
     edited = c.EditSetting(REFINED_RADIUS, 20.0).apply(refined, 0.0)
     assert get_setting(edited.config, REFINED_RADIUS) == 20.0
     assert edited.configs == state.configs == c.SetMethod("auto").apply(edited, 0.0).history
-    assert edited.staged_config == DetectorConfig(), "Watch and Label go on with what they had"
+    assert edited.detector == edited.detector_a == ("refined", edited.config), "Watch, Label and Export follow"
     assert edited.config_of("ebpp") == ebpp_config()
     assert c.Undo().apply(edited, 1.0).config == refined_config()
     assert c.Redo().apply(c.Undo().apply(edited, 1.0), 2.0).config == edited.config
@@ -110,7 +111,8 @@ def test_a_method_without_stages_has_configs_of_its_own_in_windows_of_its_own(st
 
 
 def test_a_method_that_was_not_edited_takes_its_section_from_the_file_that_is_loaded(state: ClientState) -> None:
-    loaded = c.UseConfig(replace_setting(DetectorConfig(), REFINED_RADIUS, 20.0)).apply(state, 0.0)
+    loaded = c.UseConfig(replace_setting(DetectorConfig(), REFINED_RADIUS, 20.0), "auto").apply(state, 0.0)
+    assert loaded.tune.method == "auto", "the file's"
     assert loaded.config_of("refined") == replace_setting(refined_config(), REFINED_RADIUS, 20.0)
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from core.config import load_config
-from core.detection import DetectorConfig, FastDetector, TrackState, auto_config, trace_window
+from core.detection import DetectorConfig, FastDetector, TrackState, auto_config, make_detector, trace_window
+from core.detection.methods import DEFAULT_METHOD, method_config
 from core.detection.window import windows_between
 from core.metrics import run_detector
 from core.recordings import open_recording
@@ -44,6 +45,17 @@ def test_the_example_config_finds_the_rotating_dot_on_its_circle(dot) -> None:
     assert (u, v) == pytest.approx((314.3, 202.4), abs=0.5)
     angle = np.unwrap(np.arctan2(uv[:, 1] - v, uv[:, 0] - u))
     assert np.polyfit(answers.t_us[found] * 1e-6, angle, 1)[0] == pytest.approx(121.8, abs=0.3)
+
+
+def test_the_default_finds_the_rotating_dot_with_its_own_settings(dot) -> None:
+    config = method_config(DEFAULT_METHOD)
+    answers = run_detector(dot, make_detector(DEFAULT_METHOD, dot.sensor), config.window.window_us)
+    found = answers.detected
+    assert found.sum() >= 35 and not found[:5].any(), "it waits until it is sure"
+    off_px = np.hypot(answers.u_px[found] - 314.3, answers.v_px[found] - 202.4)
+    assert off_px.std() < 0.5 and (answers.r_px[found] > 17).all() and (answers.r_px[found] < 20).all()
+    angle = np.unwrap(np.arctan2(answers.v_px[found] - 202.4, answers.u_px[found] - 314.3))
+    assert np.polyfit(answers.t_us[found] * 1e-6, angle, 1)[0] == pytest.approx(121.8, abs=0.5)
 
 
 def test_auto_finds_out_that_the_dot_is_dark(dot) -> None:

@@ -94,11 +94,10 @@ def test_a_ball_from_a_seed_is_returned_near_its_goal(rally) -> None:
 def test_snapshots_tell_the_story_of_a_flight(rally) -> None:
     _, player, seen = rally
     serve_us = player.snapshot.finished[1].serve_us
-    pre = next(one for one in seen if one.first_pre is not None and one.first_pre.t_us > serve_us)
-    assert pre.newest is not None and pre.newest.stage == "pre" and pre.first_post is None
-    post = next(one for one in seen if one.first_post is not None and one.first_post.t_us > serve_us)
-    assert post.first_pre is not None and post.first_pre.t_us < post.first_post.t_us
-    assert post.pre_decision is not None and not post.pre_decision.action.any()
+    of_ball = [one.newest for one in seen if one.newest is not None and serve_us < one.newest.t_us]
+    pre = next(found for found in of_ball if found.stage == "pre")
+    post = next(found for found in of_ball if found.stage == "post")
+    assert of_ball[0] is pre and pre.t_us < post.t_us
     assert all(one.number > before.number for before, one in itertools.pairwise(seen))
     assert all(one.t_us >= before.t_us for before, one in itertools.pairwise(seen))
 
@@ -131,7 +130,6 @@ def test_its_health_is_told(rally) -> None:
     assert health.commands_sent > 10 and health.blocks > 100
     assert 0 < health.arrival_to_sent.p50_ms <= health.arrival_to_sent.p99_ms
     assert health.window_to_sent.p50_ms > health.arrival_to_sent.p50_ms
-    assert health.window_to_effect.p50_ms > 0
     assert 0 < health.core_share < 1
 
 
@@ -164,7 +162,8 @@ def test_a_player_that_only_watches_sends_nothing(rally) -> None:
     ball = player.snapshot.finished[-1]
     assert ball.decision is None
     assert np.linalg.norm(player.snapshot.racket.v_world_mps) < 0.01
-    assert player.snapshot.first_post is not None, "it still sees and predicts"
+    newest = player.snapshot.newest
+    assert newest is not None and newest.t_us > ball.serve_us, "it still sees and predicts"
     assert player.snapshot.health.commands_sent == sent
 
 

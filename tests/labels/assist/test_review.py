@@ -9,6 +9,7 @@ import pytest
 from benchmarks.labels.assistance import try_queue
 from benchmarks.labels.clips import MIDDLE_US, SENSOR, draw_clip
 from core.cameras import Camera
+from core.detection import refined_config
 from core.events import Events
 from labels.arrays import LabelArrays, label_arrays
 from labels.assist.blind import is_blind_sample, next_blind
@@ -187,18 +188,12 @@ def test_the_detector_proposes_a_simulated_ball_to_a_fraction_of_a_pixel() -> No
     clip = draw_clip(np.random.default_rng(3), speed_mps=5.0, radius_px=9.0)
     proposals = propose(OneClip(clip.events), MIDDLE_US - 20_000, MIDDLE_US + 20_000)  # type: ignore[arg-type]
     assert len(proposals) > 8
-    assert proposals.detector == detector_name_of_default()
+    name = detector_name(refined_config(), "refined")
+    assert proposals.detector == name and name.startswith("refined#") and len(name) == 20
+    assert not (proposals.t_us % 1000).any(), "at the ends of windows, where labels have their times"
     here = proposals.at([MIDDLE_US])
     assert np.hypot(here.x_px[0] - clip.truth.u_px[0], here.y_px[0] - clip.truth.v_px[0]) < 0.5
     assert np.isfinite(here.covariance_px2[0]).all()
-
-
-def detector_name_of_default() -> str:
-    from core.detection import DetectorConfig
-
-    name = detector_name(DetectorConfig())
-    assert name.startswith("auto#") and len(name) == 17
-    return name
 
 
 def test_one_in_twenty_labels_is_asked_for_again_the_oldest_first(tmp_path: Path) -> None:

@@ -12,9 +12,9 @@ from typing import Final, Literal
 from app.background.child import ChildProcess, share_in
 from app.modes.tune.auto.report import TuningReport, read_report
 from app.modes.tune.label_score import find_reference
-from core.config import load_config, save_config
 from core.detection import DetectorConfig
 from core.detection.methods import Method
+from core.detection.saved import load_detector, save_detector
 from core.errors import CommandError, RallyscopeError
 
 LOOK_S: Final = 0.1
@@ -70,7 +70,7 @@ def run_auto_tune(
     """
     with tempfile.TemporaryDirectory(prefix="rallyscope-tune-") as folder:
         start, found = Path(folder) / "start.toml", Path(folder) / "found.toml"
-        save_config(request.start, start)
+        save_detector(request.method, request.start, start)
         answer = ""
         ended = threading.Event()
 
@@ -93,7 +93,7 @@ def run_auto_tune(
         if code != 0:
             remedy = "run `rallyscope tune` to see why"
             raise RallyscopeError("the search ended without an answer", got=child.last_words, remedy=remedy)
-        return AutoTuneAnswer(load_config(DetectorConfig, found), read_report(answer))
+        return AutoTuneAnswer(load_detector(found).config, read_report(answer))
 
 
 def _command(request: AutoTuneRequest, start: Path, found: Path) -> list[str]:

@@ -16,7 +16,7 @@ from app.export.rrd.camera_picture import EventStage, PictureJob, make_picture
 from app.export.rrd.recording import RrdContents, export_rrd
 from app.export.selection import Span, span_of
 from app.export.small_png import polarity_png
-from app.export.steps import follow_span
+from app.export.steps import ChainFollower
 from app.export.unfinished import ExportCancelledError
 from app.pictures.palette import palette
 from core.chain import ChainConfig
@@ -56,7 +56,8 @@ def exported(serve_recording: Path, tmp_path_factory) -> Path:
     with open_recording(serve_recording) as recording:
         path = tmp_path_factory.mktemp("rrd") / "serve.rrd"
         shares: list[float] = []
-        export_rrd(recording, path, SPAN, RrdContents(), groups=recording.read_rows, progress=shares.append)
+        contents = RrdContents(chain=ChainConfig.of_method("auto"))  # it has stages
+        export_rrd(recording, path, SPAN, contents, groups=recording.read_rows, progress=shares.append)
         assert shares[-1] == 1.0 and shares == sorted(shares)
         return path
 
@@ -106,7 +107,7 @@ def test_a_single_camera_without_calibration_has_pictures_and_detections_only(se
         left = recording.cameras["left"]
         with RecordingWriter(source, {"eye": left.sensor}) as writer:
             writer.append("eye", left.slice(0, 200_000))
-    assert main(["export", str(source), "--rrd", str(tmp_path / "one.rrd")]) == 0
+    assert main(["export", str(source), "--method", "auto", "--rrd", str(tmp_path / "one.rrd")]) == 0
     found = entities(tmp_path / "one.rrd")
     assert {"pictures/eye", "pictures/eye/detection", "pictures/eye/stages/events", "plots/event_rate/eye"} <= found
     assert not any(name.startswith("world") for name in found)
@@ -119,7 +120,7 @@ def test_a_method_without_stages_has_pictures_and_detections_but_no_stages(serve
         left = recording.cameras["left"]
         with RecordingWriter(single, {"eye": left.sensor}) as writer:
             writer.append("eye", left.slice(0, 150_000))
-    words = ["--method", "refined", "--end-us", "150000"]
+    words = ["--end-us", "150000"]  # with the default method
     for source, picture in ((serve_recording, "world/cameras/left/picture"), (single, "pictures/eye")):
         out = tmp_path / f"{source.stem}.rrd"
         assert main(["export", str(source), "--rrd", str(out), *words]) == 0
@@ -154,7 +155,8 @@ def test_a_small_png_is_the_picture(shape) -> None:
 def test_the_stages_of_a_picture_are_those_that_the_chain_ran(serve_recording: Path) -> None:
     detections = 0
     with open_recording(serve_recording) as recording:
-        for step in follow_span(recording, SPAN, ChainConfig.of_method("auto"), picture_every=1):
+        follower = ChainFollower(recording, ChainConfig.of_method("auto"), picture_every=1)
+        for step in follower.follow(recording, SPAN):
             assert step.before is not None
             found = step.detections["left"]
             picture = make_picture(PictureJob(step.windows["left"], step.before["left"], DetectorConfig(), True))

@@ -8,17 +8,19 @@ from app.export.formats import FORMATS
 from app.modes.export.made_with import labels_left_out, made_with_html
 from app.modes.export.plan_panel import ExportPlan
 from app.modes.export.view_options import VIEW_FILM, ViewChoices
-from core.detection import DetectorConfig
+from core.detection import DetectorConfig, refined_config
+from core.detection.saved import SavedDetector
 
 PLAN = ExportPlan(
     what="Recording", run=None, format="rrd", start_us=0, end_us=1, stride_us=4000, pictures=True, stages=True,
     plots=True, annotator="ann", view=ViewChoices(960, 540, 25.0, 1.0),
 )  # fmt: skip
-CHANGED = replace(DetectorConfig(), window=replace(DetectorConfig().window, window_us=1000))
+PLAIN = SavedDetector("refined", refined_config())
+CHANGED = SavedDetector("refined", DetectorConfig())
 
 
 def test_a_computed_export_says_whether_the_config_was_changed() -> None:
-    assert "config A, as it comes" in made_with_html(PLAN, DetectorConfig(), ())
+    assert "method refined with Tune's config A, as it comes" in made_with_html(PLAN, PLAIN, ())
     assert "config A, changed in Tune" in made_with_html(PLAN, CHANGED, ())
 
 

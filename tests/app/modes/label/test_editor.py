@@ -23,7 +23,8 @@ from app.modes.label.plan import CameraWork, LabelScene, PicturePlan, agreement_
 from app.modes.label.view import LabelView
 from app.modes.services import LABEL_TOOL
 from app.pictures.palette import PaletteIndex
-from core.detection import DetectorConfig
+from core.detection import refined_config
+from core.detection.saved import SavedDetector
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter, open_recording
 from labels.formats.exchange import picture_name
@@ -32,6 +33,7 @@ from labels.store import LabelStore, Layer, find_layers
 from labels.store_registry import LabelStoreRegistry
 
 BALL_US = 300_000
+DETECTOR = SavedDetector("refined", refined_config())
 
 
 class Bench:
@@ -323,7 +325,7 @@ def test_a_rejected_proposal_is_gone_and_the_time_stays_unchecked(bench: Bench) 
 
 def test_proposals_of_both_cameras_come_together(bench: Bench) -> None:
     bench.editor.send(GoTo(BALL_US))
-    bench.assistant.toggle_propose(DetectorConfig())
+    bench.assistant.toggle_propose(DETECTOR)
     bench.wait(lambda: any(work.proposals is not None for work in bench.work.works.values()))
     assert all(work.proposals is not None for work in bench.work.works.values())
 
@@ -463,7 +465,7 @@ def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:
 def test_a_short_recording_is_gone_through_in_steps_that_tell_how_far_it_is(bench) -> None:
     shares: list[float] = []
     streams = [bench.work.source.stream]
-    bench.assistant._propose(streams, 0, 120_000, DetectorConfig(), shares.append, lambda: False)
+    bench.assistant._propose(streams, 0, 120_000, DETECTOR, shares.append, lambda: False)
     bench.wait()
     assert len(shares) >= 6 and shares == sorted(shares) and shares[-1] == 1.0
 
@@ -471,12 +473,12 @@ def test_a_short_recording_is_gone_through_in_steps_that_tell_how_far_it_is(benc
 def propose(bench: Bench, t_us: int) -> None:
     """Until the detector has been through 100 ms from there."""
     bench.editor.send(GoTo(t_us))
-    bench.assistant.toggle_propose(DetectorConfig())
+    bench.assistant.toggle_propose(DETECTOR)
     bench.wait(
         lambda: (bench.assistant.share is not None and bench.assistant.share > 0.3) or bench.assistant.share is None
     )
     if bench.assistant.share is not None:
-        bench.assistant.toggle_propose(DetectorConfig())
+        bench.assistant.toggle_propose(DETECTOR)
 
 
 def test_frames_are_labelled_at_their_own_times_and_exposures_and_exported(tmp_path: Path) -> None:

@@ -4,10 +4,10 @@ from scipy.spatial.transform import Rotation
 
 from core.cameras import Camera
 from core.cameras.calibration import Board, find_board
-from core.cameras.calibration.board import BoardPainter
 from core.errors import ConfigError
 from core.events import SensorSize
 from core.geometry import make_transform
+from tests.board_painter import BoardPainter
 
 CAMERA = Camera(
     SensorSize(400, 300),

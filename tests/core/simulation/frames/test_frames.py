@@ -20,7 +20,8 @@ from core.simulation.scenes.background import make_background
 from core.simulation.scenes.ball_view import ball_shading_rows
 from core.simulation.scenes.block_view import view_numbers
 from core.simulation.scenes.racket_shape import RACKET_COLUMNS, RacketPath, RacketPoses, racket_shading_rows
-from core.simulation.scenes.shading import Moving, render_light
+from core.simulation.scenes.shading import Moving
+from tests.dense_picture import render_light
 
 SCENE = SceneConfig()
 CLEAN = FrameConfig(read_noise=0.0)

@@ -17,7 +17,8 @@ from core.simulation.scenes.ball_view import ball_shading_rows
 from core.simulation.scenes.block_view import view_numbers
 from core.simulation.scenes.racket_outline import racket_outline
 from core.simulation.scenes.racket_shape import RacketPath, RacketPoses, racket_gap, racket_shading_rows
-from core.simulation.scenes.shading import UNTOUCHED, Moving, pixel_light, pixel_seen, render_light
+from core.simulation.scenes.shading import UNTOUCHED, Moving, pixel_light, pixel_seen
+from tests.dense_picture import render_light
 
 QUIET = SensorConfig(noise_hz=0.0, hot_pixels_per_million=0.0, threshold_mismatch=0.0)
 SCENE = SceneConfig()

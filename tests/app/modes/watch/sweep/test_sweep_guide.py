@@ -16,6 +16,7 @@ from app.views.requests import WatchRequest, render_watch
 from core.cameras.calibration.coverage import cell_box, cells_of, coverage
 from core.detection import DetectorConfig
 from core.detection.config import auto_config
+from core.detection.saved import SavedDetector
 from core.events import SensorSize
 from core.recordings import open_recording
 
@@ -62,7 +63,9 @@ def test_it_says_how_much_is_done_and_where_most_is_missing() -> None:
 
 def test_a_picture_tells_the_cell_of_the_ball_and_frames_what_is_missing(serve_recording) -> None:
     with open_recording(serve_recording) as recording:
-        request = WatchRequest(recording, 300_000, RenderSettings(), auto_config(), show_truth=False)
+        request = WatchRequest(
+            recording, 300_000, RenderSettings(), SavedDetector("auto", auto_config()), show_truth=False
+        )
         plain = render_watch(request)
         framed = render_watch(replace(request, swept=SweptCells(active=True)))
         assert [name for name, _ in plain.ball_cells] == ["left", "right"]
