@@ -13,16 +13,12 @@ from typing import Final
 
 import numpy as np
 
-from app.modes.label.commands.by_name import COMMANDS
-from app.modes.label.commands.cursor import GoTo
-from app.modes.label.commands.hand import PlaceBall
-from app.modes.label.commands.step import LabelCommand
-from app.modes.label.editor import LabelCallbacks, LabelEditor
-from app.modes.label.label_strip import StripData, encode_strip
-from app.modes.label.labelling import begin_labelling
-from app.modes.label.plan import CameraWork, LabelScene, agreement_at, centre_at, plan_at
+from app.modes.label.editor import EditorAct, LabelCallbacks, LabelEditor
+from app.modes.label.keys import ACTS
+from app.modes.label.label_picture import StripData, encode_strip
+from app.modes.label.labelling import DEFAULT_STEP_US, LabelView, begin_labelling
+from app.modes.label.plan import LabelScene, agreement_at, centre_at, plan_at
 from app.modes.label.status import checked_of, here_html, progress_html, save_html
-from app.modes.label.view import DEFAULT_STEP_US, LabelView
 from benchmarks.machine import Row, goal_row
 from core.cameras import stereo_preset
 from core.events import Events
@@ -54,7 +50,7 @@ class LoneEditor:
         self.problems: list[Exception] = []
         self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         callbacks = LabelCallbacks(
-            lambda command: True, self._inbox.put, self.problems.append, lambda note: None, lambda t_us: None
+            lambda act: True, self._inbox.put, self.problems.append, lambda note: None, lambda t_us: None
         )
         view = LabelView(camera="left", annotator=ANNOTATOR)
         labelling = begin_labelling(self.recording, view, DEFAULT_STEP_US, time.monotonic())
@@ -75,12 +71,12 @@ class LoneEditor:
             if time.monotonic() > deadline:
                 raise TimeoutError(f"the editor did not answer; {self.problems[-1:]}")
 
-    def press(self, command: LabelCommand, t_us: int) -> float:
+    def press(self, act: EditorAct, t_us: int) -> float:
         """Milliseconds from the key at this time to when all is saved and drawn."""
-        self.editor.send(GoTo(t_us))
+        self.editor.go_to(t_us)
         self.draw()
         began_s = time.perf_counter()
-        self.editor.send(command)
+        self.editor.do(act)
         self.wait()
         self.draw()
         return 1e3 * (time.perf_counter() - began_s)
@@ -88,11 +84,7 @@ class LoneEditor:
     def draw(self) -> None:
         """What the app makes anew after an edit, without the picture of the events."""
         now = self.editor.labelling
-        there = CameraWork() if now.there is None else now.there
-        asking = None if now.asking is None else (now.asking.x_px, now.asking.y_px)
-        scene = LabelScene(
-            now.source, now.partner, now.view, "polarity", "orange / blue", now.here, there, asking=asking
-        )
+        scene = LabelScene(now)
         plan = plan_at(scene, now.t_us, centre_at(scene, now.t_us, None))
         self.editor.show(plan)
         arrays, none = now.here.arrays, np.zeros(0, np.int64)
@@ -100,7 +92,7 @@ class LoneEditor:
         encode_strip(strip, now.t_us, now.step_us, plan.main.colours)
         save_html(now, self.editor.writer)
         progress_html(checked_of(now))
-        here_html(now.here.labels.get(now.t_us), False, agreement_at(scene, now.t_us), "", now)
+        here_html(now.here.labels.get(now.t_us), False, agreement_at(now, now.t_us), "", now)
 
     def close(self) -> None:
         """Let go of everything."""
@@ -113,13 +105,13 @@ def many_label_rows(folder: Path, labels: int = MANY, presses: int = PRESSES) ->
     bench = LoneEditor(folder, labels)
     try:
         rng = np.random.default_rng(SEED)
-        keys = {**COMMANDS, "click": PlaceBall(100.0, 80.0)}
-        for command in keys.values():
-            bench.press(command, DEFAULT_STEP_US)  # the first loads and compiles code, and is not counted
+        keys = {**ACTS, "click": lambda editor: editor.place_ball(100.0, 80.0)}
+        for act in keys.values():
+            bench.press(act, DEFAULT_STEP_US)  # the first loads and compiles code, and is not counted
         ms: dict[str, list[float]] = {}
-        for name, command in keys.items():
+        for name, act in keys.items():
             times = DEFAULT_STEP_US * rng.integers(20, labels - 20, presses)
-            ms[name] = [bench.press(command, int(t_us)) for t_us in times]
+            ms[name] = [bench.press(act, int(t_us)) for t_us in times]
     finally:
         bench.close()
     medians = {name: float(np.median(one)) for name, one in ms.items()}

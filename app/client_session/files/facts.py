@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from app.formatting.notices import notice_of
+from app.formatting.text import notice_of
 from app.shared.files import OfferedFile
 from app.web.pages import Json, Message
 from core.errors import RallyscopeError
