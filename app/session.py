@@ -7,6 +7,7 @@ import queue
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
+from typing import Final
 
 import viser
 
@@ -17,11 +18,15 @@ from app.client_session.frame_throttle import FrameThrottle
 from app.client_session.opening_moment import OpeningMoment
 from app.client_session.tour import Tour
 from app.control_panel import ControlPanel
-from app.formatting.notices import notice_of
-from app.modes.factories import FACTORIES
-from app.modes.mode import Middle, Mode
+from app.formatting.text import notice_of
+from app.modes.export.mode import ExportMode
+from app.modes.label.mode import LabelMode
+from app.modes.mode import Middle, Mode, ModeFactory
 from app.modes.services import Services
+from app.modes.train.mode import TrainMode
+from app.modes.tune.mode import TuneMode
 from app.modes.watch.commands import EnlargePicture
+from app.modes.watch.mode import WatchMode
 from app.panels.recording_info import RecordingInfo, gather_info
 from app.panels.time_bar import Runs, TimeBar, Tracks, moments_of, opening_us, same_moments, tracks_of
 from app.scene.world import World
@@ -48,6 +53,14 @@ NOTE_SECONDS = 8.0
 MOMENTS_EVERY_S = 1.0
 """A live rally is asked this often whether there were bounces and hits since."""
 SLOW_MOTION = ("Slow motion", "A bounce at 1/20 of its speed; after the return it goes on live (key End: at once)")
+FACTORIES: Final[dict[ModeName, ModeFactory]] = {
+    "Watch": WatchMode,
+    "Tune": TuneMode,
+    "Label": LabelMode,
+    "Train": TrainMode,
+    "Export": ExportMode,
+}
+"""Name of the mode -> what makes it for one browser."""
 
 
 class Session:

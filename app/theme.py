@@ -17,6 +17,11 @@ WARN: Final = "#ffd166"
 MUTED: Final = "#8b8f98"
 
 
+def hex_colour(rgb: tuple[int, int, int]) -> str:
+    """A colour as HTML and charts want it."""
+    return "#{:02x}{:02x}{:02x}".format(*rgb)
+
+
 def apply_theme(server: viser.ViserServer) -> None:
     """Dress a fresh server and switch off everything that would leave this machine."""
     server.request_share_url = lambda *args, **kwargs: None  # a browser can ask for a public tunnel; it gets none

@@ -19,7 +19,7 @@ from PIL import Image
 from playwright.sync_api import Page
 
 from app.modes.watch.commands import ShowSpace
-from app.modes.watch.table.commands import ChooseTableCorner, ClickTableCorner, LetTableBeClicked
+from app.modes.watch.table import ChooseTableCorner, ClickTableCorner, LetTableBeClicked
 from app.session import Session
 from app.shared.live_rally import LIVE, LiveRally
 from app.shared.workspace import Workspace

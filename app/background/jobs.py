@@ -56,3 +56,60 @@ class Job(Generic[Result]):
 
     def _report(self, share: float) -> None:
         self.share = share
+
+
+class LoopJob(Generic[Result]):
+    """Long work for one browser, one job at a time, whose outcome is handled by the browser's loop.
+
+    Methods are called by the loop. Of a job that was cancelled nothing is handled any more.
+    """
+
+    def __init__(
+        self,
+        later: Callable[[Callable[[], None]], None],
+        failed: Callable[[Exception], None],
+        ended: Callable[[], None] = lambda: None,
+    ) -> None:
+        """`later` has something done by the loop. `ended` is called before an outcome is handled, or after a cancel."""
+        self._later = later
+        self._failed = failed
+        self._ended = ended
+        self._job: Job[Result] | None = None
+
+    @property
+    def running(self) -> bool:
+        """A job goes on, or its outcome is not handled yet."""
+        return self._job is not None
+
+    @property
+    def share(self) -> float | None:
+        """How much of the work is done, 0..1; None if nothing runs."""
+        return None if self._job is None else self._job.share
+
+    def start(self, work: Callable[[Progress, Callable[[], bool]], Result], done: Callable[[Result], None]) -> None:
+        """Do `work(progress, cancelled)` in a thread of its own; the loop calls `done(result)`."""
+        self.close()
+        job: Job[Result] = Job(
+            work,
+            lambda result: self._later(lambda: self._end(job, lambda: done(result))),
+            lambda error: self._later(lambda: self._end(job, lambda: self._failed(error))),
+        )
+        self._job = job
+
+    def cancel(self) -> None:
+        """End the job without an outcome."""
+        if self._job is not None:
+            self.close()
+            self._ended()
+
+    def close(self) -> None:
+        """The browser is gone, and its controls with it."""
+        if self._job is not None:
+            self._job.cancel()
+            self._job = None
+
+    def _end(self, job: Job[Result], then: Callable[[], None]) -> None:
+        if self._job is job:  # else it was cancelled just then
+            self._job = None
+            self._ended()
+            then()

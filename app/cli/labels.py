@@ -18,7 +18,7 @@ from app.cli.labels_layer import LayerArguments, read_layer
 from app.cli.labels_merge import run_merge
 from app.cli.labels_score import run_score
 from app.cli.progress import progress_bar
-from app.modes.label.results.label_files import LabelFilesRequest, write_label_files
+from app.modes.label.label_files import LabelFilesRequest, write_label_files
 from app.modes.label.sources import LabelSource
 from core.errors import CommandError, LabelError
 from labels.agreement import Agreement, made_independently, measure_agreement

@@ -12,7 +12,7 @@ from typing import Final
 from tqdm import tqdm
 
 from app.cli.terminal import say
-from app.formatting.percent import percent
+from app.formatting.text import percent
 from core.text.plain_text import plain
 
 QUIET_S: Final = 5.0

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from app.background.jobs import Job
+from app.background.jobs import LoopJob
 from app.export.frozen import freeze, write_frozen
 from app.export.selection import Span
 from app.modes.mode import ModeHost
@@ -31,7 +31,7 @@ class LiveCopy:
 
     def __init__(self, host: ModeHost) -> None:
         self._host = host
-        self._job: Job[FrozenPart] | None = None
+        self._job = LoopJob[FrozenPart](host.later, self._failed)
         self._made: FrozenPart | None = None
         self._t_us = 0
         self._then: Callable[[], None] = _nothing
@@ -39,7 +39,7 @@ class LiveCopy:
     @property
     def share(self) -> float | None:
         """How much is written, 0..1, until it is open; None: nothing is being frozen."""
-        if self._job is None:
+        if self._job.share is None:
             return None if self._made is None else 1.0
         return self._job.share
 
@@ -68,14 +68,9 @@ class LiveCopy:
             return FrozenPart(name, write_frozen(frozen, span, path, progress=progress, cancelled=cancelled))
 
         self._t_us, self._then = t_us - start_us, then
-        host = self._host
-        self._job = Job(
-            work,
-            lambda made: host.later(lambda: self._open(made)),
-            lambda error: host.later(lambda: self._failed(error)),
-        )
+        self._job.start(work, self._open)
         seconds = (recording.duration_us - start_us) / 1e6
-        host.note("Freezing the live rally", f"Its last {seconds:.0f} s become the recording {name}.", "blue")
+        self._host.note("Freezing the live rally", f"Its last {seconds:.0f} s become the recording {name}.", "blue")
 
     def moment_in(self, recording: Recording) -> int | None:
         """Where the cursor is to be, if this is the recording that was asked for."""
@@ -93,17 +88,14 @@ class LiveCopy:
 
     def close(self) -> None:
         """The browser is gone."""
-        if self._job is not None:
-            self._job.cancel()
+        self._job.close()
 
     def _open(self, made: FrozenPart) -> None:
-        self._job = None
         if self._then is not _nothing:
             self._made = made
             self._host.open_recording(made.name)
 
     def _failed(self, error: Exception) -> None:
-        self._job = None
         self.forget()
         self._host.report(error)
 

@@ -1,19 +1,23 @@
-"""What a mode of the app is, and what a browser's session lends to it."""
+"""What a mode of the app is, what a browser's session lends to it, and what several modes do alike."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from typing import Literal, Protocol
+from typing import Final, Literal, Protocol
 
 import viser
 
+from app import theme
+from app.export.exporter import ExportState
+from app.formatting.text import html_text, percent
 from app.modes.services import Services
 from app.panels.time_bar import Runs
 from app.scene.world import World
 from app.state.client_state import ClientState
 from app.state.commands import Command
 from app.views.image_view import ImageView
+from core.errors import CommandError, RallyscopeError
 from core.recordings import Recording
 
 Middle = Literal["events", "sheet", "world"]
@@ -123,3 +127,47 @@ class Mode(Protocol):
 
 
 ModeFactory = Callable[[ModeHost], Mode]
+
+
+def do_in_pool(host: ModeHost, act: Callable[[], object]) -> None:
+    """Do it in the pool; a RallyscopeError is shown to the person."""
+
+    def work() -> None:
+        try:
+            act()
+        except RallyscopeError as error:
+            failed = error
+            host.later(lambda: host.report(failed))
+
+    host.pool.submit(work)
+
+
+LARGEST_DOWNLOAD: Final = 1_000_000_000
+"""Bytes; a download goes through this process's memory."""
+STYLE: Final = "padding:2px 1em;font-size:13px;line-height:1.5"
+
+
+def download_export(host: ModeHost, name: str) -> None:
+    """Send it; reading and sending go on in the pool.
+
+    Raises:
+        CommandError: if there is no such export, or it is too large.
+    """
+    path = host.services.exporter.path_of(name)
+    if path.stat().st_size > LARGEST_DOWNLOAD:
+        raise CommandError("too large to download through the browser", got=name, remedy=f"it is here: {path}")
+    send = host.client.send_file_download
+    host.pool.submit(lambda: send(path.name, path.read_bytes(), save_immediately=True))
+
+
+def state_html(state: ExportState | None) -> str:
+    """One line about the latest export."""
+    if state is None:
+        return f"<div style='{STYLE}'>Files are made in the folder <b>exports</b> of the workspace.</div>"
+    if state.running:
+        left = "" if state.left_s is None else f", about {max(1, round(state.left_s))} s left"
+        text = f"{html_text(state.name)}: {percent(state.share)}{left}"
+        return f"<div style='{STYLE}'>{text}</div>"
+    colour = theme.BAD if state.failed else theme.MUTED if state.message == "cancelled" else theme.GOOD
+    text = f"{html_text(state.message)} ({state.seconds:.0f} s)"
+    return f"<div style='{STYLE};color:{colour}'>{text}</div>"

@@ -13,8 +13,8 @@ from app.shared.files import OfferedFiles
 from app.shared.job_backends import HERE_ONLY, JobBackends
 from app.shared.library import Library
 from app.shared.rallies import Rallies
-from app.shared.training.metrics import MetricsStore
-from app.shared.training.trainer import Trainer
+from app.shared.trainer import Trainer
+from app.shared.training_records import MetricsStore
 from app.shared.workspace import Workspace
 from app.state.browser_memory import BrowserMemory
 from app.views.camera_pictures import CameraPicturesRequest, render_camera_pictures

@@ -6,7 +6,7 @@ import math
 
 import viser
 
-from app.formatting.field_words import field_words
+from app.formatting.text import field_words
 from core.config import FieldSpec
 
 TITLES = {"roi": "ROI", "ddpg": "DDPG", "rival": "Stable-Baselines3", "landing_model": "Landing model"}

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from app import theme
-from app.formatting.file_text import html_text
+from app.formatting.text import html_text
 from app.shared.library import Library
 from core.events import Health, RateCurve, rate_curve
 from core.recordings import Recording

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from PIL import Image
 
-from app.pictures.palette import PaletteIndex
+from app.pictures.palette import PaletteIndex, PolarityColours, palette
 from core.events import SensorSize
 
 SUB_PIXEL_BITS = 5
@@ -145,3 +147,12 @@ class Canvas:
         in_picture = (points + 0.5) * self.scale - 0.5
         limit = 2.0 ** (30 - SUB_PIXEL_BITS)
         return np.round(np.clip(in_picture, -limit, limit) * 2**SUB_PIXEL_BITS).astype(np.int32)
+
+
+def encode_png(picture: NDArray[np.uint8], colours: PolarityColours) -> bytes:
+    """The PNG file of a picture (height, width) of palette indices."""
+    image = Image.fromarray(picture).convert("P")
+    image.putpalette(palette(colours).tobytes())
+    buffer = io.BytesIO()
+    image.save(buffer, "PNG", compress_level=1)
+    return buffer.getvalue()

@@ -8,15 +8,17 @@ from typing import Final, Literal
 
 import numpy as np
 import viser
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from app.scene.framing import MARGIN, framed
 from app.scene.rig import vertical_fov_rad
 from app.views.viewpoint import Viewpoint
 from core.cameras import Camera
+from core.geometry import look_at
 from core.history.rally_picture import People
 from core.table import NET_HEIGHT_M, TABLE_HEIGHT_M, TABLE_LENGTH_M, TABLE_WIDTH_M
 
+MARGIN: Final = 0.06
+"""Share of the picture's width and height that stays free on each side."""
 Array = NDArray[np.float64]
 View = Literal["Broadcast", "Side", "Top", "Robot", "Follow ball"]
 
@@ -88,3 +90,28 @@ def follow_viewpoint(client: viser.ClientHandle, p_world_m: Array, share: float)
     """Turn the browser's camera some way towards a point."""
     camera = client.camera
     camera.look_at = np.asarray(camera.look_at) * (1 - share) + p_world_m * share
+
+
+def framed(viewpoint: Viewpoint, ps_world_m: ArrayLike, aspect: float, margin: float = MARGIN) -> Viewpoint:
+    """A viewpoint with the same direction and angle, moved so that the points (N, 3) just fill a picture of width over height.
+
+    It turns about the point of its line of sight that is nearest to what it looked at.
+    """
+    towards = np.subtract(viewpoint.look_at, viewpoint.position)
+    right, down, forward = look_at(viewpoint.position, viewpoint.look_at)[:3, :3].T
+    points = np.asarray(ps_world_m, np.float64) - viewpoint.look_at
+    depth = points @ forward
+    half = math.tan(viewpoint.fov_rad / 2) * (1 - 2 * margin)
+    back, centre = 0.0, np.array(viewpoint.look_at)
+    for axis, slope in ((right, half * aspect), (down, half)):
+        # From a distance d every point must have |x - x_eye| <= slope (depth + d).
+        low, high = (points @ axis + slope * depth).min(), (points @ axis - slope * depth).max()
+        back = max(back, float(high - low) / (2 * slope))
+        centre = centre + axis * (low + high) / 2
+    distance = back / max(float(np.linalg.norm(towards)), 1e-9)
+    return replace(viewpoint, position=_three(centre - distance * towards), look_at=_three(centre))
+
+
+def _three(p: NDArray[np.float64]) -> tuple[float, float, float]:
+    x, y, z = p.tolist()
+    return x, y, z

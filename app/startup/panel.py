@@ -8,7 +8,7 @@ from typing import Final
 import viser
 
 from app import theme
-from app.formatting.file_text import html_text
+from app.formatting.text import html_text
 from app.startup.steps import Step
 
 PLACE_PX: Final = (8, -8)

@@ -8,9 +8,8 @@ from typing import Final, Literal, get_args
 
 from app.pictures.event_picture import Rendering
 from app.pictures.palette import PolarityColours
-from app.state.board_guide import BoardGuide
 from app.state.playback import Playhead
-from app.state.swept_cells import SweptCells
+from app.state.swept_cells import BoardGuide, SweptCells
 from app.state.table_clicks import TableClicks
 from app.state.undo import History
 from core.detection import DetectorConfig

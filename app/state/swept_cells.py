@@ -1,11 +1,12 @@
-"""Which parts of the cameras' pictures the swept ball, or a board, has been in, as one frozen value."""
+"""The guides of a first calibration: which parts of each picture a ball, or a board, has been in."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from core.cameras.calibration import Board
 from core.cameras.calibration.coverage import CELLS_ACROSS, CELLS_DOWN
 
 CELL_COUNT: Final = CELLS_ACROSS * CELLS_DOWN
@@ -34,3 +35,29 @@ class SweptCells:
         """Cells of a camera's picture that the ball has not been in."""
         counts = self.counts.get(camera, (0,) * CELL_COUNT)
         return tuple(cell for cell, count in enumerate(counts) if count < self.enough)
+
+
+FIRST_BOARD: Final = Board("chessboard", 6, 9, 0.03)
+"""Until another is chosen; where it has been does not depend on the spacing."""
+
+
+@dataclass(frozen=True, slots=True)
+class BoardGuide:
+    """The board that is looked for, and what it has covered."""
+
+    board: Board = FIRST_BOARD
+    cells: SweptCells = field(default_factory=lambda: SweptCells(enough=1))
+    """Looked for and shown while they are active."""
+    pictures: Mapping[str, int] = field(default_factory=dict)
+    """With the whole board in them, by camera."""
+
+    def with_board(self, camera: str, cells: Iterable[int]) -> BoardGuide:
+        """The board was found once more, with points in these cells of a camera's picture."""
+        covered = self.cells
+        for cell in cells:
+            covered = covered.with_ball(camera, cell)
+        return replace(self, cells=covered, pictures={**self.pictures, camera: self.pictures.get(camera, 0) + 1})
+
+    def emptied(self) -> BoardGuide:
+        """A copy with nothing seen yet."""
+        return BoardGuide(self.board, SweptCells(self.cells.active, enough=1))

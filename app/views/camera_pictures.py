@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass
 
-from app.pictures.canvas import Canvas
+from app.pictures.canvas import Canvas, encode_png
 from app.pictures.event_picture import event_picture
 from app.pictures.palette import PaletteIndex
-from app.pictures.png import encode_png
 from app.state.client_state import RenderSettings
 from app.views.requests import window_before
 from app.views.stage_picture import draw_truth

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.pictures.canvas import Canvas, Region
+from app.pictures.canvas import Canvas, Region, encode_png
 from app.pictures.palette import PolarityColours, palette
-from app.pictures.png import encode_png
 from app.state.client_state import Arrangement
 
 GAP_PX = 12

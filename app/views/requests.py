@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
 
 from app.pictures.canvas import Canvas, Region
 from app.pictures.event_picture import event_picture
@@ -14,16 +17,55 @@ from app.state.table_clicks import TableClicks
 from app.views.answer_cache import AnswerCache
 from app.views.mosaic import Mosaic, lay_out
 from app.views.stage_picture import draw_answer, draw_detection, draw_stages, draw_truth
-from app.views.table_marks import draw_table_clicks
+from core.cameras import Camera
 from core.cameras.calibration.coverage import cell_box, cells_of
+from core.cameras.calibration.table_corners import CORNERS
+from core.cameras.calibration.table_pose import clicks_of, find_table_pose
 from core.detection import Detection, DetectorConfig, FastDetector, PipelineTrace, trace_window
 from core.detection.fast.cluster import grid_labels
 from core.detection.methods import STAGED, method_config
 from core.detection.saved import SavedDetector
 from core.detection.stages.roi import Roi
+from core.errors import CalibrationError
 from core.events import Window
 from core.metrics.one_window import WindowAnswer, answer_window
 from core.recordings import CameraStream, Recording
+
+RADIUS_PX = 8
+OUTLINE = ("robot-left", "robot-right", "opponent-right", "opponent-left")
+NET = ("net-left", "post-left", "post-right", "net-right")
+EDGE_POINTS = 24
+"""Of each edge: a lens bends lines."""
+
+
+def draw_table_clicks(canvas: Canvas, name: str, lens: Camera | None, clicks: TableClicks) -> None:
+    """Marks with the numbers of their corners; and, once they fix a pose, table and net as they then are."""
+    marks = [mark for mark in clicks.marks if mark.camera == name]
+    if lens is not None and marks:
+        try:
+            pose = find_table_pose(name, lens, clicks_of(clicks.of(name)))
+        except CalibrationError:
+            pass  # the panel says why there is none
+        else:
+            for corners, closed in ((OUTLINE, True), (NET, False)):
+                points = pose.camera.project(_edges(corners, closed=closed))
+                if np.isfinite(points).all():
+                    canvas.draw_polygon(points, PaletteIndex.EPIPOLAR, closed=closed)
+    for mark in marks:
+        canvas.draw_broken_ring(
+            mark.u_px, mark.v_px, RADIUS_PX * canvas.across, PaletteIndex.LABEL, thickness=canvas.across
+        )
+        away = 1.4 * RADIUS_PX * canvas.across / canvas.scale
+        canvas.write(mark.u_px + away, mark.v_px - away / 2, str(mark.number), PaletteIndex.LABEL)
+
+
+def _edges(corners: tuple[str, ...], *, closed: bool) -> np.ndarray:
+    """(N, 3) points along the lines from corner to corner."""
+    ps = np.array([CORNERS[corner] for corner in corners])
+    ends = np.vstack([ps, ps[:1]]) if closed else ps
+    share = np.linspace(0, 1, EDGE_POINTS)[:, None]
+    return np.vstack([a + share * (b - a) for a, b in pairwise(ends)])
+
 
 WARM_UP_WINDOWS = 25
 """Windows run before the one that is shown, so that the region of interest and the polarity are those of a live run."""

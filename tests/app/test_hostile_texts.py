@@ -15,17 +15,15 @@ import pytest
 from app.cli import main
 from app.cli.terminal import PlainFormatter, print_lines, say
 from app.export.exporter import ExportedFile, ExportState
-from app.formatting.file_text import html_text
-from app.formatting.notices import notice_of
+from app.formatting.text import html_text, notice_of
 from app.modes.export.files_panel import files_html, state_html
-from app.modes.train.charts_panel import curve_legend_html
+from app.modes.train.side_panel import curve_legend_html
 from app.modes.train.status import log_html, runs_html, status_html
-from app.modes.tune.auto.report import SidesFigures, TuningReport, report_html
-from app.modes.tune.compare.report import comparison_html
-from app.modes.tune.compare.run import CompareAnswer
+from app.modes.tune.auto_run import SidesFigures, TuningReport, report_html
+from app.modes.tune.compare_run import CompareAnswer, comparison_html
 from app.panels.recording_info import gather_info, health_html
 from app.shared.library import Library
-from app.shared.training.run_state import RunState
+from app.shared.trainer import RunState
 from app.shared.workspace import Workspace
 from app.startup.panel import card_html
 from app.startup.steps import Step
@@ -200,7 +198,7 @@ def test_there_is_one_place_that_escapes_and_one_that_prints() -> None:
     for path in APP.rglob("*.py"):
         tree = ast.parse(path.read_text())
         called = {ast.unparse(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
-        if path.name != "file_text.py":
+        if path.name != "text.py":
             assert not {"html.escape", "escape"} & called, f"{path}: html_text is for that"
         if path.parent.name == "cli" and path.name != "terminal.py":
             assert not {"print", "traceback.print_exc"} & called, f"{path}: say is for that"

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from app.background.jobs import Job, Progress
-from app.formatting.notices import notice_of
+from app.formatting.text import notice_of
 from app.modes.services import Services
 from app.shared.files import OfferedFile, bring_in
 from app.web.pages import Json, Message

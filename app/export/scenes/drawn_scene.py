@@ -20,8 +20,7 @@ from app.scene.prediction import AFTER_RGB, BEFORE_RGB, BOUNCE_M, PLANE_HEIGHT_M
 from app.scene.racket import BLADE_RADIUS_M, FRONT_RGB, HANDLE_M, HANDLE_RGB
 from app.scene.racket import TARGET_RGB as GHOST_RGB
 from app.scene.shadow import DARKNESS, shadow_of
-from app.scene.speed_colours import speed_colours
-from app.scene.trail import POINTS, resampled
+from app.scene.trail import POINTS, resampled, speed_colours
 from app.scene.view_camera import MIN_SHARE
 from app.views.viewpoint import Viewpoint
 from core.cameras import Camera

@@ -16,7 +16,7 @@ from app.export.scenes.drawn_scene import SceneDrawing
 from app.export.unfinished import Cancelled, Progress, check_cancelled
 from app.scene.landing import CASE_NAMES, CASE_RGB, REACH_M, SPOTS
 from app.scene.viewpoints import standpoint
-from app.shared.training.replay import AFTER_LANDING_S, Replay, ball_of_line, replay_ball
+from app.shared.training_records import AFTER_LANDING_S, Replay, ball_of_line, number, replay_ball
 from core.errors import CommandError
 from core.events import SensorSize
 from core.history.rally_picture import LandingSpot
@@ -97,9 +97,9 @@ def read_filmed_balls(run: Path, seed: int) -> FilmedBalls:
     landings = [line.get("landing_m") for line in lines]
     return FilmedBalls(
         tuple(lines),
-        np.array([_number(line.get("case")) for line in lines]),
-        np.array([[_number(v) for v in p] if isinstance(p, list) and len(p) == 2 else [np.nan] * 2 for p in landings]),
-        np.array([_number(line.get("error_mm")) for line in lines]),
+        np.array([number(line.get("case")) for line in lines]),
+        np.array([[number(v) for v in p] if isinstance(p, list) and len(p) == 2 else [np.nan] * 2 for p in landings]),
+        np.array([number(line.get("error_mm")) for line in lines]),
     )
 
 
@@ -218,7 +218,3 @@ def _put_chart(image: Image, chart: Image, share: float) -> None:
 
 def _write(image: Image, text: str, at: tuple[int, int], rgb: tuple[int, int, int], size: float) -> None:
     cv2.putText(image, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, rgb, 2 if size > 0.7 else 1, cv2.LINE_AA)
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, (int, float)) and abs(value) < 1e12 else math.nan

@@ -14,15 +14,11 @@ from app.export.frozen import freeze
 from app.export.selection import Span, span_of
 from app.export.unfinished import Cancelled, Progress
 from app.export.view_film import ViewFilmPlan, export_view_film, save_picture
-from app.modes.download import download_export
-from app.modes.export.files_panel import ExportFilesPanel
-from app.modes.export.made_with import made_with_html
-from app.modes.export.plan_panel import ExportPlan, ExportPlanPanel
+from app.modes.export.files_panel import ExportFilesPanel, ViewerPanel
+from app.modes.export.plan_panel import VIEW_PICTURE, ExportPlan, ExportPlanPanel, made_with_html
 from app.modes.export.stream import StreamOrder, groups_of, labels_of
-from app.modes.export.view_options import VIEW_PICTURE
 from app.modes.export.view_shots import ViewShots
-from app.modes.export.viewer_panel import ViewerPanel
-from app.modes.mode import Middle, ModeHost
+from app.modes.mode import Middle, ModeHost, download_export
 from app.shared.live_rally import LiveRally
 from app.state.client_state import ClientState
 from app.state.commands import TogglePlay

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from app.export.unfinished import Cancelled, check_cancelled
 from app.modes.mode import ModeHost
-from app.scene.view_camera import ViewCamera
-from app.scene.view_render import GONE, render_view
+from app.scene.view_camera import GONE, ViewCamera, render_view
 from app.scene.world import LAYERS
 from app.shared.rallies import WatchedRally
 from app.state.client_state import ClientState

@@ -1,31 +1,58 @@
-"""Carries commands out: the labelling of one browser as it is now, and its labels on the disk."""
+"""The editor of one browser: what a person may ask of view, cursor and labels, done to the labelling and on the disk.
+
+A label is made when its turn to be saved comes, off the loop, from the one that is in the store by then: keys in quick
+succession all count.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
-from app.modes.label.commands.cursor import GoTo, LeaveSecondLook
-from app.modes.label.commands.step import LabelCommand, LabelEdit, Note
-from app.modes.label.label_writer import LabelWriter, LayerKey, Saved
-from app.modes.label.labelling import Labelling
-from app.modes.label.plan import PicturePlan
-from core.errors import RallyscopeError
+import numpy as np
+
+from app.modes.label.comparison import LabelComparison
+from app.modes.label.label_changes import ShownPicture, copied, label_from_click, moved, placed, snapped, with_state
+from app.modes.label.label_picture import PicturePlan
+from app.modes.label.label_writer import Change, LabelWriter, Saved
+from app.modes.label.labelling import WINDOWS_US, ZOOMS, Labelling, UnfitClick
+from app.modes.label.sources import LabelSource
+from core.errors import LabelError, RallyscopeError
+from core.events import Events
+from labels.model import Label, LabelState
+from labels.store import LabelStore, Layer, UndoStep
 from labels.store_registry import LabelStoreRegistry
 
 RECENT: Final = 64
 LOOK_EVERY_S: Final = 0.4
 """How soon what others write is seen here."""
+SNAP_REACH_US: Final = 17_000
+MIN_RADIUS_PX: Final = 0.5
+FIRST_RADIUS_PX: Final = 5.0
+"""What a radius that was never given is resized from."""
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A short message to the person."""
+
+    title: str
+    text: str
+    colour: str
+
+
+EditorAct = Callable[["LabelEditor"], None]
+"""What a person asks for. It belongs to no editor, so that it can be done in the one of another recording."""
 
 
 @dataclass(frozen=True, slots=True)
 class LabelCallbacks:
     """What the editor needs of its browser."""
 
-    may_write: Callable[[LabelCommand], bool]
-    """Whether labels can be written now; if not, the command is sent again once they can."""
+    may_write: Callable[[EditorAct], bool]
+    """Whether labels can be written now; if not, the act is done again once they can."""
     later: Callable[[Callable[[], None]], None]
     report: Callable[[Exception], None]
     note: Callable[[Note], None]
@@ -33,38 +60,51 @@ class LabelCallbacks:
 
 
 class LabelEditor:
-    """Owns the state and the writer. All methods are called by the loop; answers of the writer come through `later`."""
+    """Owns the labelling and the writer. All methods are called by the loop; what is written comes back by `later`."""
 
     def __init__(
         self, registry: LabelStoreRegistry, labelling: Labelling, callbacks: LabelCallbacks, session: str
     ) -> None:
         self.labelling = labelling
         self.callbacks = callbacks
-        self.writer = LabelWriter(registry, labelling.recording.uuid, session)
+        self.writer = LabelWriter(registry, session)
+        self._act: EditorAct = lambda editor: None
+        """What is being done."""
         self._looked_s = 0.0
         self._read_layers()
 
-    def send(self, command: LabelCommand) -> None:
-        """Apply a command, save what it asks for, and move the time cursor where it says."""
-        before = self.labelling
+    def do(self, act: EditorAct) -> None:
+        """Do what a person asks for; report what is wrong with it."""
+        self._act = act
         try:
-            step = command.apply(before, time.monotonic())
+            act(self)
         except RallyscopeError as error:
             self.callbacks.report(error)
-            return
-        if step.edit is not None and not self.callbacks.may_write(command):
-            return
-        self.labelling = step.labelling
-        if step.edit is not None:
-            self._save(before.layer, step.edit)
-        if step.partner_edit is not None and before.partner is not None:
-            self._save(replace(before.layer, camera=before.partner.name), step.partner_edit)
-        if step.note is not None:
-            self.callbacks.note(step.note)
-        if step.labelling.view.annotator != before.view.annotator:
-            self._read_layers()
-        if step.labelling.t_us != before.t_us:
-            self.callbacks.seek(step.labelling.t_us)
+
+    def write(
+        self,
+        change: Change,
+        *,
+        show: bool = False,
+        then: Callable[[Saved], None] = lambda saved: None,
+        partner_change: Change | None = None,
+    ) -> bool:
+        """Save a change of the layer that is labelled.
+
+        `show`: go to what was changed. `then`: called once it is on the disk. `partner_change`: of the same person's
+        layer of the other camera. False if labels cannot be written yet: the act does nothing, and is done again later.
+        """
+        if not self.callbacks.may_write(self._act):
+            return False
+        layer, partner = self.labelling.layer, self.labelling.partner
+        self._save(layer, change, show, then)
+        if partner_change is not None and partner is not None:
+            self._save(replace(layer, camera=partner.name), partner_change, False, lambda saved: None)
+        return True
+
+    def note(self, title: str, text: str, colour: str = "yellow") -> None:
+        """Tell the person."""
+        self.callbacks.note(Note(title, text, colour))
 
     def follow(self, t_us: int, step_us: int) -> None:
         """The time controls stand here."""
@@ -74,6 +114,10 @@ class LabelEditor:
         """These pictures are on the screen."""
         self.labelling = replace(self.labelling, shown=plan)
 
+    def compare_with(self, compared: LabelComparison | None) -> None:
+        """Somebody else's labels beside one's own, or nobody's."""
+        self.labelling = replace(self.labelling, compared=compared)
+
     def look_again(self, wall_s: float) -> None:
         """Take up, now and then, what other browsers and programs have written into the layers that are shown."""
         if wall_s - self._looked_s < LOOK_EVERY_S:
@@ -82,32 +126,247 @@ class LabelEditor:
         versions = {saved.layer: saved.version for saved in self.labelling.saved.values()}
         self.writer.look_again(versions, lambda saved: self.callbacks.later(lambda: self._take(saved)), self.failed)
 
-    def close(self) -> None:
-        """The browser or the recording is gone; what was asked for is still saved."""
-        self.writer.close()
-
     def failed(self, error: Exception) -> None:
         """Report what went wrong in another thread."""
         self.callbacks.later(lambda: self.callbacks.report(error))
 
+    def close(self) -> None:
+        """The browser or the recording is gone; what was asked for is still saved."""
+        self.writer.close()
+
+    # View and cursor ----------------------------------------------------------------------------------------------
+
+    def change_view(self, changes: Mapping[str, Any]) -> None:
+        """Take over other choices of what is shown, by the name of `LabelView`'s field."""
+        now, before = self.labelling, self.labelling.view
+        view = replace(before, **changes)
+        if view.camera not in now.sources or view.window_us not in WINDOWS_US or view.zoom not in ZOOMS:
+            return
+        if (view.annotator, view.camera) != (before.annotator, before.camera):
+            now, view = replace(now, compared=None), replace(view, repeat=False, centre_px=None)
+        other_annotator = view.annotator != before.annotator
+        self.labelling = replace(now, view=view, saved={} if other_annotator else now.saved)
+        if other_annotator:
+            self._read_layers()
+
+    def other_camera(self) -> None:
+        """Label the next camera of the recording."""
+        names = tuple(self.labelling.sources)
+        self.change_view({"camera": names[(names.index(self.labelling.view.camera) + 1) % len(names)]})
+
+    def go_to(self, t_us: int) -> None:
+        """Move the time cursor."""
+        before_us = self.labelling.t_us
+        self.labelling = self.labelling.at(t_us, time.monotonic())
+        if t_us != before_us:
+            self.callbacks.seek(t_us)
+
+    def step(self, steps: int) -> None:
+        """Go to the next (+1) or previous (-1) time that is to be labelled, or some further."""
+        self.go_to(self.labelling.grid.moved(self.labelling.t_us, steps))
+
+    def go_to_end(self, *, last: bool) -> None:
+        """Go to the last or to the first time that is to be labelled."""
+        grid = self.labelling.grid
+        self.go_to(grid.last_us if last else int(grid.times()[:1].sum()))
+
+    def go_to_unchecked(self) -> None:
+        """Go to the next time that nobody has looked at; round to the start once."""
+        now = self.labelling
+        times = now.grid.times()
+        left = times[~np.isin(times, now.here.arrays.t_us)]
+        if not len(left):
+            self.note("Everything is checked", "No unchecked time is left in this camera.", "green")
+            return
+        row = int(np.searchsorted(left, now.t_us, side="right")) % len(left)
+        self.go_to(int(left[row]))
+
+    def begin_repeat(self, t_us: int) -> None:
+        """Ask for the label at a time again, without showing it."""
+        now = self.labelling
+        self.labelling = replace(now, view=replace(now.view, repeat=True), back_us=now.t_us)
+        self.go_to(t_us)
+
+    def leave_repeat(self) -> None:
+        """Go back to where a repeat annotation was begun, answered or not."""
+        now = self.labelling
+        if now.view.repeat:
+            self.labelling = replace(now, view=replace(now.view, repeat=False))
+            self.go_to(now.back_us)
+
+    def escape(self) -> None:
+        """Forget a click that waits for its radius; else leave a repeat annotation."""
+        if self.labelling.asking is not None:
+            self.labelling = replace(self.labelling, click=None)
+        else:
+            self.leave_repeat()
+
+    # Labels by hand -----------------------------------------------------------------------------------------------
+
+    def place_ball(self, x_px: float, y_px: float, r_px: float | None = None) -> None:
+        """The ball is here, in the picture that is shown; with a radius where a circle was drawn.
+
+        Where no circle fits and no radius is known, nothing is stored: the person is asked how large the ball is.
+        """
+        now, shown = self.labelling, self.labelling.shown
+        if shown is None or shown.main.camera != now.view.camera or (r_px is not None and r_px <= 0):
+            return
+        t_us, source = shown.t_us, now.source
+        picture, draft = now.at(t_us, now.arrived_s).picture_to_label(time.monotonic()), now.draft(t_us)
+        snaps = now.view.snap and source.stream is not None and r_px is None
+        unfit: list[UnfitClick] = []
+
+        def change(store: LabelStore) -> tuple[int, ...]:
+            label = label_from_click(x_px, y_px, picture, store.at(t_us), draft, r_px=r_px)
+            label = snapped(label, _near(source, t_us)) if snaps else label
+            if label.r_px is None:
+                unfit.append(UnfitClick(now.layer, t_us, x_px, y_px, snaps))
+                return ()
+            store.put(label)
+            return (t_us,)
+
+        if self.write(change, then=lambda _: self._ask_radius(unfit[0]) if unfit else None):
+            self.labelling = replace(self.labelling, click=None)
+            if now.view.advance and t_us == now.t_us:
+                self._advance()
+
+    def set_numbers(self, x_px: float, y_px: float, r_px: float | None) -> None:
+        """Position and radius typed in."""
+        picture = self._picture()
+
+        def make(before: Label | None) -> Label:
+            if r_px is None and (before is None or before.r_px is not None):
+                remedy = "type one, or drag from the centre to the rim"
+                raise LabelError("a ball needs a radius", expected="above 0 px", got="0", remedy=remedy)
+            if before is None:
+                return label_from_click(x_px, y_px, picture, None, None, r_px=r_px)
+            return placed(before, x_px, y_px, r_px, picture)
+
+        self.change_label(make)
+
+    def nudge(self, dx_px: float, dy_px: float) -> None:
+        """Move the label a little."""
+        picture = self._picture()
+        self.change_label(lambda before: moved(before, dx_px, dy_px, picture) if before else None)
+
+    def resize(self, by_px: float) -> None:
+        """Make the radius larger or smaller."""
+        picture, click = self._picture(), self.labelling.asking
+
+        def make(before: Label | None) -> Label | None:
+            if before is None and click is not None:
+                return label_from_click(click.x_px, click.y_px, picture, None, None, r_px=FIRST_RADIUS_PX + by_px)
+            if before is None or before.x_px is None or before.y_px is None:
+                return None
+            r_px = max((before.r_px or FIRST_RADIUS_PX) + by_px, MIN_RADIUS_PX)
+            return placed(before, before.x_px, before.y_px, r_px, picture)
+
+        self.change_label(make)
+
+    def set_state(self, state: LabelState) -> None:
+        """Say what is seen; go on after the states that need no position."""
+        picture, draft = self._picture(), self.labelling.draft(self.labelling.t_us)
+        away = state in (LabelState.NO_BALL, LabelState.OUT_OF_FRAME)
+        if self.change_label(lambda before: with_state(state, before, draft, picture)) and away:
+            self._advance()
+
+    def copy_previous(self) -> None:
+        """The latest label before this time, here too."""
+        t_us, picture = self.labelling.t_us, self._picture()
+
+        def change(store: LabelStore) -> tuple[int, ...]:
+            earlier = store.labels().between(0, t_us)
+            label = store.at(int(earlier.t_us[-1])) if len(earlier) else None
+            if label is None:
+                raise LabelError("no label before this time", where=f"{t_us} us")
+            store.put(copied(label, picture))
+            return (t_us,)
+
+        self.write(change)
+
+    def snap_label(self) -> None:
+        """Move the label to the circle that fits the events."""
+        t_us, source = self.labelling.t_us, self.labelling.source
+        self.change_label(
+            lambda before: snapped(before, _near(source, t_us)) if before and before.x_px is not None else None
+        )
+
+    def clear(self) -> None:
+        """Make a time unchecked again."""
+        t_us = self.labelling.t_us
+        self.write(lambda store: (t_us,) if store.delete(t_us) else ())
+
+    def undo(self, *, redo: bool = False) -> None:
+        """Take back, or bring back, what this browser changed last, and show it. What others did stays."""
+        steps: list[UndoStep] = []
+
+        def change(store: LabelStore) -> tuple[int, ...]:
+            steps.append(store.step_back(redo=redo))
+            return steps[0].touched_us
+
+        self.write(change, show=True, then=lambda _: self._note_undo(steps[0], redo))
+
+    def toggle_break(self) -> None:
+        """A bounce or hit at this time, or no longer. Kept while the recording is open in this browser."""
+        now = self.labelling
+        self.labelling = replace(now, breaks_us=tuple(sorted(set(now.breaks_us) ^ {now.t_us})))
+
+    def change_label(self, make: Callable[[Label | None], Label | None]) -> bool:
+        """Replace the label at the cursor by what is made of it (None: impossible), after all earlier changes.
+
+        Whether labels can be written, as `write` says.
+        """
+        t_us = self.labelling.t_us
+
+        def change(store: LabelStore) -> tuple[int, ...]:
+            before = store.at(t_us)
+            label = make(before)
+            if label is None:
+                raise LabelError("nothing to change at this time", where=f"{t_us} us", remedy="click the ball first")
+            if label != before:
+                store.put(label)
+            return (t_us,)
+
+        return self.write(change)
+
+    def _picture(self) -> ShownPicture:
+        return self.labelling.picture_to_label(time.monotonic())
+
+    def _advance(self) -> None:
+        """Go on to the next time; a repeat annotation ends by itself."""
+        if not self.labelling.view.repeat:
+            self.step(+1)
+
+    def _ask_radius(self, click: UnfitClick) -> None:
+        """A click found no circle: nothing is stored until somebody says how large the ball is."""
+        if self.labelling.layer == click.layer:
+            self.go_to(click.t_us)
+            self.labelling = replace(self.labelling, click=click)
+
+    def _note_undo(self, step: UndoStep, redo: bool) -> None:
+        what = "Redo" if redo else "Undo"
+        if not step.done:
+            text = "Only what this window did under this name is taken back."
+            self.note(f"Nothing to {what.lower()}", text)
+        elif step.left_us:
+            where = f"at {step.left_us[0] / 1e6:.6f} s" if len(step.left_us) == 1 else f"at {len(step.left_us)} times"
+            self.note(f"{what}: left as it is", f"Somebody else has changed the label {where} since.")
+
+    # The disk -----------------------------------------------------------------------------------------------------
+
     def _read_layers(self) -> None:
         """Read the labels of every camera, the one that is labelled first; a partner's are looked at only."""
-        view = self.labelling.view
-        for camera in sorted(self.labelling.sources, key=lambda name: name != view.camera):
-            layer = LayerKey(camera, view.annotator)
+        now = self.labelling
+        for camera in sorted(now.sources, key=lambda name: name != now.view.camera):
+            layer = Layer(now.recording.uuid, camera, now.view.annotator)
             self.writer.look(layer, lambda saved: self.callbacks.later(lambda: self._take(saved)), self.failed)
 
-    def _save(self, layer: LayerKey, edit: LabelEdit) -> None:
+    def _save(self, layer: Layer, change: Change, show: bool, then: Callable[[Saved], None]) -> None:
         def done(saved: Saved) -> None:
-            self.callbacks.later(lambda: self._take(saved, show=edit.show))
-            note = None if edit.said is None else edit.said(saved)
-            if note is not None:
-                self.callbacks.later(lambda: self.callbacks.note(note))
-            command = None if edit.then is None else edit.then(saved)
-            if command is not None:
-                self.callbacks.later(lambda: self.send(command))
+            self.callbacks.later(lambda: self._take(saved, show=show))
+            self.callbacks.later(lambda: then(saved))
 
-        self.writer.act(layer, edit.act, done, self.failed)
+        self.writer.write(layer, change, done, self.failed)
 
     def _take(self, saved: Saved, *, show: bool = False) -> None:
         """The writer's answer: it is on the disk."""
@@ -116,11 +375,11 @@ class LabelEditor:
             return
         if layer.blind:
             if saved.touched_us:
-                self.send(LeaveSecondLook())
+                self.leave_repeat()
             return
         if layer.camera not in now.saved:
             for text in saved.notes:
-                self.callbacks.note(Note("Labels", text, "yellow"))
+                self.note("Labels", text)
         known = replace(now.works[layer.camera], labels=saved.labels, arrays=saved.arrays, rejected=saved.rejected)
         self.labelling = replace(
             now,
@@ -130,5 +389,8 @@ class LabelEditor:
             click=now.click if now.click is not None and now.click.t_us not in saved.touched_us else None,
         )
         if show and len(saved.touched_us) and layer.camera == now.view.camera:
-            nearest_us = min(saved.touched_us, key=lambda t_us: abs(t_us - now.t_us))
-            self.send(GoTo(nearest_us))
+            self.go_to(min(saved.touched_us, key=lambda t_us: abs(t_us - now.t_us)))
+
+
+def _near(source: LabelSource, t_us: int) -> Events:
+    return source.events(max(t_us - SNAP_REACH_US, 0), t_us + SNAP_REACH_US)

@@ -1,4 +1,4 @@
-"""Where labels are written: one act after the other, off the loop, each acknowledged only when it is on the disk."""
+"""Where labels are written: one change after the other, off the loop, each acknowledged only when it is on the disk."""
 
 from __future__ import annotations
 
@@ -14,20 +14,11 @@ from labels.store import LabelStore, Layer
 from labels.store_registry import LabelStoreRegistry
 
 
-@dataclass(frozen=True, slots=True)
-class LayerKey:
-    """Whose labels of which camera; the recording is the writer's."""
-
-    camera: str
-    annotator: str
-    blind: bool = False
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Saved:
-    """What an act has done to a layer: it is on the disk."""
+    """A layer as it is on the disk, and what a change has done to it."""
 
-    layer: LayerKey
+    layer: Layer
     labels: Mapping[int, Label]
     """All labels of the layer, by time; a snapshot."""
     arrays: LabelArrays
@@ -40,7 +31,7 @@ class Saved:
     """(time, detector) of the proposals that were found wrong."""
 
 
-Act = Callable[[LabelStore], tuple[int, ...]]
+Change = Callable[[LabelStore], tuple[int, ...]]
 """Changes a store and returns the times it touched. It may take as long as it needs."""
 Done = Callable[[Saved], None]
 Failed = Callable[[Exception], None]
@@ -49,9 +40,8 @@ Failed = Callable[[Exception], None]
 class LabelWriter:
     """The layers of one recording in one browser. Methods are called by the loop; answers come from another thread."""
 
-    def __init__(self, registry: LabelStoreRegistry, recording_uuid: str, session: str) -> None:
+    def __init__(self, registry: LabelStoreRegistry, session: str) -> None:
         self._registry = registry
-        self._uuid = recording_uuid
         self._session = session
         """Under which this browser's edits are kept: undo takes back those."""
         registry.acquire(session)
@@ -62,24 +52,24 @@ class LabelWriter:
         self.saved_at: float | None = None
         """Wall-clock time of the latest acknowledged change."""
         self.failure: str | None = None
-        """Why the latest act is not saved."""
+        """Why the latest change is not saved."""
 
     @property
     def waiting(self) -> int:
-        """Acts that are not acknowledged yet."""
+        """Changes that are not acknowledged yet."""
         return self._waiting
 
-    def act(self, layer: LayerKey, act: Act, done: Done, failed: Failed) -> None:
-        """Carry out an act after all that were asked for before."""
+    def write(self, layer: Layer, change: Change, done: Done, failed: Failed) -> None:
+        """Carry out a change after all that were asked for before."""
         with self._lock:
             self._waiting += 1
-        self._worker.submit(self._carry_out, layer, act, done, failed)
+        self._worker.submit(self._carry_out, layer, change, done, failed)
 
-    def look(self, layer: LayerKey, done: Done, failed: Failed) -> None:
+    def look(self, layer: Layer, done: Done, failed: Failed) -> None:
         """Read a layer; nothing is written, so that a look leaves no trace and needs no writable disk."""
         self._worker.submit(self._look, layer, done, failed)
 
-    def look_again(self, versions: Mapping[LayerKey, int], done: Done, failed: Failed) -> None:
+    def look_again(self, versions: Mapping[Layer, int], done: Done, failed: Failed) -> None:
         """Read those layers that are no longer what they were; nothing if the last such look is not over."""
         with self._lock:
             if self._looking or self._waiting:
@@ -87,24 +77,25 @@ class LabelWriter:
             self._looking += 1
         self._worker.submit(self._look_again, dict(versions), done, failed)
 
-    def store(self, layer: LayerKey) -> LabelStore:
-        """The store of a layer, for acts that need another one than their own; call it inside an act.
+    def store(self, layer: Layer) -> LabelStore:
+        """The store of a layer, for changes that need another one than their own; call it inside a change.
 
         Raises:
             LabelError: if it cannot be opened.
         """
-        return self._registry.store(self._uuid, layer.camera, layer.annotator, blind=layer.blind, session=self._session)
+        uuid, blind = layer.recording_uuid, layer.blind
+        return self._registry.store(uuid, layer.camera, layer.annotator, blind=blind, session=self._session)
 
     def close(self) -> None:
         """Let go of the files once everything that was asked for is saved."""
         self._worker.submit(self._registry.release, self._session)
         self._worker.shutdown(wait=False)
 
-    def _carry_out(self, layer: LayerKey, act: Act, done: Done, failed: Failed) -> None:
+    def _carry_out(self, layer: Layer, change: Change, done: Done, failed: Failed) -> None:
         try:
             store = self.store(layer)
             before = store.version
-            touched = act(store)
+            touched = change(store)
             if store.version != before:
                 self.saved_at = time.time()
             self.failure = None
@@ -117,17 +108,17 @@ class LabelWriter:
         finally:
             self._finish()  # last: who sees that nothing waits has the answer before him
 
-    def _look(self, layer: LayerKey, done: Done, failed: Failed) -> None:
+    def _look(self, layer: Layer, done: Done, failed: Failed) -> None:
         try:
-            store = self._registry.look(self._whose(layer), self._session)
+            store = self._registry.look(layer, self._session)
             done(no_labels(layer) if store is None else _answer(layer, store, ()))
         except Exception as error:  # noqa: BLE001 (the browser hears of any)
             failed(error)
 
-    def _look_again(self, versions: dict[LayerKey, int], done: Done, failed: Failed) -> None:
+    def _look_again(self, versions: dict[Layer, int], done: Done, failed: Failed) -> None:
         try:
             for layer, version in versions.items():
-                store = self._registry.look(self._whose(layer), self._session)
+                store = self._registry.look(layer, self._session)
                 if store is not None and store.version != version:
                     done(_answer(layer, store, ()))
         except Exception as error:  # noqa: BLE001 (the browser hears of any)
@@ -136,20 +127,17 @@ class LabelWriter:
             with self._lock:
                 self._looking -= 1
 
-    def _whose(self, layer: LayerKey) -> Layer:
-        return Layer(self._uuid, layer.camera, layer.annotator, layer.blind)
-
     def _finish(self) -> None:
         with self._lock:
             self._waiting -= 1
 
 
-def no_labels(layer: LayerKey) -> Saved:
+def no_labels(layer: Layer) -> Saved:
     """A layer that nobody has begun."""
     return Saved(layer, {}, label_arrays(()), (), False, False, (), 0)
 
 
-def _answer(layer: LayerKey, store: LabelStore, touched: tuple[int, ...]) -> Saved:
+def _answer(layer: Layer, store: LabelStore, touched: tuple[int, ...]) -> Saved:
     version = store.version  # first: what is written meanwhile by others is seen by the next look
     undo, redo = store.can_undo, store.can_redo
     return Saved(layer, store.by_time(), store.labels(), touched, undo, redo, store.notes, version, store.rejected())

@@ -1,26 +1,150 @@
-"""What one browser labels, as one frozen value: cursor, choices, and what is known of the ball in each camera."""
+"""What one browser labels, as frozen values: its choices, the cursor, and what is known of the ball in each camera."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Final
 
-from app.modes.label.label_changes import ProposedLabel, ShownPicture
-from app.modes.label.label_writer import LayerKey, Saved
-from app.modes.label.merge.comparison import LabelComparison
-from app.modes.label.plan import CameraWork, PicturePlan
+import numpy as np
+from numpy.typing import NDArray
+
+from app.modes.label.comparison import LabelComparison
+from app.modes.label.label_changes import ProposedLabel, ShownPicture, proposed_at
+from app.modes.label.label_picture import PicturePlan
+from app.modes.label.label_writer import Saved
 from app.modes.label.sources import LabelSource, partner_of, sources_of
-from app.modes.label.view import Grid, LabelView
+from app.state.playback import STEPS_US
 from core.cameras import Camera
 from core.recordings import Recording
+from labels.arrays import LabelArrays, label_arrays
+from labels.assist import Proposals
 from labels.conflicts import settlement
+from labels.model import Label
+from labels.store import Layer
+
+WINDOWS_US: Final = (500, 1_000, 2_000, 5_000, 10_000)
+"""Keys 1 to 5."""
+ZOOMS: Final = (1.0, 5.0, 10.0, 20.0)
+"""Keys 6 to 9."""
+LABEL_STEPS_US: Final = tuple(step for step in STEPS_US if 500 <= step <= 100_000)
+DEFAULT_STEP_US: Final = 2_000
+NUDGE_PX: Final = 0.25
+BIG_NUDGE_PX: Final = 1.0
+RADIUS_STEP_PX: Final = 0.25
+DEFAULT_ANNOTATOR: Final = "annotator"
+NEAR_US: Final = 60_000
+"""Labels farther away say nothing about where the ball is now."""
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class LabelView:
+    """What one browser looks at in Label."""
+
+    camera: str = ""
+    annotator: str = DEFAULT_ANNOTATOR
+    window_us: int = 2_000
+    zoom: float = 1.0
+    snap: bool = True
+    """Move clicks to the circle that fits the events."""
+    advance: bool = False
+    """Go on after each label that is made by a click or a key."""
+    follow: bool = True
+    """Keep the ball, as far as it is known, in the middle of a zoomed picture."""
+    epipolar: bool = True
+    """Show the other camera's ray, and how well the cameras agree."""
+    centre_px: tuple[float, float] | None = None
+    """Of a zoomed picture, where nothing is known of the ball."""
+    repeat: bool = False
+    """A repeat annotation: the label is asked for again, without showing it."""
+
+
+def window_around(t_us: int, window_us: int) -> tuple[int, int]:
+    """The window whose middle is the label's time: a label is the ball at the middle of what is seen."""
+    start_us = max(t_us - window_us // 2, 0)
+    return start_us, max(t_us + (window_us + 1) // 2, start_us + 1)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """The times that are to be labelled: those of the frames, or every so many microseconds."""
+
+    duration_us: int
+    step_us: int
+    frames_us: NDArray[np.int64] | None = None
+
+    def moved(self, t_us: int, steps: int) -> int:
+        """The time so many steps on (or back) from any time; stays inside."""
+        if self.frames_us is not None:
+            if not len(self.frames_us):
+                return t_us
+            at = int(np.searchsorted(self.frames_us, t_us, side="right" if steps > 0 else "left"))
+            row = at - 1 + steps if steps > 0 else at + steps
+            return int(self.frames_us[min(max(row, 0), len(self.frames_us) - 1)])
+        number = t_us // self.step_us if steps > 0 else -(-t_us // self.step_us)
+        return min(max((number + steps) * self.step_us, 0), self.last_us)
+
+    @property
+    def last_us(self) -> int:
+        """The last time that can be labelled."""
+        if self.frames_us is not None:
+            return int(self.frames_us[-1]) if len(self.frames_us) else 0
+        return max(self.duration_us - 1, 0) // self.step_us * self.step_us
+
+    def times(self) -> NDArray[np.int64]:
+        """All times that can be labelled."""
+        if self.frames_us is not None:
+            return self.frames_us
+        return np.arange(0, self.last_us + 1, self.step_us, dtype=np.int64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraWork:
+    """What is known of the ball in one camera. Replaced, never changed."""
+
+    labels: Mapping[int, Label] = field(default_factory=dict)
+    arrays: LabelArrays = field(default_factory=lambda: label_arrays(()))
+    proposals: Proposals | None = None
+    rejected: frozenset[tuple[int, str]] = frozenset()
+    """(time, detector) of proposals that were found wrong."""
+
+    def draft(self, t_us: int) -> ProposedLabel | None:
+        """What is proposed where nothing is labelled or rejected."""
+        if self.proposals is None or t_us in self.labels or (t_us, self.proposals.detector) in self.rejected:
+            return None
+        return proposed_at(self.proposals, t_us)
+
+    def known(self, t_us: int) -> Point | None:
+        """Where the ball is, if a label or a draft says so."""
+        label = self.labels.get(t_us)
+        if label is not None:
+            return None if label.x_px is None or label.y_px is None else (label.x_px, label.y_px)
+        draft = self.draft(t_us)
+        return None if draft is None else (draft.x_px, draft.y_px)
+
+    def expected(self, t_us: int) -> Point | None:
+        """Where the ball is or, from the labels around, may be."""
+        known = self.known(t_us)
+        if known is not None:
+            return known
+        near = self.arrays.between(t_us - NEAR_US, t_us + NEAR_US)
+        near = near.rows(near.seen)
+        if not len(near):
+            return None
+        order = np.argsort(np.abs(near.t_us - t_us), kind="stable")[:2]
+        x, y, t = near.x_px[order], near.y_px[order], near.t_us[order]
+        if len(order) == 1:
+            return float(x[0]), float(y[0])
+        share = (t_us - t[0]) / (t[1] - t[0])
+        return float(x[0] + share * (x[1] - x[0])), float(y[0] + share * (y[1] - y[0]))
 
 
 @dataclass(frozen=True, slots=True)
 class UnfitClick:
     """A click on a place where no circle fits: it becomes a label once a radius is given."""
 
-    layer: LayerKey
+    layer: Layer
     t_us: int
     x_px: float
     y_px: float
@@ -56,7 +180,7 @@ class Labelling:
     recent_us: tuple[int, ...] = ()
     """The times that were labelled last, the latest at the end."""
     back_us: int = 0
-    """Where a second look was begun."""
+    """Where a repeat annotation was begun."""
     click: UnfitClick | None = None
     """A click that is not stored, because nobody knows how large the ball is."""
     compared: LabelComparison | None = None
@@ -96,9 +220,9 @@ class Labelling:
         return Grid(self.recording.duration_us, self.step_us, self.source.frames_us)
 
     @property
-    def layer(self) -> LayerKey:
+    def layer(self) -> Layer:
         """The layer that labels are written to."""
-        return LayerKey(self.view.camera, self.view.annotator, self.view.blind)
+        return Layer(self.recording.uuid, self.view.camera, self.view.annotator, self.view.repeat)
 
     @property
     def on_screen(self) -> bool:
@@ -113,15 +237,15 @@ class Labelling:
 
     @property
     def compared_here(self) -> LabelComparison | None:
-        """Somebody else's labels of this camera beside those of this person; not in a second look, which is blind."""
+        """Somebody else's labels of this camera beside those of this person; not in a repeat annotation."""
         found, view = self.compared, self.view
-        if found is None or view.blind or (found.camera, found.mine.annotator) != (view.camera, view.annotator):
+        if found is None or view.repeat or (found.camera, found.mine.annotator) != (view.camera, view.annotator):
             return None
         return found
 
     def draft(self, t_us: int) -> ProposedLabel | None:
         """What is proposed at a time and may be seen."""
-        return None if self.view.blind else self.here.draft(t_us)
+        return None if self.view.repeat else self.here.draft(t_us)
 
     def judged_picture(self, wall_s: float) -> ShownPicture:
         """The picture at the cursor as it is being judged; one without a window if it is not shown."""
@@ -146,10 +270,6 @@ class Labelling:
         """The same with the cursor at another time."""
         return self if t_us == self.t_us else replace(self, t_us=t_us, arrived_s=wall_s)
 
-    def moved(self, steps: int, wall_s: float) -> Labelling:
-        """The same with the cursor so many times on or back that are to be labelled."""
-        return self.at(self.grid.moved(self.t_us, steps), wall_s)
-
 
 def begin_labelling(recording: Recording, view: LabelView, step_us: int, wall_s: float) -> Labelling:
     """The labelling of a recording before anything has been read, with the choices of the one before."""
@@ -158,7 +278,7 @@ def begin_labelling(recording: Recording, view: LabelView, step_us: int, wall_s:
     return Labelling(
         recording=recording,
         sources=sources,
-        view=replace(view, camera=camera, blind=False, centre_px=None),
+        view=replace(view, camera=camera, repeat=False, centre_px=None),
         step_us=step_us,
         works={name: CameraWork() for name in sources},
         saved={},

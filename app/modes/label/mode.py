@@ -11,25 +11,17 @@ from typing import Final
 
 import numpy as np
 
-from app.modes.label.assistant import LabelSuggestions
-from app.modes.label.commands.by_name import COMMANDS
-from app.modes.label.commands.cursor import ChangeView, GoTo, SetAnnotator
-from app.modes.label.commands.hand import PlaceBall, SetNumbers
-from app.modes.label.commands.step import LabelCommand
-from app.modes.label.editor import LabelCallbacks, LabelEditor
-from app.modes.label.first_label.annotator import annotator_from, last_annotator, remember_annotator
-from app.modes.label.first_label.annotator_prompt import AnnotatorPrompt
-from app.modes.label.keyboard.held_keys import HeldKeys
-from app.modes.label.label_strip import strip_time
-from app.modes.label.labelling import begin_labelling
-from app.modes.label.merge.comparer import LabelComparer
-from app.modes.label.merge.others import OtherStores
-from app.modes.label.merge.panel import MergePanel
+from app.modes.label.annotator import AnnotatorPrompt, annotator_from, last_annotator, remember_annotator
+from app.modes.label.comparer import LabelComparer, OtherStores
+from app.modes.label.editor import EditorAct, LabelCallbacks, LabelEditor
+from app.modes.label.keys import ACTS, HeldKeys
+from app.modes.label.label_picture import strip_time
+from app.modes.label.labelling import DEFAULT_STEP_US, LABEL_STEPS_US, ZOOMS, LabelView, Point, begin_labelling
+from app.modes.label.merge_panel import MergePanel
 from app.modes.label.panel import LabelPanel, PanelActions
-from app.modes.label.pictures import LabelPictures
-from app.modes.label.plan import LabelScene, Point, agreement_at
-from app.modes.label.prefetch import LabelMosaic
-from app.modes.label.results.results import LabelResults
+from app.modes.label.pictures import LabelMosaic, LabelPictures
+from app.modes.label.plan import LabelScene, agreement_at
+from app.modes.label.results import LabelResults
 from app.modes.label.status import (
     Checked,
     checked_of,
@@ -41,7 +33,7 @@ from app.modes.label.status import (
     save_html,
     status_words,
 )
-from app.modes.label.view import DEFAULT_STEP_US, LABEL_STEPS_US, ZOOMS, LabelView
+from app.modes.label.suggestions import LabelSuggestions
 from app.modes.live_copy import LiveCopy
 from app.modes.mode import Middle, ModeHost
 from app.panels.time_bar import runs_of_times
@@ -68,7 +60,7 @@ class LabelMode:
         self._host = host
         self._active = False
         self._editor: LabelEditor | None = None
-        self._assistant: LabelSuggestions | None = None
+        self._suggestions: LabelSuggestions | None = None
         self._comparer: LabelComparer | None = None
         self._other_stores = OtherStores(host.services.workspace.root, host.services.library.folders)
         self._recording: Recording | None = None
@@ -94,10 +86,10 @@ class LabelMode:
         )
         actions = PanelActions(
             act=lambda name: host.later(lambda: self._act(name)),
-            change=lambda **changes: host.later(lambda: self._send(ChangeView(changes))),
+            change=lambda **changes: host.later(lambda: self._do(lambda editor: editor.change_view(changes))),
             name=lambda name: host.later(lambda: self._use_name(name) if name.strip() else None),
             step=lambda step_us: host.send(SetStep(step_us)),
-            numbers=lambda x, y, r: host.later(lambda: self._send(SetNumbers(x, y, r))),
+            numbers=lambda x, y, r: host.later(lambda: self._do(lambda editor: editor.set_numbers(x, y, r))),
         )
         self._panel = LabelPanel(host.client.gui, actions)
         with self._panel.folder:
@@ -153,20 +145,20 @@ class LabelMode:
         editor.look_again(wall_s)
         if (state.camera, state.looks) != self._elsewhere:  # another was chosen in Tune, or one is named by Watch
             self._elsewhere = (state.camera, state.looks)
-            editor.send(ChangeView({"camera": state.camera}))
+            editor.change_view({"camera": state.camera})
         self._results.tick(editor, wall_s)
         comparer.tick(wall_s)
         now = editor.labelling
         scene = self._scene(editor, state)
         if self._pictures.arrives(scene, now.t_us):
             self._ring, scene = None, replace(scene, ring=None)
-        share = None if self._assistant is None else self._assistant.share
-        words = status_words(now, editor.writer, self._checked(editor), agreement_at(scene, now.t_us), share)
+        share = None if self._suggestions is None else self._suggestions.share
+        words = status_words(now, editor.writer, self._checked(editor), agreement_at(now, now.t_us), share)
         if isinstance(self._recording, RingRecording):
             words = live_words(self._live.share)
         self._pictures.ask(editor, scene, words)
         self._show_in_time_bar(editor, wall_s)
-        self._show_status(editor, scene)
+        self._show_status(editor)
         self._merge.show(comparer, now)
         if self._keys.ready:
             self._host.later(self._keys.go_on)
@@ -177,12 +169,12 @@ class LabelMode:
         if shown is None or editor is None:
             return
         if (point := shown.main.sensor_point(x, y)) is not None:
-            editor.send(PlaceBall(*point))
+            editor.do(lambda editor: editor.place_ball(*point))
         elif shown.strip.sensor_point(x, y) is not None:
             share = (x - shown.strip.x) / shown.strip.width
-            editor.send(GoTo(strip_time(0, editor.labelling.recording.duration_us, share)))
+            editor.go_to(strip_time(0, editor.labelling.recording.duration_us, share))
         elif (point := shown.overview.sensor_point(x, y)) is not None:
-            editor.send(ChangeView({"centre_px": point, "zoom": max(editor.labelling.view.zoom, ZOOMS[1])}))
+            editor.change_view({"centre_px": point, "zoom": max(editor.labelling.view.zoom, ZOOMS[1])})
             self._pictures.look_at(point)
 
     def close(self) -> None:
@@ -202,21 +194,13 @@ class LabelMode:
     # Pictures -----------------------------------------------------------------------------------------------------
 
     def _scene(self, editor: LabelEditor, state: ClientState) -> LabelScene:
-        now, look = editor.labelling, state.look
-        there = now.here if now.there is None else now.there
-        click = now.asking
-        asking = None if click is None else (click.x_px, click.y_px)
-        source, partner, view = now.source, now.partner, now.view
-        compared = now.compared_here
-        return LabelScene(
-            source, partner, view, look.rendering, look.colours, now.here, there, self._ring, asking, compared
-        )
+        return LabelScene(editor.labelling, state.look.rendering, state.look.colours, self._ring)
 
     def _show_mosaic(self, editor: LabelEditor, mosaic: LabelMosaic) -> None:
         if self._active and editor is self._editor:
             editor.show(mosaic.plan)
             self._host.plane.show(mosaic.sheet)
-            self._pictures.show(mosaic, editor)
+            self._pictures.show(mosaic)
             self._live.shown(editor.labelling.recording, mosaic.plan.t_us)
 
     def _dragged(self, phase: DragPhase, start: Point, end: Point) -> None:
@@ -233,7 +217,7 @@ class LabelMode:
             return
         r_px = math.dist(centre, rim)
         if phase == "end":
-            self._editor.send(PlaceBall(*centre, r_px))
+            self._editor.do(lambda editor: editor.place_ball(*centre, r_px))
         else:
             self._ring = (*centre, r_px)
 
@@ -247,8 +231,8 @@ class LabelMode:
         """Whether what this act judges is still to come."""
         return (
             name in ("accept_segment", "accept_flight")
-            and self._assistant is not None
-            and not self._assistant.segment_due
+            and self._suggestions is not None
+            and not self._suggestions.segment_due
         )
 
     def _place(self) -> object:
@@ -256,53 +240,53 @@ class LabelMode:
         return None if editor is None else (editor.labelling.layer, editor.labelling.t_us)
 
     def _carry_out(self, name: str) -> None:
-        assistant, state = self._assistant, self._host.state
-        if name in COMMANDS:
-            self._send(COMMANDS[name])
+        suggestions, state = self._suggestions, self._host.state
+        if name in ACTS:
+            self._do(ACTS[name])
         elif name in ("propose", "suspicious", "blind") and isinstance(self._recording, RingRecording):
             self._freeze(self._recording, lambda: self._carry_out(name))
-        elif assistant is not None and state is not None and self._active:
+        elif suggestions is not None and state is not None and self._active:
             acts: dict[str, Callable[[], None]] = {
-                "propose": lambda: assistant.toggle_propose(state.detector),
-                "suspicious": assistant.next_suspicious,
-                "blind": assistant.second_look,
-                "accept_flight": assistant.take_flight,
+                "propose": lambda: suggestions.toggle_propose(state.detector),
+                "suspicious": suggestions.next_suspicious,
+                "blind": suggestions.repeat_annotation,
+                "accept_flight": suggestions.take_flight,
                 "rendering": lambda: self._host.send(SetRendering(_next_name(RENDERINGS, state.look.rendering))),
             }
             acts[name]()
 
-    def _send(self, command: LabelCommand) -> None:
+    def _do(self, act: EditorAct) -> None:
         if self._editor is not None and self._active:
             self._status = None
-            self._editor.send(command)
+            self._editor.do(act)
 
     def _use_name(self, text: str) -> None:
         name = annotator_from(text)
         self._named = True
-        self._send(SetAnnotator(name))
+        self._do(lambda editor: editor.change_view({"annotator": name}))
 
-    def _may_write(self, command: LabelCommand) -> bool:
+    def _may_write(self, act: EditorAct) -> bool:
         """Labels belong to somebody, and to a recording that stays; else first things first."""
         assert self._editor is not None
         if isinstance(self._recording, RingRecording):
-            self._freeze(self._recording, lambda: self._send(command))
+            self._freeze(self._recording, lambda: self._do(act))
             return False
         if not self._named:
-            self._ask_name(command)
+            self._ask_name(act)
             return False
         remember_annotator(self._host.services.workspace.labels, self._editor.labelling.view.annotator)
         return True
 
-    def _ask_name(self, command: LabelCommand) -> None:
+    def _ask_name(self, act: EditorAct) -> None:
         if self._prompt is not None or self._editor is None:
             return
         host, editor = self._host, self._editor
 
         def named(name: str) -> None:
             self._prompt, self._named = None, True
-            self._send(SetAnnotator(name))
+            self._do(lambda editor: editor.change_view({"annotator": name}))
             if editor is self._editor:
-                self._send(command)
+                self._do(act)
 
         def declined() -> None:
             self._prompt = None
@@ -326,25 +310,25 @@ class LabelMode:
 
     # What is shown ------------------------------------------------------------------------------------------------
 
-    def _show_status(self, editor: LabelEditor, scene: LabelScene) -> None:
-        now, assistant = editor.labelling, self._assistant
-        assert assistant is not None
+    def _show_status(self, editor: LabelEditor) -> None:
+        now, suggestions = editor.labelling, self._suggestions
+        assert suggestions is not None
         live = isinstance(self._recording, RingRecording)
         self._panel.show_save(live_html(self._live.share) if live else save_html(now, editor.writer))
-        proposals = proposals_html(now.here.proposals, assistant.share, len(self._keys) > 0)
-        self._panel.show_proposals(proposals, assistant.share is not None)
-        known = (now.t_us, now.view, now.step_us, scene.here, scene.there, assistant.reason_us, now.asking)
+        proposals = proposals_html(now.here.proposals, suggestions.share, len(self._keys) > 0)
+        self._panel.show_proposals(proposals, suggestions.share is not None)
+        known = (now.t_us, now.view, now.step_us, now.here, now.there, suggestions.reason_us, now.asking)
         if known == self._status:
             return
         self._status = known
-        label = None if now.view.blind else now.here.labels.get(now.t_us)
+        label = None if now.view.repeat else now.here.labels.get(now.t_us)
         with self._host.client.atomic():
             self._panel.show_view(now.view, now.step_us)
-            self._panel.show_label(label, scene.asking)
+            self._panel.show_label(label, now.asking)
             self._panel.show_progress("" if live else progress_html(self._checked(editor)))
-            reason = assistant.reason_for(label)
-            drafted = scene.here.draft(now.t_us) is not None
-            self._panel.show_here(here_html(label, drafted, agreement_at(scene, now.t_us), reason, now))
+            reason = suggestions.reason_for(label)
+            drafted = now.here.draft(now.t_us) is not None
+            self._panel.show_here(here_html(label, drafted, agreement_at(now, now.t_us), reason, now))
 
     def _checked(self, editor: LabelEditor) -> Checked:
         """Counted anew when a label or the step changed."""
@@ -371,7 +355,7 @@ class LabelMode:
         labelling = begin_labelling(self._recording, self._view, step_us, time.monotonic())
         host.pool.submit(load_snap)
         self._editor = LabelEditor(host.services.label_stores, labelling, callbacks, self._session)
-        self._assistant = LabelSuggestions(self._editor, host.pool)
+        self._suggestions = LabelSuggestions(self._editor, host.pool)
         self._comparer = LabelComparer(self._editor, host.services.workspace.labels, self._other_stores, host.pool)
         self._panel.offer_cameras(tuple(labelling.sources))
         self._pictures.begin()
@@ -379,14 +363,14 @@ class LabelMode:
 
     def _drop(self) -> None:
         self._keys.forget()
-        if self._assistant is not None:
-            self._assistant.close()
+        if self._suggestions is not None:
+            self._suggestions.close()
         if self._comparer is not None:
             self._comparer.close()
         if self._editor is not None:
-            self._view = replace(self._editor.labelling.view, blind=False)
+            self._view = replace(self._editor.labelling.view, repeat=False)
             self._editor.close()
-        self._editor = self._assistant = self._comparer = None
+        self._editor = self._suggestions = self._comparer = None
 
 
 def _next_name(names: tuple, name: str):

@@ -9,9 +9,9 @@ from typing import Final
 
 import viser
 
-from app.modes.label.keyboard.keys import KEYS, label_keys_html
-from app.modes.label.view import DEFAULT_ANNOTATOR, LABEL_STEPS_US, WINDOWS_US, ZOOMS, LabelView
-from app.panels.time_bar.messages import step_label
+from app.modes.label.keys import KEYS, label_keys_html
+from app.modes.label.labelling import DEFAULT_ANNOTATOR, LABEL_STEPS_US, WINDOWS_US, ZOOMS, LabelView, UnfitClick
+from app.panels.time_bar import step_label
 from app.widgets import Choice, Listing, when_changed, when_clicked, when_triggered
 from labels.model import Label, LabelState
 
@@ -137,10 +137,10 @@ class LabelPanel:
         self._snap.value, self._advance.value = view.snap, view.advance
         self._follow.value, self._epipolar.value = view.follow, view.epipolar
 
-    def show_label(self, label: Label | None, asking: tuple[float, float] | None) -> None:
+    def show_label(self, label: Label | None, asking: UnfitClick | None) -> None:
         """Numbers and state at the cursor; of a click that waits for its radius, the centre."""
         if asking is not None:
-            self._centre.value, self._radius.value = (round(asking[0], 3), round(asking[1], 3)), 0.0
+            self._centre.value, self._radius.value = (round(asking.x_px, 3), round(asking.y_px, 3)), 0.0
         elif label is None or label.x_px is None or label.y_px is None:
             self._centre.value, self._radius.value = (0.0, 0.0), 0.0
         else:

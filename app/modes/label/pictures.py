@@ -1,22 +1,154 @@
-"""The pictures of one browser in Label: those at the cursor, drawn in the background, then their neighbours."""
+"""The pictures of one browser in Label: those at the cursor, drawn in the background, and neighbours kept ready."""
 
 from __future__ import annotations
 
+import threading
+from collections import OrderedDict
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from typing import Final
 
 from app.background.worker import LatestWins
 from app.modes.label.editor import LabelEditor
-from app.modes.label.label_strip import StripData
-from app.modes.label.plan import LabelScene, PicturePlan, Point, centre_at, plan_at
-from app.modes.label.prefetch import LabelMosaic, MosaicRequest, PictureCache, Prefetcher
+from app.modes.label.label_picture import (
+    HEIGHT_PX,
+    STATUS_PX,
+    PictureKey,
+    PicturePlan,
+    StripData,
+    draw_label_picture,
+    encode_strip,
+    status_texts,
+)
+from app.modes.label.labelling import Labelling, Point
+from app.modes.label.plan import MAIN_WIDTH_PX, SIDE_WIDTH_PX, LabelScene, centre_at, plan_at
+from app.modes.label.sources import LabelSource
 from app.pictures.palette import PaletteIndex
+from app.views.mosaic import Mosaic, MosaicTile, SheetText, css_colour
 
 READY_STEPS: Final = (1, 2, 3, -1, 4, 5, 6, -2, 10, -10)
 """Neighbours that are drawn before they are asked for."""
+GAP_PX = 10
+LINE_PX = 34
+"""From one line of words to the next."""
+KEPT = 256
+"""Encoded pictures, some 10 to 40 kB each."""
 Words = tuple[tuple[str, PaletteIndex], ...]
-Drawing = Callable[[], tuple[LabelEditor, LabelMosaic]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelMosaic:
+    """The sheet, and which of its pictures is which."""
+
+    sheet: Mosaic
+    plan: PicturePlan
+    main: MosaicTile
+    strip: MosaicTile
+    overview: MosaicTile
+
+
+class PictureCache:
+    """Encoded pictures by their key; safe to use from several threads."""
+
+    def __init__(self) -> None:
+        self._pngs: OrderedDict[PictureKey, bytes] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def has(self, key: PictureKey) -> bool:
+        """Whether it is ready."""
+        return key in self._pngs
+
+    def get(self, key: PictureKey, source: LabelSource) -> bytes:
+        """The picture, drawn now if it is not ready."""
+        with self._lock:
+            if key in self._pngs:
+                self._pngs.move_to_end(key)
+                return self._pngs[key]
+        png = draw_label_picture(source, key)
+        with self._lock:
+            self._pngs[key] = png
+            while len(self._pngs) > KEPT:
+                self._pngs.popitem(last=False)
+        return png
+
+    def make_sheet(self, plan: PicturePlan, now: Labelling, strip_data: StripData) -> LabelMosaic:
+        """All pictures of a plan, laid out: the large one, the strip, then the whole and the other camera."""
+        main = self._place(plan.main, now, 0, 0, MAIN_WIDTH_PX)
+        strip_png = encode_strip(strip_data, plan.t_us, now.step_us, plan.main.colours)
+        y = main.height + GAP_PX
+        strip = MosaicTile(strip_png, plan.main.region, 0, y, MAIN_WIDTH_PX, HEIGHT_PX)
+        y += HEIGHT_PX + GAP_PX
+        overview = self._place(plan.overview, now, 0, y, SIDE_WIDTH_PX)
+        pictures = [main, strip, overview]
+        texts = [
+            _title(plan.main, main),
+            *_legend(plan, main),
+            *status_texts(strip_data, strip.y + STATUS_PX / 2, plan.main.colours),
+        ]
+        texts.append(_title(plan.overview, overview))
+        if plan.partner is not None:
+            x = MAIN_WIDTH_PX - SIDE_WIDTH_PX
+            pictures.append(self._place(plan.partner, now, x, y, SIDE_WIDTH_PX))
+            texts.append(_title(plan.partner, pictures[-1]))
+        height = max(picture.y + picture.height for picture in pictures)
+        return LabelMosaic(Mosaic(tuple(pictures), MAIN_WIDTH_PX, height, tuple(texts)), plan, main, strip, overview)
+
+    def _place(self, key: PictureKey, now: Labelling, x: int, y: int, width: int) -> MosaicTile:
+        png = self.get(key, now.sources[key.camera])
+        height = round(width * key.region.height / key.region.width)
+        return MosaicTile(png, key.region, x, y, width, height)
+
+
+def _title(key: PictureKey, tile: MosaicTile) -> SheetText:
+    return SheetText(tile.x + 8, tile.y + 20, key.caption, css_colour(PaletteIndex.TEXT, key.colours), is_title=True)
+
+
+def _legend(plan: PicturePlan, tile: MosaicTile) -> list[SheetText]:
+    x, y, colours = tile.x + 8, tile.y + 20 + LINE_PX, plan.main.colours
+    return [
+        SheetText(x, y + row * LINE_PX, text, css_colour(ink, colours), is_title=True)
+        for row, (text, ink) in enumerate(plan.legend)
+    ]
+
+
+class Prefetcher:
+    """Draws the neighbours of what is shown, one picture at a time, until something else is shown."""
+
+    def __init__(self, pool: Executor, cache: PictureCache, failed: Callable[[Exception], None]) -> None:
+        self._cache = cache
+        self._number = 0
+        """Of the latest request; older ones stop."""
+        self._work = LatestWins(pool, self._draw, lambda request, answer: None, failed)
+
+    def want(self, scene: LabelScene, t_us: int, centre: Point) -> None:
+        """Make the pictures ready that the next steps will show, instead of those that were wanted before."""
+        self._number += 1
+        self._work.submit((self._number, scene, t_us, centre))
+
+    def pause(self) -> None:
+        """Forget what was wanted; the picture that is being drawn is still finished."""
+        self._number += 1
+
+    def close(self) -> None:
+        """Stop working ahead."""
+        self._number += 1
+        self._work.close()
+
+    def _draw(self, request: tuple[int, LabelScene, int, Point]) -> None:
+        number, scene, t_us, centre = request
+        for plan in neighbours(scene, t_us, centre):
+            for key in (plan.main, plan.overview, plan.partner):
+                if number != self._number:
+                    return
+                if key is not None and not self._cache.has(key):
+                    self._cache.get(key, scene.now.sources[key.camera])
+
+
+def neighbours(scene: LabelScene, t_us: int, centre: Point) -> tuple[PicturePlan, ...]:
+    """What the next steps will show, the likeliest first."""
+    times = [scene.now.grid.moved(t_us, steps) for steps in READY_STEPS]
+    return tuple(plan_at(scene, at_us, centre_at(scene, at_us, centre)) for at_us in times)
 
 
 class LabelPictures:
@@ -29,11 +161,12 @@ class LabelPictures:
         failed: Callable[[Exception], None],
     ) -> None:
         self._pool, self._failed = pool, failed
-        self._work = LatestWins(pool, _draw, lambda ask, answer: drawn(*answer), failed)
+        self._work: LatestWins[Callable[[], tuple[LabelEditor, LabelMosaic]], tuple[LabelEditor, LabelMosaic]]
+        self._work = LatestWins(pool, lambda draw: draw(), lambda draw, answer: drawn(*answer), failed)
         self._cache = PictureCache()
         self._ahead = Prefetcher(pool, self._cache, failed)
-        self._next: Callable[[], tuple[PicturePlan, ...]] | None = None
-        """Makes what should be drawn ahead, once what is asked for is shown."""
+        self._next: tuple[LabelScene, int, Point] | None = None
+        """Whose neighbours are drawn ahead, once it is shown."""
         self.shown: LabelMosaic | None = None
         self._centre: Point | None = None
         self._arrival: object = None
@@ -65,8 +198,8 @@ class LabelPictures:
 
         Proposals that come in the meantime do not move it: a click or drag may be on its way.
         """
-        view = scene.view
-        arrival = (t_us, view.camera, view.zoom, view.blind, view.follow, view.centre_px)
+        view = scene.now.view
+        arrival = (t_us, view.camera, view.zoom, view.repeat, view.follow, view.centre_px)
         if arrival == self._arrival:
             return False
         self._arrival = arrival
@@ -79,7 +212,7 @@ class LabelPictures:
 
     def ask(self, editor: LabelEditor, scene: LabelScene, words: Words) -> None:
         """Draw what is to be seen now, unless that was asked for; then its neighbours."""
-        now, centre = editor.labelling, self._centre
+        now, centre = scene.now, self._centre
         assert centre is not None
         plan = plan_at(scene, now.t_us, centre)
         arrays, proposals = now.here.arrays, now.here.proposals
@@ -89,29 +222,14 @@ class LabelPictures:
         self._asked = known
         proposed_us = proposals.t_us if proposals is not None else arrays.t_us[:0]
         strip = StripData(0, now.recording.duration_us, arrays.t_us, arrays.state, proposed_us, now.breaks_us, words)
-        request, cache = MosaicRequest(plan, now.sources, strip, now.step_us), self._cache
+        cache = self._cache
         self._ahead.pause()  # what is asked for now comes first
-        self._work.submit(lambda: (editor, cache.make_sheet(request)))
-        self._next = None if scene.ring else lambda: _neighbours(scene, now.grid.moved, plan.t_us, centre)
+        self._work.submit(lambda: (editor, cache.make_sheet(plan, now, strip)))
+        self._next = None if scene.ring else (scene, plan.t_us, centre)
 
-    def show(self, mosaic: LabelMosaic, editor: LabelEditor) -> None:
+    def show(self, mosaic: LabelMosaic) -> None:
         """It is on the screen; its neighbours are drawn now."""
         self.shown = mosaic
         if self._next is not None:
-            self._ahead.want(self._next, editor.labelling.sources)
+            self._ahead.want(*self._next)
             self._next = None
-
-
-def _draw(ask: Drawing) -> tuple[LabelEditor, LabelMosaic]:
-    return ask()
-
-
-def _neighbours(
-    scene: LabelScene, moved: Callable[[int, int], int], t_us: int, centre: Point
-) -> tuple[PicturePlan, ...]:
-    """What the next steps will show, the likeliest first."""
-    plans = []
-    for steps in READY_STEPS:
-        at_us = moved(t_us, steps)
-        plans.append(plan_at(scene, at_us, centre_at(scene, at_us, centre)))
-    return tuple(plans)

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from app import theme
-from app.formatting.file_text import html_text
-from app.formatting.percent import percent
-from app.modes.label.label_strip import STATE_INKS
+from app.formatting.text import html_text, percent
+from app.modes.label.label_picture import STATE_INKS
 from app.modes.label.label_writer import LabelWriter
 from app.modes.label.labelling import Labelling
 from app.modes.label.plan import CameraAgreement
@@ -86,7 +85,7 @@ def status_words(
             if writer.saved_at is not None
             else ("nothing to save", PaletteIndex.NO_BALL)
         )
-    if view.blind:
+    if view.repeat:
         return save, ("second look: place the ball again", PaletteIndex.DRAFT)
     if labelling.asking is not None:
         return save, (labelling.asking.question, PaletteIndex.ASKS)
@@ -129,7 +128,7 @@ def here_html(
     """What is known at this time."""
     if labelling.asking is not None:
         return _line(f"<b>not stored:</b> {html_text(labelling.asking.question)}", AMBER)
-    if labelling.view.blind:
+    if labelling.view.repeat:
         return _line("second look: place the ball again, without the first label", BRAND)
     if label is not None:
         made = label.provenance

@@ -1,15 +1,105 @@
-"""The form of a new training: values for the fields of `RunConfig`, as a browser sent them, and the run they mean."""
+"""A new training: presets, and every field of `RunConfig` as a form."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Final
+import importlib.util
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Final, get_args
 
-from app.modes.train.presets import MAX_STAGES, SOURCES, offered_agents
+import viser
+
+from app.panels.field_control import add_field_control, section_title
+from app.widgets import when_changed, when_clicked
 from core.config import FieldSpec, config_from_mapping, config_to_mapping, field_specs, get_setting
 from core.errors import ConfigError
-from core.learning.config import RunConfig, default_run
+from core.learning.config import AgentName, CurriculumConfig, RunConfig, StateSource, default_run
+
+MAX_STAGES: Final = 10
+MAX_EPISODES: Final = 20_000
+"""Of one stage; what a browser may start is bounded."""
+MAX_SEEDS: Final = 50
+EVALUATIONS_PER_STAGE: Final = 10
+"""At least: a short stage is evaluated, and its policy kept, more often than every 50 episodes."""
+SB3_NEEDS: Final = ("stable_baselines3", "sb3_contrib")
+SOURCES: Final[tuple[StateSource, ...]] = ("predicted", "truth", "truth+noise")
+"""Not `events`: a second a ball is for the command line."""
+PACES: Final[dict[str, float | None]] = {
+    "as fast as it goes": None,
+    "20 balls a second": 20.0,
+    "5 balls a second": 5.0,
+    "2.5 balls a second": 2.5,
+    "1 ball a second": 1.0,
+}
+"""What the speed control offers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """A run with a name and a pace."""
+
+    slug: str
+    """What its runs are called."""
+    config: RunConfig
+    pace: str = "as fast as it goes"
+
+
+def _landing_model(*speeds_mps: float, episodes: int = 100, source: StateSource = "truth") -> RunConfig:
+    run = default_run("landing-model")
+    stages = dataclasses.replace(run.curriculum, speeds_mps=speeds_mps, episodes=(episodes,) * len(speeds_mps))
+    environment = dataclasses.replace(run.environment, state_source=source)
+    return dataclasses.replace(run, environment=environment, curriculum=stages)
+
+
+TRAIN_NOW: Final = "From missing to placing in a minute"
+PRESETS: Final[dict[str, Preset]] = {
+    TRAIN_NOW: Preset("first", _landing_model(5.0), "2.5 balls a second"),
+    "The paper: 800 balls at 3 m/s, 900 at 5 m/s": Preset("paper", default_run("ddpg")),
+    "The paper's agent straight at 5 m/s": Preset(
+        "scratch", RunConfig(curriculum=CurriculumConfig(speeds_mps=(5.0,), episodes=(1700,)))
+    ),
+    "Landing model: 300 balls at 5 m/s": Preset("model", _landing_model(5.0, episodes=300)),
+    "Landing model: curriculum to 9 m/s": Preset("curriculum", _landing_model(5.0, 6.0, 7.0, 8.0, 9.0)),
+    "Landing model, noisy perception": Preset("noisy", _landing_model(5.0, episodes=300, source="truth+noise")),
+    "For comparison: TD3 at 5 m/s": Preset("td3", default_run("td3")),
+}
+
+
+def offered_agents() -> tuple[AgentName, ...]:
+    """Agents that can be trained here: those of stable-baselines3 need it."""
+    ours: tuple[AgentName, ...] = ("ddpg", "landing-model")
+    has_sb3 = all(importlib.util.find_spec(name) is not None for name in SB3_NEEDS)
+    return get_args(AgentName) if has_sb3 else ours
+
+
+def offered_presets() -> tuple[str, ...]:
+    """Names of the presets whose agents can be trained here."""
+    agents = offered_agents()
+    return tuple(name for name, preset in PRESETS.items() if preset.config.agent in agents)
+
+
+def startable_run(config: RunConfig) -> RunConfig:
+    """The run that a browser starts: short stages are evaluated more often.
+
+    Raises:
+        ConfigError: if it is more than a browser may ask for.
+    """
+    curriculum, source = config.curriculum, config.environment.state_source
+    if config.agent not in offered_agents():
+        raise ConfigError("not offered", expected=", ".join(offered_agents()), got=config.agent, where="agent")
+    if source not in SOURCES:
+        raise ConfigError("not offered", expected=", ".join(SOURCES), got=source, where="state source")
+    if len(curriculum.speeds_mps) > MAX_STAGES:
+        raise ConfigError("not a curriculum", expected=f"1 to {MAX_STAGES} speeds", where="speeds")
+    if max(curriculum.episodes) > MAX_EPISODES:
+        raise ConfigError("not so many", expected=f"1 to {MAX_EPISODES} a stage", where="episodes")
+    if config.seeds > MAX_SEEDS:
+        raise ConfigError("not so many", expected=f"1 to {MAX_SEEDS}", got=config.seeds, where="seeds")
+    every = max(1, min(config.checkpoint_every, min(curriculum.episodes) // EVALUATIONS_PER_STAGE))
+    return dataclasses.replace(config, checkpoint_every=every)
+
 
 Path = tuple[str, ...]
 
@@ -105,3 +195,58 @@ def _numbers(spec: FieldSpec, text: str) -> tuple[float, ...]:
         raise ConfigError(
             "not a list of numbers", expected=expected, got=repr(text[:80]), where=spec.path[-1]
         ) from None
+
+
+class FormPanel:
+    """The form of one browser; `start(name, config, place)` and `choose(preset)` are called in the loop."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        start: Callable[[str, RunConfig, str], None],
+        choose: Callable[[Preset], None],
+        later: Callable[[Callable[[], None]], None],
+        places: tuple[str, ...],
+    ) -> None:
+        self._start = start
+        self._choose = choose
+        self._preset = gui.add_dropdown("Preset", offered_presets(), hint="Fills in everything below")
+        specs = form_specs()
+        self._specs = {spec.path: spec for spec in specs}
+        self._handles = {spec.path: add_field_control(gui, spec) for spec in specs[: len(MAIN)]}
+        with gui.add_folder("Every other setting", expand_by_default=False):
+            for section, fields in groupby(specs[len(MAIN) :], lambda spec: spec.path[:-1]):
+                with gui.add_folder(section_title(section), expand_by_default=False):
+                    self._handles |= {spec.path: add_field_control(gui, spec) for spec in fields}
+        self._name = gui.add_text("Name", "", hint="Of the run; empty: one is made")
+        self._place = gui.add_dropdown(
+            "Where", places, visible=len(places) > 1, hint="Seeds are trained side by side there"
+        )
+        button = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
+        when_changed(self._preset, lambda name: later(lambda: self._use(str(name))))
+        when_changed(self._handles[("agent",)], lambda agent: later(lambda: self._use_agent(str(agent))))
+        when_clicked(button, lambda: later(self._send))
+        self._fill(PRESETS[TRAIN_NOW])
+
+    @property
+    def preset(self) -> Preset:
+        """The one that was chosen last."""
+        return self._chosen
+
+    def _use(self, name: str) -> None:
+        if name in offered_presets():
+            self._fill(PRESETS[name])
+            self._choose(PRESETS[name])
+
+    def _use_agent(self, agent: str) -> None:
+        for path, value in agent_defaults(agent).items():
+            self._handles[path].value = value
+
+    def _fill(self, preset: Preset) -> None:
+        self._chosen = preset
+        for path, handle in self._handles.items():
+            handle.value = value_shown(preset.config, self._specs[path])
+
+    def _send(self) -> None:
+        values = {path: handle.value for path, handle in self._handles.items()}
+        self._start(str(self._name.value), run_of_form(self._chosen.config, values), str(self._place.value))

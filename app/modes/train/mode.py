@@ -7,19 +7,17 @@ from typing import Final
 
 from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
-from app.modes.train.film_panel import FilmPanel
-from app.modes.train.form_panel import FormPanel
-from app.modes.train.maps.map_viewer import MapRequest, MapView, MapViewer, map_request
-from app.modes.train.presets import PACES, PRESETS, TRAIN_NOW, Preset, startable_run
-from app.modes.train.run_panel import LAST_ONES, NEWEST, NOBODY, RunPanel, confirm_stop
+from app.modes.train.form import PACES, PRESETS, TRAIN_NOW, FormPanel, Preset, startable_run
+from app.modes.train.maps import MapRequest, MapView, MapViewer, map_request
+from app.modes.train.run_panel import LAST_ONES, NEWEST, NOBODY, FilmPanel, RunPanel, confirm_stop
 from app.modes.train.side_panel import SidePanel
 from app.modes.train.training_scene import TrainingScene
 from app.modes.train.view import Details, RunsView, RunsViewer, ViewRequest
 from app.shared.job_backends import THIS_MACHINE
 from app.shared.live_rally import LIVE
 from app.shared.policies import let_play
-from app.shared.training.replay import Replay
-from app.shared.training.run_state import RunPhase
+from app.shared.trainer import RunPhase
+from app.shared.training_records import Replay
 from app.state.client_state import ClientState
 from app.state.commands import SetMode
 from core.errors import RallyscopeError

@@ -1,4 +1,4 @@
-"""The panel at the left of the scene: curves, landings, the list of runs, the log."""
+"""The panel at the left of the scene in Train: curves, landings, the map, the list of runs, the log."""
 
 from __future__ import annotations
 
@@ -6,14 +6,214 @@ from typing import Final
 
 import numpy as np
 import viser
+from numpy.typing import NDArray
+from viser import uplot
 
-from app.modes.train.charts_panel import ChartsPanel
-from app.modes.train.kept_html import kept_html
-from app.modes.train.maps.map_viewer import MapView
-from app.modes.train.status import case_counts_html, log_html, map_html, offsets_title_html, runs_html
-from app.modes.train.view import Details, RunsView
+from app import theme
+from app.formatting.text import html_text
+from app.modes.train.curves import WINDOW, SeedResults, seed_results_html
+from app.modes.train.maps import MapView
+from app.modes.train.status import case_counts_html, kept_html, log_html, map_html, offsets_title_html, runs_html
+from app.modes.train.view import COMPARED, ChartData, Details, RunsView
 from app.panels.panel_layout import PanelLayout
 from app.views.image_view import set_png
+
+Array = NDArray[np.float64]
+CHART_HEIGHT_PX: Final = 102
+OURS: Final = "#ff8c28"
+EVALUATED: Final = "#ffffff"
+MEAN: Final = "#ffd0a0"
+SEED: Final = "#a8693a"
+BAND: Final = "rgba(255,208,160,0.22)"
+BAND_EDGE: Final = "rgba(255,208,160,0.35)"
+OTHERS: Final = ("#5aa9ff", "#b98cff", "#4fd1c5")
+NOISE: Final = "#ffd60a"
+W1: Final = "#5aa9ff"
+W2: Final = "#6eeb82"
+AXIS: Final = "#9aa0aa"
+GRID: Final = "#32363e"
+ERROR_TOPS_MM: Final = (50.0, 100.0, 200.0, 400.0, 800.0)
+"""The error's scale ends at one of these: it changes rarely, and says at once where one is."""
+WEIGHTS: Final = "weights"
+TITLES: Final = (
+    ("returned", f"Returned, % of the last {WINDOW} balls"),
+    ("error_mm", f"Landing error, mm, mean of the last {WINDOW}"),
+    ("reward", f"Reward, mean of the last {WINDOW}"),
+)
+
+
+class ChartsPanel:
+    """Charts are made with the first curves: one that begins empty may never show its ticks. Then only data is sent,
+    and a scale when it has to grow.
+    """
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._gui = gui
+        self._legend = gui.add_html("")
+        self._place = gui.add_folder(None, visible=False)
+        self._results = gui.add_html("")
+        self._titles: list[viser.GuiHtmlHandle] = []
+        self._charts: dict[str, viser.GuiUplotHandle] = {}
+        self._seeds = 0
+        """Lines of single seeds that the charts have."""
+
+    def show(
+        self,
+        run: str,
+        data: ChartData,
+        compared: tuple[str, ...],
+        *,
+        several_seeds: bool,
+        results: SeedResults | None = None,
+    ) -> None:
+        """Draw these curves in place of the last ones; `results` of the seeds, where there are several."""
+        self._legend.content = curve_legend_html(run, compared, several_seeds=several_seeds)
+        self._results.content = seed_results_html(results)
+        columns = chart_columns(data)
+        if len(data.seeds) != self._seeds and self._charts:  # another number of curves: another chart
+            for part in (*self._titles, *self._charts.values()):
+                part.remove()
+            self._titles, self._charts = [], {}
+        self._seeds = len(data.seeds)
+        if not self._charts:
+            self._add_charts(data, columns)
+            return
+        for name, chart in self._charts.items():
+            chart.data = (data.axis, *columns[name])
+            scales = _scales(data.end, _range_of(name, columns[name]))
+            if scales != chart.scales:
+                chart.scales = scales
+
+    def _add_charts(self, data: ChartData, columns: dict[str, list[Array]]) -> None:
+        self._place.visible = True
+        with self._place:
+            for name, title in TITLES:
+                self._titles.append(self._gui.add_html(_title(title)))
+                self._charts[name] = _add_chart(self._gui, name, _curve_series(self._seeds), data, columns[name])
+            self._titles.append(self._gui.add_html(_weights_title()))
+            self._charts[WEIGHTS] = _add_chart(self._gui, WEIGHTS, _weights_series(), data, columns[WEIGHTS])
+
+
+def chart_columns(data: ChartData) -> dict[str, list[Array]]:
+    """Name of a chart -> its curves, in the order of its series; the chosen run is drawn last, over the others."""
+    nothing = np.full(len(data.axis), np.nan)
+    columns = {
+        name: [
+            data.seeds_high[name],
+            data.seeds_low[name],
+            *(other[name] for other in data.compared),
+            *(seed[name] for seed in data.seeds),
+            data.seeds_mean[name],
+            data.run[name],
+            data.evaluated.get(name, nothing),
+        ]
+        for name, _ in TITLES
+    }
+    return columns | {WEIGHTS: [data.run[name] for name in ("w1", "w2", "noise")]}
+
+
+def curve_legend_html(run: str, compared: tuple[str, ...], *, several_seeds: bool) -> str:
+    """Which colour is which run."""
+    entries = [(OURS, run), (EVALUATED, "fixed balls")]
+    if several_seeds:
+        entries += [(SEED, "its other seeds"), (MEAN, "mean of its seeds, 95 % interval (t)")]
+    entries += list(zip(OTHERS, compared, strict=False))
+    shown = " &nbsp; ".join(
+        f"<span style='white-space:nowrap'><span style='color:{colour}'>●</span> {html_text(name)}</span>"
+        for colour, name in entries
+    )
+    return f"<div style='font-size:12.5px;padding:6px 12px 0'>{shown}</div>"
+
+
+def _range_of(name: str, curves: list[Array]) -> tuple[float, float]:
+    if name == WEIGHTS:
+        return 0.0, 1.02
+    if name == "returned":
+        return 0.0, 104.0
+    if name == "reward":
+        return -1.1, 4.1
+    highest = 0.0
+    for curve in curves[2:]:  # the interval of few seeds is wide, and no reason to draw them small
+        known = curve[np.isfinite(curve)]
+        highest = max(highest, float(known.max()) if len(known) else 0.0)
+    return 0.0, next((top for top in ERROR_TOPS_MM if highest <= top), ERROR_TOPS_MM[-1])
+
+
+def _scales(end: int, y_range: tuple[float, float]) -> dict[str, uplot.Scale]:
+    return {
+        "x": uplot.Scale(time=False, auto=False, range=(0.0, float(end))),
+        "y": uplot.Scale(auto=False, range=y_range),
+    }
+
+
+def _add_chart(
+    gui: viser.GuiApi, name: str, series: tuple[uplot.Series, ...], data: ChartData, curves: list[Array]
+) -> viser.GuiUplotHandle:
+    return gui.add_uplot(
+        (data.axis, *curves),
+        series,
+        scales=_scales(data.end, _range_of(name, curves)),
+        axes=(_axis(size=22), _axis(size=38)),
+        bands=({"series": (1, 2), "fill": BAND},) if name != WEIGHTS else None,
+        legend=uplot.Legend(show=False),
+        height=CHART_HEIGHT_PX,
+        padding=(6, 14, 0, 2),
+    )
+
+
+def _axis(size: int) -> uplot.Axis:
+    return uplot.Axis(
+        stroke=AXIS,
+        size=size,
+        font="11px sans-serif",
+        grid={"stroke": GRID, "width": 1},
+        ticks={"stroke": GRID, "width": 1, "size": 4},
+    )
+
+
+def _curve_series(seeds: int) -> tuple[uplot.Series, ...]:
+    others = [
+        uplot.Series(label=f"other {k + 1}", stroke=colour, width=1, points={"show": False})
+        for k, colour in enumerate(OTHERS[:COMPARED])
+    ]
+    return (
+        uplot.Series(label="ball"),
+        uplot.Series(label="upper end of 95 %", stroke=BAND_EDGE, width=1, points={"show": False}),
+        uplot.Series(label="lower end of 95 %", stroke=BAND_EDGE, width=1, points={"show": False}),
+        *others,
+        *(uplot.Series(label=f"seed {k + 1}", stroke=SEED, width=1, points={"show": False}) for k in range(seeds)),
+        uplot.Series(label="mean of seeds", stroke=MEAN, width=1, dash=(4, 4), points={"show": False}),
+        uplot.Series(label="this run", stroke=OURS, width=2, points={"show": False}),
+        uplot.Series(
+            label="fixed balls",
+            stroke=EVALUATED,
+            width=0,
+            points={"show": True, "size": 5, "stroke": EVALUATED, "fill": EVALUATED},
+        ),
+    )
+
+
+def _weights_series() -> tuple[uplot.Series, ...]:
+    return (
+        uplot.Series(label="ball"),
+        uplot.Series(label="w1", stroke=W1, width=2, points={"show": False}),
+        uplot.Series(label="w2", stroke=W2, width=2, points={"show": False}),
+        uplot.Series(label="noise", stroke=NOISE, width=2, points={"show": False}),
+    )
+
+
+def _title(text: str) -> str:
+    return f"<div style='font-size:12px;padding:0 12px;margin-bottom:-4px;color:{theme.MUTED}'>{text}</div>"
+
+
+def _weights_title() -> str:
+    parts = (
+        (W1, "w1: return it"),
+        (W2, "w2: place it"),
+        (NOISE, "noise of the exploration"),
+    )
+    return _title(" &nbsp; ".join(f"<span style='color:{colour}'>{text}</span>" for colour, text in parts))
+
 
 FIRST_PIXELS: Final = np.zeros((1, 1, 3), np.uint8)
 

@@ -6,13 +6,14 @@ import math
 from typing import Final
 
 from app import theme
-from app.formatting.file_text import html_text
-from app.formatting.percent import percent
+from app.formatting.text import html_text, percent
 from app.modes.train.plan_view import NEW_BALLS, NEW_RGB
 from app.modes.train.view import LISTED, Details
 from app.scene.landing import CASE_NAMES, CASE_RGB
-from app.shared.training.replay import Replay
-from app.shared.training.run_state import RunPhase, RunState
+from app.shared.trainer import RunPhase, RunState
+from app.shared.training_records import Replay, number
+from app.theme import hex_colour
+from core.learning.config import CurriculumConfig
 from core.physics.episode import Case
 
 COLOURS: Final[dict[RunPhase, str]] = {
@@ -22,7 +23,8 @@ COLOURS: Final[dict[RunPhase, str]] = {
     "failed": theme.BAD,
 }
 EVALUATIONS_SHOWN: Final = 12
-NEWEST_COLOUR: Final = "#{:02x}{:02x}{:02x}".format(*NEW_RGB)
+NEWEST_COLOUR: Final = hex_colour(NEW_RGB)
+CASE_HEX: Final = {case: hex_colour(rgb) for case, rgb in CASE_RGB.items()}
 LONGEST_LOG_LINE: Final = 1000
 LOG_STYLE: Final = "font-size:11.5px;white-space:pre-wrap;overflow-wrap:anywhere;margin:2px 0 0"
 CELL: Final = "text-align:right;font-weight:400;padding:0 4px"
@@ -49,7 +51,7 @@ def status_html(
         rows.append(f"last balls: {_result(details.returned, details.error_mm)}")
         if details.evaluations:
             line = details.evaluations[-1]
-            result = _result(100 * _number(line.get("returned")), _number(line.get("error_mm")))
+            result = _result(100 * number(line.get("returned")), number(line.get("error_mm")))
             rows.append(f"policy after {line.get('episode')}: {result}")
     rows += [f"<span style='color:{theme.MUTED}'>{html_text(words)}</span>" for words in bounds]
     return _box("<br>".join(rows))
@@ -92,7 +94,7 @@ def ball_html(replay: Replay | None) -> str:
     """The ball that plays in the scene."""
     if replay is None:
         return _box(f"<span style='color:{theme.MUTED}'>no ball yet</span>")
-    colour = _hex(replay.case)
+    colour = CASE_HEX[replay.case]
     end = CASE_NAMES[replay.case]
     if math.isfinite(replay.error_mm):
         end += f", {replay.error_mm:.0f} mm from the target"
@@ -104,7 +106,7 @@ def case_counts_html(counts: dict[Case, int]) -> str:
     """How many balls ended how, in the colours of the spots."""
     total = max(1, sum(counts.values()))
     cells = [
-        f"<span style='white-space:nowrap'><span style='color:{_hex(case)}'>●</span> "
+        f"<span style='white-space:nowrap'><span style='color:{CASE_HEX[case]}'>●</span> "
         f"{CASE_NAMES[case]} {counts[case]} "
         f"<span style='color:{theme.MUTED}'>{percent(counts[case] / total)}</span></span>"
         for case in Case
@@ -152,8 +154,8 @@ def runs_html(runs: tuple[RunState, ...], results: dict[str, dict[str, object]])
 
 
 def _run_row(run: RunState, line: dict[str, object]) -> str:
-    speed, error = _number(line.get("speed_mps")), _number(line.get("error_mm"))
-    returned = 100 * _number(line.get("returned"))
+    speed, error = number(line.get("speed_mps")), number(line.get("error_mm"))
+    returned = 100 * number(line.get("returned"))
     colour = COLOURS.get(run.phase, theme.MUTED)
     cells = (
         ("left", f"<span style='color:{colour}' title='{run.phase}'>●</span> {html_text(run.name)}"),
@@ -167,11 +169,11 @@ def _run_row(run: RunState, line: dict[str, object]) -> str:
 
 
 def _evaluation_row(line: dict[str, object]) -> str:
-    error = _number(line.get("error_mm"))
+    error = number(line.get("error_mm"))
     cells = (
-        f"{_number(line.get('episode')):.0f}",
-        f"{_number(line.get('speed_mps')):g} m/s",
-        f"{100 * _number(line.get('returned')):.1f} %",
+        f"{number(line.get('episode')):.0f}",
+        f"{number(line.get('speed_mps')):g} m/s",
+        f"{100 * number(line.get('returned')):.1f} %",
         f"{error:.0f} mm" if math.isfinite(error) else "-",
     )
     return "<tr>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
@@ -182,13 +184,67 @@ def _result(returned: float, error_mm: float) -> str:
     return f"{returned:.0f} % returned{error}"
 
 
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, (int, float)) else math.nan
-
-
-def _hex(case: Case) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*CASE_RGB[case])
-
-
 def _box(content: str) -> str:
     return f"<div style='font-size:12.5px;line-height:1.5;padding:4px 12px'>{content}</div>"
+
+
+MAX_STAGES: Final = 20
+BAR: Final = "display:inline-block;height:9px;vertical-align:middle"
+FADED: Final = 0.28
+
+
+def kept_html(stage_starts: tuple[dict[str, object], ...], curriculum: CurriculumConfig) -> str:
+    """A bar for each stage but the first: what was kept in full colour, what was dropped faded; empty without one."""
+    rows = [row for line in stage_starts[-MAX_STAGES:] if (row := _stage(line))]
+    if not rows:
+        return ""
+    return (
+        f"<div style='font-size:12.5px;line-height:1.5;padding:4px 12px'><b>What a stage kept of the balls before</b> "
+        f"<span style='color:{theme.MUTED}'>({rule_text(curriculum)}; dropped ones faded)</span>{''.join(rows)}</div>"
+    )
+
+
+def rule_text(curriculum: CurriculumConfig) -> str:
+    """The rule in words."""
+    if curriculum.replay == "threshold":
+        return f"threshold: rewards of at least {curriculum.keep_reward:g}"
+    return "retain: all" if curriculum.replay == "retain" else "discard: none"
+
+
+def _stage(line: dict[str, object]) -> str:
+    kept, dropped = _whole(line.get("kept")), _whole(line.get("dropped"))
+    stage, speed = line.get("stage"), line.get("speed_mps")
+    if not isinstance(stage, int) or not isinstance(speed, (int, float)) or kept + dropped == 0:
+        return ""
+    title = f"stage {stage + 1}, {speed:g} m/s: {kept} of {kept + dropped} kept"
+    return f"<div>{title}</div>{_bar(_cases(line.get('kept_cases')))}"
+
+
+def _cases(found: object) -> list[tuple[Case, int, int]]:
+    """Case, kept, dropped; none for a run of an earlier version, which did not tell."""
+    if not isinstance(found, dict):
+        return []
+    counts = [(case, found.get(str(case.value))) for case in (Case.RETURNED, *(c for c in Case if c != Case.RETURNED))]
+    return [(case, _whole(two[0]), _whole(two[1])) for case, two in counts if isinstance(two, list) and len(two) == 2]
+
+
+def _bar(cases: list[tuple[Case, int, int]]) -> str:
+    total = sum(kept + dropped for _, kept, dropped in cases)
+    if not total:
+        return ""
+    parts = [(case, kept, 1.0) for case, kept, _ in cases] + [(case, dropped, FADED) for case, _, dropped in cases]
+    bar = "".join(
+        f"<span style='{BAR};width:{99 * count / total:.2f}%;background:{CASE_HEX[case]};opacity:{opacity:g}'></span>"
+        for case, count, opacity in parts
+        if count
+    )
+    words = " &nbsp; ".join(
+        f"<span style='white-space:nowrap'><span style='color:{CASE_HEX[case]}'>●</span> {CASE_NAMES[case]} "
+        f"{kept} of {kept + dropped}</span>"
+        for case, kept, dropped in cases
+    )
+    return f"<div style='line-height:1;white-space:nowrap'>{bar}</div><div style='font-size:11.5px'>{words}</div>"
+
+
+def _whole(value: object) -> int:
+    return value if isinstance(value, int) and 0 <= value < 10**9 else 0

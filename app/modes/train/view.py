@@ -11,20 +11,20 @@ from numpy.typing import NDArray
 from app.modes.train.curves import (
     CURVES,
     Curves,
+    SeedResults,
     curves_of,
     interval_curves,
     mean_curve,
     on_axis,
     points_on_axis,
+    seed_results,
     shared_axis,
 )
 from app.modes.train.plan_view import draw_offsets, draw_plan, encode_plan
-from app.modes.train.seeds.seed_results import SeedResults, seed_results
 from app.scene.landing import REACH_M, SPOTS
 from app.shared.policies import has_policy
-from app.shared.training.metrics import Metrics, MetricsStore, last_line
-from app.shared.training.run_state import RunState, read_log_tail
-from app.shared.training.trainer import Trainer
+from app.shared.trainer import RunState, Trainer, read_log_tail
+from app.shared.training_records import Metrics, MetricsStore, last_line
 from app.shared.workspace import Workspace
 from core.history.rally_picture import LandingSpot
 from core.learning.config import RunConfig

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from app.formatting.file_text import html_text
+from app.formatting.text import html_text
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector
 from core.recordings import CameraStream

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from app.background.jobs import Job, Progress
+from app.background.jobs import LoopJob, Progress
 from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
-from app.modes.tune.auto.auto_tune import AutoTune
-from app.modes.tune.compare.over_time import CompareOverTime
-from app.modes.tune.compare.run import KnownReferences
-from app.modes.tune.config_files import ConfigFilesPanel, detect_command
+from app.modes.tune.auto_tune import AutoTune
+from app.modes.tune.compare import CompareOverTime
+from app.modes.tune.compare_run import KnownReferences
 from app.modes.tune.label_score import LabelScore, find_reference, score_with_labels
 from app.modes.tune.results_panel import ResultsPanel
-from app.modes.tune.settings import SettingsPanel
-from app.modes.tune.tune_view import TuneViewPanel
+from app.modes.tune.settings import ConfigFilesPanel, SettingsPanel, TuneViewPanel, detect_command
 from app.panels.time_bar import Runs, runs_of_verdicts
 from app.state.client_state import SLOTS, ClientState, Slot
 from app.state.commands import BeginScore, Command, LookAt, UseConfig
@@ -44,7 +42,9 @@ class TuneMode:
         self._shown: ClientState | None = None
         self._requested: object = None
         self._progress_s = self._offered_s = float("-inf")
-        self._score: Job[Score | LabelScore] | None = None
+        self._score = LoopJob[Score | LabelScore](
+            host.later, host.report, lambda: self._results.score.show_running(False)
+        )
         self._answers = AnswerCache()
         self._last_px: dict[str, tuple[float, float]] = {}
         """Where the ball last was, by camera."""
@@ -56,7 +56,7 @@ class TuneMode:
         self._view = TuneViewPanel(gui, self._send)
         self._settings = SettingsPanel(gui, self._send)
         self._compare = CompareOverTime(host, self._send, lambda width_px: self._results.make_room(width_px))
-        self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._cancel_score))
+        self._results = ResultsPanel(gui, lambda: host.later(self._start_score), lambda: host.later(self._score.cancel))
         self._auto = AutoTune(host, self._results.show_tuned)
         self._files = ConfigFilesPanel(
             gui,
@@ -74,7 +74,7 @@ class TuneMode:
     @property
     def needs_tick(self) -> bool:
         """The progress of a score, a search or a comparison moves."""
-        return self._score is not None or self._auto.running or self._compare.running
+        return self._score.running or self._auto.running or self._compare.running
 
     def show(self, active: bool) -> None:
         """Show the controls or hide them."""
@@ -88,7 +88,7 @@ class TuneMode:
 
     def use_recording(self, recording: Recording) -> None:
         """What is computed of the recording before is not wanted any more."""
-        self._cancel_score()
+        self._score.cancel()
         self._auto.cancel()
         self._compare.forget()
         self._answers.clear()
@@ -107,12 +107,13 @@ class TuneMode:
         if wall_s - self._offered_s > OFFER_EVERY_S:
             self._offered_s = wall_s
             self._files.show(self._host.services.workspace.config_names())
-        if self._score is not None and wall_s - self._progress_s >= PROGRESS_EVERY_S:
+        share = self._score.share
+        if share is not None and wall_s - self._progress_s >= PROGRESS_EVERY_S:
             self._progress_s = wall_s
-            self._results.score.show_progress(self._score.share)
+            self._results.score.show_progress(share)
         if state.score_by is not None:
             self._host.send(BeginScore())
-            self._cancel_score()
+            self._score.cancel()
             self._start_score(state.score_by)
         self._settings.tick(wall_s)
         self._auto.tick(wall_s)
@@ -128,8 +129,7 @@ class TuneMode:
     def close(self) -> None:
         """The browser is gone."""
         self._pictures.close()
-        if self._score is not None:
-            self._score.cancel()
+        self._score.close()
         self._auto.close()
         self._compare.close()
 
@@ -226,7 +226,7 @@ class TuneMode:
     def _start_score(self, annotator: str | None = None) -> None:
         """Against the labels of the annotator who made the most, or of one that is named: then the result comes up."""
         state, recording = self._host.state, self._host.recording
-        if state is None or recording is None or self._score is not None:
+        if state is None or recording is None or self._score.running:
             return
         stream, config = recording.cameras[state.camera], state.config
         method = state.tune.method
@@ -245,37 +245,19 @@ class TuneMode:
                 return score_answers(answers, truth)
             return score_with_labels(folder, reference, stream, method, config, progress=progress, cancelled=cancelled)
 
-        self._score = Job(
-            work,
-            lambda score: later(lambda: self._score_done(title, score, announced=annotator is not None)),
-            lambda error: later(lambda: self._score_failed(error)),
-        )
+        self._score.start(work, lambda score: self._score_done(title, score, announced=annotator is not None))
         self._results.score.show_running(True)
 
     def _show_verdicts(self, uuid: str, runs: Runs) -> None:
         """Where the score found, missed and mistook the ball, in the time bar: a click goes there."""
         recording = self._host.recording
-        if self._score is not None and recording is not None and recording.uuid == uuid:
+        if self._score.running and recording is not None and recording.uuid == uuid:
             self._host.show_runs("detector", runs)
 
     def _score_done(self, title: str, score: Score | LabelScore, *, announced: bool) -> None:
         self._results.score.show_score(title, score)
         if announced and self._active:
             self._results.score.show_window()
-        self._end_score()
-
-    def _score_failed(self, error: Exception) -> None:
-        self._end_score()
-        self._host.report(error)
-
-    def _cancel_score(self) -> None:
-        if self._score is not None:
-            self._score.cancel()
-            self._end_score()
-
-    def _end_score(self) -> None:
-        self._score = None
-        self._results.score.show_running(False)
 
 
 def _answer(request: TuneRequest | MethodsRequest) -> PictureAnswer:

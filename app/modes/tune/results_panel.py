@@ -3,13 +3,197 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
+import numpy as np
 import viser
 
-from app.modes.tune.candidates import CandidatesTable
-from app.modes.tune.score import ScorePanel
-from app.modes.tune.settings import stage_counts_html
-from app.panels.below_pictures import float_below_pictures, place_below_pictures
+from app import theme
+from app.formatting.text import html_text
+from app.modes.tune.label_score import LabelScore, label_score_html
+from app.modes.tune.settings import stage_anchor, stage_counts_html
+from app.panels.keys import float_below_pictures, place_below_pictures
+from app.pictures.palette import palette
+from app.views.stage_picture import cluster_colour_index
+from app.widgets import when_clicked
+from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
+from core.metrics import Score
+from core.metrics.one_window import WindowAnswer
+
+KEPT = 6
+"""Scores shown below each other, newest first, so that changes can be compared."""
+
+
+class ScorePanel:
+    """Start, cancel, progress, and the last few scores."""
+
+    def __init__(self, gui: viser.GuiApi, start: Callable[[], None], cancel: Callable[[], None]) -> None:
+        self._gui = gui
+        self._start = gui.add_button("Score this config on the whole recording", icon=viser.Icon.TARGET)
+        self._cancel = gui.add_button("Cancel", icon=viser.Icon.X, visible=False)
+        self._progress = gui.add_progress_bar(0.0, visible=False)
+        self._table = gui.add_html(stage_counts_html("not scored yet"))
+        self._labels = gui.add_html("", visible=False)
+        self._rows: list[str] = []
+        when_clicked(self._start, start)
+        when_clicked(self._cancel, cancel)
+
+    def show_running(self, running: bool) -> None:
+        """Swap the start button for progress and cancel."""
+        self._start.visible = not running
+        self._cancel.visible = running
+        self._progress.visible = running
+        self._progress.value = 0.0
+
+    def show_progress(self, share: float) -> None:
+        """Share of the recording that is done."""
+        self._progress.value = 100.0 * share
+
+    def show_window(self) -> None:
+        """The score against labels that was shown last in a window of its own: it may be behind another tab here."""
+        modal = self._gui.add_modal("The detector against your labels")
+        with modal:
+            self._gui.add_html(f"<div data-rallyscope='wide' style='overflow-x:auto'>{self._labels.content}</div>")
+            when_clicked(self._gui.add_button("Close", icon=viser.Icon.CHECK), modal.close)
+
+    def show_score(self, title: str, score: Score | LabelScore) -> None:
+        """Add a row; a score against labels has a table and a picture of its own."""
+        if isinstance(score, LabelScore):
+            self._labels.content = label_score_html(title, score)
+            self._labels.visible = True
+            self._table.visible = bool(self._rows)
+            return
+        self._table.visible = True
+        self._rows = [_score_row(title, score), *self._rows][:KEPT]
+        self._table.content = score_html(self._rows)
+
+
+def score_html(rows: list[str]) -> str:
+    """The table of scores."""
+    titles = ("", "precision", "recall", "mean error", "median error", "found", "missed", "false")
+    head = "".join(f"<th style='text-align:left;font-weight:500'>{title}</th>" for title in titles)
+    return (
+        "<div style='font-size:12.5px;padding:4px 12px'>"
+        f"<table style='width:100%'><tr>{head}</tr>{''.join(rows)}</table>"
+        "a ball counts as found within 8 px of the truth at the estimate's own time</div>"
+    )
+
+
+def _score_row(title: str, score: Score) -> str:
+    cells = (
+        html_text(title),
+        f"{score.precision:.3f}",
+        f"{score.recall:.3f}",
+        f"{score.mean_error_px:.2f} px",
+        f"{score.median_error_px:.2f} px",
+        score.found,
+        score.missed,
+        score.false,
+    )
+    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+
+
+LISTED = 40
+PICK_PX = 6.0
+"""A click so far from a cluster's nearest event still means it."""
+TIGHT: Final = "font-size:12.5px;line-height:15px;padding:0 12px;margin-top:-6px"
+CELL: Final = "padding:0"
+"""Four clusters can be seen in a window of 1280x720 without scrolling."""
+
+
+class CandidatesTable:
+    """A table of the clusters, the ball first, then by size."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        self._table = gui.add_html(stage_counts_html("the first window is being worked on"))
+
+    def show(
+        self,
+        traces: tuple[tuple[str, PipelineTrace], ...],
+        seconds: float,
+        picked_px: tuple[float, float] | None = None,
+    ) -> None:
+        """The clusters of each config's trace; one that lies where a person clicked comes first."""
+        tables = (candidates_html(name if len(traces) > 1 else "", t, cluster_at(t, picked_px)) for name, t in traces)
+        self._table.content = "".join(tables) + stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
+
+    def show_answers(self, answers: tuple[tuple[str, WindowAnswer], ...], seconds: float) -> None:
+        """What methods say, or one without stages with each config; each with its title."""
+        self._table.content = "".join(answer_html(title if len(answers) > 1 else "", a) for title, a in answers) + (
+            stage_counts_html(f"picture made in {seconds * 1e3:.0f} ms")
+        )
+
+
+def answer_html(title: str, answer: WindowAnswer) -> str:
+    """One answer, of a method that has no clusters to show, or whose clusters are not looked at."""
+    label = f"{html_text(title)}: " if title else ""
+    window = answer.window
+    length_ms = (window.end_us - window.start_us) / 1e3
+    lines = [f"{label}{_verdict(answer.detection)} &middot; {len(window.events)} events in {length_ms:g} ms"]
+    ball = answer.detection
+    if ball is not None:
+        lines.append(f"valid {(window.end_us - ball.t_us) / 1e3:.2f} ms before the end of the window")
+    if isinstance(ball, RefinedDetection):
+        sigma_px = float(ball.centre_covariance_px2.trace()) ** 0.5
+        lines.append(f"moves ({ball.vu_px_per_ms:+.2f}, {ball.vv_px_per_ms:+.2f}) px/ms")
+        lines.append(f"sure to {sigma_px:.2f} px by its own account, {ball.fit.points:.0f} edge points")
+    lines.append(f"{answer.method} has seen the {answer.lead_in_windows} windows before")
+    return "<div style='font-size:12.5px;padding:4px 12px'>" + "<br>".join(lines) + "</div>"
+
+
+def _verdict(found: Detection | None) -> str:
+    if found is None:
+        return f"<b style='color:{theme.BAD}'>no ball</b>"
+    where = f"({found.u_px:.1f}, {found.v_px:.1f})"
+    return f"<b style='color:{theme.GOOD}'>ball at {where}, radius {found.r_px:.1f} px</b>"
+
+
+def cluster_at(trace: PipelineTrace, point_px: tuple[float, float] | None) -> int | None:
+    """The label of the cluster with the event nearest to a point, if that is near enough to have been meant."""
+    if point_px is None or not trace.candidates:
+        return None
+    nearest_px, label = min(
+        (float(np.hypot(one.events.x_px - point_px[0], one.events.y_px - point_px[1]).min()), one.label)
+        for one in trace.candidates
+    )
+    return label if nearest_px <= PICK_PX else None
+
+
+def candidates_html(name: str, trace: PipelineTrace, picked: int | None = None) -> str:
+    """One config's clusters; the picked one comes first, and stands out."""
+    verdict = _verdict(trace.detection)
+    where = "searched in the ROI" if trace.roi else "searched on the whole sensor"
+    ordered = sorted(trace.candidates, key=lambda one: (one.label != picked, one.rejected is not None, -one.size))
+    titles = ("", "cluster", "events", "leads", "circularity", "solidity", "radius [px]", "verdict")
+    style = f"{CELL};text-align:left;font-weight:500;color:{theme.MUTED}"
+    head = "".join(f"<th style='{style}'>{title}</th>" for title in titles)
+    rows = "".join(_candidate_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
+    more = f"<div>and {len(ordered) - LISTED} smaller ones</div>" if len(ordered) > LISTED else ""
+    label = f"Config {html_text(name)}: " if name else ""
+    count = f"{len(ordered)} cluster" if len(ordered) == 1 else f"{len(ordered)} clusters"
+    return (
+        f"<div style='{TIGHT}'>{label}{verdict} &middot; {where} &middot; {count}"
+        f"<table style='width:100%;border-spacing:0'><tr>{head}</tr>{rows}</table>{more}</div>"
+    )
+
+
+def _candidate_row(candidate: Candidate, picked: bool) -> str:
+    red, green, blue = palette("orange / blue")[cluster_colour_index(candidate.label)]
+    swatch = f"<span style='color:rgb({red},{green},{blue})'>&#9632;</span>"
+    shape, circle = candidate.shape, candidate.circle
+    verdict = (
+        f"<a href='#{stage_anchor(candidate.rejected_by)}' title='go to its sliders' "
+        f"style='color:{theme.BAD}'>{html_text(candidate.rejected)}</a>"
+        if candidate.rejected and candidate.rejected_by
+        else f"<span style='color:{theme.GOOD}'>ball</span>"
+    )
+    cells = (
+        swatch, candidate.label, candidate.size, "ON" if candidate.leading_on else "OFF",
+        f"{shape.circularity:.2f}" if shape else "-", f"{shape.solidity:.2f}" if shape else "-",
+        f"{circle.r_px:.1f}" if circle else "-", verdict,
+    )  # fmt: skip
+    style = " style='background:rgba(255,140,40,0.25)'" if picked else ""
+    return f"<tr{style}>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
 
 
 class ResultsPanel:

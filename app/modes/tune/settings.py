@@ -1,18 +1,34 @@
-"""The method and its settings: one folder per section, made from the config's fields, with what a stage did above."""
+"""The controls of Tune: which window is looked at, the settings of a method, and config files."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
 import viser
 
 from app import theme
-from app.formatting.percent import percent
+from app.formatting.text import percent
 from app.panels.field_control import add_field_control, section_title
-from app.state.client_state import ClientState, Overlay
-from app.state.commands import Command, CopyToOther, EditSetting, Redo, ResetConfig, SetMethod, Undo
-from app.widgets import when_changed
+from app.state.client_state import OVERLAYS, SLOTS, ClientState, Overlay
+from app.state.commands import (
+    ZOOM_RANGE,
+    Command,
+    CopyToOther,
+    EditSetting,
+    LookAt,
+    Redo,
+    ResetConfig,
+    SetCamera,
+    SetCompare,
+    SetMethod,
+    SetOverlay,
+    SetSlot,
+    SetZoom,
+    Undo,
+)
+from app.widgets import Choice, Listing, when_changed, when_clicked
 from core.config import FieldSpec, field_specs, get_setting, replace_setting
 from core.detection import DetectorConfig, PipelineTrace
 from core.detection.methods import METHODS, SECTIONS, STAGED, Method
@@ -189,3 +205,79 @@ def anchor_html(stage: str) -> str:
 def stage_counts_html(text: str) -> str:
     """One muted line."""
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:0 12px'>{text}</div>"
+
+
+FOLLOW, FOLLOWING, WHOLE = "Follow the ball", "Follows the ball", "Follow the ball: zoom in first"
+"""What the button says: what it does, or why there is nothing to do."""
+
+
+class TuneViewPanel:
+    """Which window of which camera is looked at, and how closely."""
+
+    def __init__(self, gui: viser.GuiApi, send: Callable[[Command], None]) -> None:
+        self.folder = gui.add_folder("View")
+        with self.folder:
+            self._camera = Listing(gui, "Camera", lambda name: send(SetCamera(name)))
+            self._overlay = Choice(
+                gui, "Stage", OVERLAYS, lambda value: send(SetOverlay(value)),  # type: ignore[arg-type]
+                hint="What each stage keeps; keys 1 to 6",
+            )  # fmt: skip
+            self._zoom = gui.add_slider("Zoom", *ZOOM_RANGE, 0.5, 1.0, hint="Click into the picture to centre it there")
+            self._follow = gui.add_button("Follow the ball", icon=viser.Icon.FOCUS_2)
+            self._slot = Choice(
+                gui, "Config", SLOTS, lambda value: send(SetSlot(value)),  # type: ignore[arg-type]
+                hint="The config that the sliders change",
+            )  # fmt: skip
+            self._compare = gui.add_checkbox("Compare A and B", False, hint="Both configs on the same window")
+        when_changed(self._zoom, lambda value: send(SetZoom(float(str(value)))))
+        when_changed(self._compare, lambda value: send(SetCompare(bool(value))))
+        when_clicked(self._follow, lambda: send(LookAt(None)))
+
+    def show(self, state: ClientState) -> None:
+        """Follow the state."""
+        self._camera.offer(state.cameras)
+        self._camera.show(state.camera)
+        self._overlay.visible = state.tune.method in STAGED and not state.tune.side_by_side
+        self._compare.visible = not state.tune.side_by_side
+        self._overlay.show(state.tune.overlay)
+        self._zoom.value = state.tune.zoom
+        following = state.tune.centre_px is None
+        zoomed = state.tune.zoom > 1.0
+        self._follow.disabled = following or not zoomed
+        self._follow.label = FOLLOW if zoomed and not following else FOLLOWING if zoomed else WHOLE
+        self._slot.show(state.tune.slot)
+        self._compare.value = state.tune.compare
+
+
+class ConfigFilesPanel:
+    """Names only: the server makes the file from the name, and offers only files that it finds."""
+
+    def __init__(self, gui: viser.GuiApi, save: Callable[[str], None], load: Callable[[str], None]) -> None:
+        self.folder = gui.add_folder("Config file")
+        with self.folder:
+            form = gui.add_form(None)  # Enter in its text means Save
+            with form:
+                self._name = gui.add_text("Name", "", hint="Saved by Enter, too; never over another one")
+                when_clicked(gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY), form.submit)
+            self._saved = Listing(gui, "Saved", lambda name: None, hint="Configs in the workspace")
+            when_clicked(gui.add_button("Load", icon=viser.Icon.FOLDER_OPEN), self._load)
+        self._load_name = load
+
+        @form.on_submit
+        async def _(_: viser.GuiEvent) -> None:
+            save(self._name.value)
+
+    def show(self, names: tuple[str, ...], *, chosen: str | None = None) -> None:
+        """Offer these configs, and choose one that was just saved."""
+        self._saved.offer(names)
+        if chosen is not None:
+            self._saved.show(chosen)
+
+    def _load(self) -> None:
+        if self._saved.chosen is not None:
+            self._load_name(self._saved.chosen)
+
+
+def detect_command(method: str, config: Path) -> str:
+    """What to type into a terminal to use a saved config on a recording."""
+    return f"rallyscope detect RECORDING --method {method} --config {config} --out ball.csv"

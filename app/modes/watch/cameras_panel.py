@@ -12,7 +12,7 @@ from viser import uplot
 from app import theme
 from app.panels.panel_layout import PanelLayout
 from app.scene.prediction import AFTER_RGB, BEFORE_RGB
-from app.scene.speed_colours import speed_legend_html
+from app.scene.trail import speed_legend_html
 from app.views.image_view import set_png
 from app.widgets import Choice, plot_axis
 from core.history.lead_time import LONGEST_MS, LeadTimeErrors

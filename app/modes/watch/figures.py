@@ -1,13 +1,15 @@
-"""Names and figures beside each other, as HTML."""
+"""Names and figures beside each other, as HTML, and the words for what the chain has learned."""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from app import theme
-from app.formatting.file_text import html_text
 from app.formatting.glossary import GLOSSARY, tooltip
+from app.formatting.text import html_text
 from core.live.live_snapshot import Percentiles
+from core.trajectory.learned_constants import LearnedConstants
 
 
 def figures_html(rows: list[tuple[str, str]]) -> str:
@@ -41,3 +43,27 @@ def _title(name: str) -> str:
 
 def _ms(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.1f}"
+
+
+SURE: Final = 0.9
+
+
+def learned_words(learned: LearnedConstants) -> str:
+    """Drag, restitution and friction as text, each with its standard deviation."""
+    if not learned.balls:
+        return "as published; nothing is told, it learns from every ball"
+    drag, restitution, friction = (
+        f"{mean:.2f} ± {sigma:.2f}" for mean, sigma in zip(learned.means.tolist(), learned.sigmas.tolist(), strict=True)
+    )
+    if learned.air < 1 - SURE:
+        air = "no air"
+    elif learned.air > SURE:
+        air = f"drag {drag}"
+    else:
+        air = f"air or none ({learned.air:.0%})"
+    return f"{air}, restitution {restitution}, friction {friction} (learned from {balls_text(learned.balls)})"
+
+
+def balls_text(count: int) -> str:
+    """So many balls, in words."""
+    return "1 ball" if count == 1 else f"{count} balls"

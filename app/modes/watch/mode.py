@@ -11,7 +11,7 @@ from app.modes.mode import Middle, ModeHost
 from app.modes.watch.cameras_panel import CamerasPanel
 from app.modes.watch.commands import EnlargeCamera
 from app.modes.watch.learning import LearningPanel
-from app.modes.watch.missed.missed_ball import MissedBallSearch
+from app.modes.watch.missed_ball import MissedBallSearch
 from app.modes.watch.robot import RobotPanel
 from app.modes.watch.simulation_panel import SimulationPanel
 from app.modes.watch.source_panel import SourcePanel
@@ -19,7 +19,7 @@ from app.modes.watch.status import live_html, moment_html
 from app.modes.watch.sweep import BoardPanel, SweepPanel
 from app.modes.watch.table import TablePanel
 from app.modes.watch.view_panel import ViewPanel
-from app.scene.view_render import render_view
+from app.scene.view_camera import render_view
 from app.scene.world import LAYERS
 from app.shared.live_rally import LiveRally, positions
 from app.shared.rallies import WatchedRally

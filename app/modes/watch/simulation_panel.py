@@ -7,17 +7,45 @@ from typing import Final
 
 import viser
 
+from app import theme
 from app.formatting.glossary import tooltip
-from app.modes.in_pool import do_in_pool
-from app.modes.mode import ModeHost
-from app.modes.watch.record_button import RecordButton
-from app.modes.watch.returned_table import returned_html
+from app.formatting.text import html_text
+from app.modes.mode import ModeHost, do_in_pool
+from app.modes.watch.source_panel import RecordButton
 from app.shared.live_rally import LiveRally
 from app.shared.policies import BUILT_IN, LEARNS, let_play, run_choices
 from app.widgets import Listing, when_changed, when_clicked
+from core.history.return_counts import ReturnRate
 from core.live.link import messages as m
 from core.live.link.client import SimulationClient
 from core.simulation.scenes.scene import SCENES
+
+CELL: Final = "text-align:right;white-space:nowrap;padding-left:10px"
+
+
+def returned_html(rates: tuple[ReturnRate, ...]) -> str:
+    """A row for each controller and scene, with the 95 % interval of its share."""
+    style = "font-size:12.5px;padding:2px 12px;line-height:1.45"
+    if not rates:
+        return f"<div style='{style};color:{theme.MUTED}'>No ball has been played to its end yet.</div>"
+    rows = "".join(_row(rate) for rate in rates)
+    left_out = "With 95 % intervals. A ball during which controller or scene changed is left out."
+    note = f"<div style='color:{theme.MUTED}'>{left_out}</div>"
+    return f"<div style='{style}'><table style='width:100%'>{rows}</table>{note}</div>"
+
+
+def interval_text(rate: ReturnRate) -> str:
+    """The interval in whole per cent."""
+    low, high = rate.interval
+    return f"{100 * low:.0f}–{100 * high:.0f} %"
+
+
+def _row(rate: ReturnRate) -> str:
+    who = html_text(rate.conditions.controller)
+    where = html_text(rate.conditions.scene or "unknown scene")
+    counted = f"<b>{rate.returned} of {rate.balls}</b>, {interval_text(rate)}"
+    return f"<tr><td>{who} · {where}</td><td style='{CELL}'>{counted}</td></tr>"
+
 
 STOP, RUN, STEP = "Stop the clock", "Run", "Step 10 ms"
 PACES: Final = {"real time": 1.0, "1/2": 0.5, "1/4": 0.25, "1/10": 0.1, "1/50": 0.02}

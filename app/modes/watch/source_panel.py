@@ -1,17 +1,100 @@
-"""A live source that is no simulation: how it is doing, and a recording of it. Nothing else can be asked of it."""
+"""A live source that is no simulation: how it is doing, a recording of it, and the biases of its cameras."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Mapping
 from typing import Final
 
 import viser
 
-from app.modes.mode import ModeHost
-from app.modes.watch.bias_panel import BiasPanel
-from app.modes.watch.record_button import RecordButton
+from app.modes.mode import ModeHost, do_in_pool
 from app.modes.watch.stream_status import stream_html
 from app.shared.live_rally import LiveRally
+from app.widgets import when_changed, when_clicked
+from core.devices import CameraDevice
+from core.devices.bias_file import write_biases
 from core.live.camera_source import CameraSource
+
+
+class BiasPanel:
+    """Bias sliders of one camera in one browser. Biases are sent to the camera in the pool, never in the loop."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        name: str,
+        device: CameraDevice,
+        devices: Mapping[str, CameraDevice],
+        host: ModeHost,
+    ) -> None:
+        self._device, self._devices, self._host = device, devices, host
+        self._sliders: dict[str, viser.GuiSliderHandle[int]] = {}
+        with gui.add_folder(f"Biases of {name}", expand_by_default=False):
+            values = device.bias_values()
+            for bias in device.biases:
+                slider = gui.add_slider(bias.name, bias.low, bias.high, 1, values[bias.name], hint=bias.doc)
+                when_changed(slider, lambda value, bias_name=bias.name: self._ask(bias_name, value))
+                self._sliders[bias.name] = slider
+            hint = "of all cameras, for --biases of serve and record"
+            when_clicked(gui.add_button("Save biases", icon=viser.Icon.DEVICE_FLOPPY, hint=hint), self._ask_to_save)
+        self._shown = values
+
+    def show(self) -> None:
+        """Let the sliders stand where another browser has put them."""
+        values = self._device.bias_values()
+        for name, value in values.items():
+            if value != self._shown[name] and self._sliders[name].value != value:
+                self._sliders[name].value = value
+        self._shown = values
+
+    def _ask(self, name: str, value: object) -> None:
+        if isinstance(value, int | float):
+            wanted = {name: round(value)}
+            do_in_pool(self._host, lambda: self._device.set_biases(wanted))
+
+    def _ask_to_save(self) -> None:
+        do_in_pool(self._host, self._save)
+
+    def _save(self) -> None:
+        sets = {f"{one.model.name} {one.serial}": one.bias_values() for one in self._devices.values()}
+        path = self._host.services.workspace.biases_path
+        write_biases(path, sets)
+        self._host.later(lambda: self._host.note("Biases saved", f"for --biases {path}", "green"))
+
+
+RECORD: Final = "Record"
+
+
+class RecordButton:
+    """The Record button of one browser. Files are opened and closed in the pool, never in the loop."""
+
+    def __init__(self, gui: viser.GuiApi, rally: LiveRally, host: ModeHost) -> None:
+        self._rally, self._host = rally, host
+        self._button = gui.add_button(RECORD, icon=viser.Icon.PLAYER_RECORD, color="red")
+        when_clicked(self._button, self._ask)
+
+    def show(self) -> None:
+        """Say whether one is being written, and since when."""
+        recorded = self._rally.recorded
+        label = RECORD if recorded is None else f"Stop recording ({self._rally.recorded_s:.0f} s)"
+        if self._button.label != label:
+            self._button.label = label
+            self._button.icon = viser.Icon.PLAYER_RECORD if recorded is None else viser.Icon.PLAYER_STOP
+
+    def _ask(self) -> None:
+        do_in_pool(self._host, self._toggle)
+
+    def _toggle(self) -> None:
+        path = self._rally.recorded
+        if path is None:
+            self._rally.record(self._host.services.workspace.recording_path(time.strftime("live-%Y%m%d-%H%M%S")))
+            return
+        duration_us = self._rally.stop_recording()
+        if duration_us:  # else another browser was quicker
+            text = f"{path.stem}: {duration_us / 1e6:.1f} s, now in the list of recordings"
+            self._host.later(lambda: self._host.note("Recorded", text, "green"))
+
 
 SHOW_EVERY_S: Final = 0.25
 

@@ -9,11 +9,8 @@ from typing import Final
 import numpy as np
 
 from app import theme
-from app.formatting.file_text import html_text
-from app.formatting.percent import percent
-from app.modes.watch.drift_words import drift_row
-from app.modes.watch.figures import coloured, figures_html, muted, usually
-from app.modes.watch.learned_words import learned_words
+from app.formatting.text import html_text, percent
+from app.modes.watch.figures import coloured, figures_html, learned_words, muted, usually
 from app.modes.watch.stream_status import camera_rows
 from app.scene.landing import CASE_NAMES, CASE_RGB
 from core.chain.calibration_drift import DriftReport
@@ -25,6 +22,32 @@ from core.live.live_snapshot import RallySnapshot
 from core.live.stream_watch import CameraHealth
 from core.physics.episode import Case
 from core.trajectory.prediction import HitPlane
+
+REMEDY = "One was moved, or its lens: calibrate again"
+
+
+def drift_row(report: DriftReport) -> tuple[str, str]:
+    """What the last flights say of the calibration."""
+    drift = report.drift
+    if drift is None:
+        if report.points >= report.needed:
+            said = "cannot be judged: the cameras see different things"
+            return "Calibration", coloured(theme.WARN, f"{said}. {REMEDY}" if report.alarm else said)
+        said = f"not judged yet, after {report.points} of {report.needed} points of the ball"
+        return "Calibration", muted(said)
+    if report.alarm:
+        return "Calibration", coloured(theme.BAD, f"{drift_words(report)}. {REMEDY}")
+    said = f"fits to {drift.drift_px:.1f} px ({report.points} points of the ball)"
+    return "Calibration", coloured(theme.GOOD, said)
+
+
+def drift_words(report: DriftReport) -> str:
+    """That they no longer fit, in one sentence without its stop."""
+    drift = report.drift
+    how_far = "" if drift is None else f": {drift.drift_px:.1f} px off"
+    names = "" if report.pair is None else f" {html_text(report.pair[0])} and {html_text(report.pair[1])}"
+    return f"The cameras{names} no longer fit each other{how_far}"
+
 
 READ_US: Final = 1_000_000
 """What was expected of a hit can be read for so long after it."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Self
 
-from app.modes.label.view import DEFAULT_STEP_US
+from app.modes.label.labelling import DEFAULT_STEP_US
 from benchmarks.app.soak.visitor import Visitor
 from core.recordings import open_recording
 from labels.store import LabelStore, find_layers

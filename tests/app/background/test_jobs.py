@@ -1,6 +1,8 @@
+import queue
 import threading
+from collections.abc import Callable
 
-from app.background.jobs import Job
+from app.background.jobs import Job, LoopJob
 
 
 def test_a_job_reports_progress_and_delivers_its_result() -> None:
@@ -36,3 +38,56 @@ def test_a_failing_job_delivers_its_error() -> None:
     errors: list[Exception] = []
     job = Job(lambda progress, cancelled: 1 // 0, lambda result: None, errors.append)
     assert job.wait(5) and isinstance(errors[0], ZeroDivisionError)
+
+
+class Loop:
+    """What a loop job has done by the loop; it is done when the test says so."""
+
+    def __init__(self) -> None:
+        self.said: list[object] = []
+        self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self.job = LoopJob[int](self._inbox.put, self.said.append, lambda: self.said.append("ended"))
+
+    def turn(self) -> None:
+        """Wait for what comes next, and do it."""
+        self._inbox.get(timeout=5)()
+
+
+def test_a_loop_handles_the_result_of_its_job_after_the_end_of_it() -> None:
+    loop = Loop()
+    loop.job.start(lambda progress, cancelled: 7, loop.said.append)
+    assert loop.job.running and loop.job.share == 0.0
+    loop.turn()
+    assert loop.said == ["ended", 7] and not loop.job.running and loop.job.share is None
+
+
+def test_a_loop_is_given_the_error_of_its_job() -> None:
+    loop = Loop()
+    loop.job.start(lambda progress, cancelled: 1 // 0, loop.said.append)
+    loop.turn()
+    assert loop.said[0] == "ended" and isinstance(loop.said[1], ZeroDivisionError) and not loop.job.running
+
+
+def test_what_is_cancelled_after_its_last_step_is_not_handled_and_another_can_begin() -> None:
+    loop, over = Loop(), threading.Event()
+
+    def work(progress, cancelled) -> int:
+        over.wait(5)
+        return 7
+
+    loop.job.start(work, loop.said.append)
+    over.set()
+    handle = loop._inbox.get(timeout=5)  # the result is on its way to the loop
+    loop.job.cancel()
+    handle()
+    assert loop.said == ["ended"] and not loop.job.running
+    loop.job.start(lambda progress, cancelled: 8, loop.said.append)
+    loop.turn()
+    assert loop.said == ["ended", "ended", 8]
+
+
+def test_a_browser_that_is_gone_hears_of_no_end() -> None:
+    loop = Loop()
+    loop.job.start(lambda progress, cancelled: 7, loop.said.append)
+    loop.job.close()
+    assert loop.said == [] and not loop.job.running

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from app.modes.label.label_strip import HEIGHT_PX
-from app.modes.label.prefetch import GAP_PX
-from app.modes.label.view import DEFAULT_STEP_US
+from app.modes.label.label_picture import HEIGHT_PX
+from app.modes.label.labelling import DEFAULT_STEP_US
+from app.modes.label.pictures import GAP_PX
 from app.views.image_view import framing, free_share
 from benchmarks.app.measuring_browser import BROWSER_FLAGS, WINDOW, find_chromium
 from core.cameras import stereo_preset

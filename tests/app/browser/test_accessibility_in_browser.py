@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from app.modes.label.keyboard.keys import KEYS
+from app.modes.label.keys import KEYS
 
 pytestmark = pytest.mark.browser
 MODES = ("Watch", "Tune", "Label", "Train", "Export")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from core.files import PREFIX
-from tests.app.shared.files.event_files import write_csv, write_npz
+from tests.app.shared.event_files import write_csv, write_npz
 
 pytestmark = pytest.mark.browser
 DROP = """([name, data]) => {

@@ -6,7 +6,7 @@ import pytest
 
 from app.server import App
 from app.shared.library import Library
-from app.shared.training.run_state import LOG_NAME
+from app.shared.trainer import LOG_NAME
 from app.shared.workspace import Workspace
 from core.learning.runs.run_files import create_run
 from core.recordings import open_recording

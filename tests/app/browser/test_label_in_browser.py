@@ -7,8 +7,6 @@ from collections.abc import Callable
 
 import pytest
 
-from app.modes.label.commands.cursor import ChangeView, GoTo
-from app.modes.label.commands.hand import PlaceBall, SetState
 from app.modes.label.plan import plan_at
 from app.pictures.palette import PaletteIndex, palette
 from app.state.commands import Seek
@@ -131,9 +129,12 @@ class Labelling:
     def check_clicks(self, zooms: str) -> None:
         """Clicks at whole CSS pixels are stored where those are in the picture, at the middle of the CSS pixel."""
         x, y = (float(v[0]) for v in self.truth(self.work.t_us))
-        self.window.session.later(lambda: self.mode._send(PlaceBall(x, y, 9.5)))  # clicks keep this radius
+        self.window.session.later(
+            lambda: self.mode._do(lambda editor: editor.place_ball(x, y, 9.5))
+        )  # clicks keep this radius
         self._wait_for(lambda: self.label(self.work.t_us), "the first label")
-        self.window.session.later(lambda: self.mode._send(ChangeView({"snap": False, "follow": False})))
+        view = {"snap": False, "follow": False}
+        self.window.session.later(lambda: self.mode._do(lambda editor: editor.change_view(view)))
         for key in zooms:
             self.keys(key)
             self.settle()
@@ -428,12 +429,14 @@ def test_two_who_disagree_are_shown_side_by_side_and_keys_settle_it(
     x, y = (float(v[0]) for v in labelling.truth(BALL_US))
     for one, off_px in ((labelling, 0.0), (other, 5.0)):
         for t_us in times:
-            label = PlaceBall(x + off_px, y, 9.0 + off_px)
-            one.window.session.later(lambda t=t_us, one=one: one.mode._send(GoTo(t)))
+            place = (x + off_px, y, 9.0 + off_px)
+            one.window.session.later(lambda t=t_us, one=one: one.mode._do(lambda editor: editor.go_to(t)))
             wait_for(lambda t=t_us, one=one: one.work.t_us == t and one.work.on_screen, "the picture")
-            one.window.session.later(lambda one=one, label=label: one.mode._send(label))
+            one.window.session.later(
+                lambda one=one, place=place: one.mode._do(lambda editor: editor.place_ball(*place))
+            )
             wait_for(lambda t=t_us, one=one: one.label(t), "the label")
-    other.window.session.later(lambda: other.mode._send(SetState(LabelState.NO_BALL)))
+    other.window.session.later(lambda: other.mode._do(lambda editor: editor.set_state(LabelState.NO_BALL)))
     wait_for(lambda: other.label(times[2]).state is LabelState.NO_BALL, "the other's last word")
     names = labelling.work.view.annotator, other.work.view.annotator
     wait_for(lambda: names[1] in mode._comparer.offered, "the other annotator in the list")

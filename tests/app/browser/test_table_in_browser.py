@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.modes.watch.table.commands import ChooseTableCorner
+from app.modes.watch.table import ChooseTableCorner
 from app.server import App
 from app.shared.library import Library
 from app.shared.live_rally import LIVE, LiveRally

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from app.modes.train import film_panel
+from app.modes.train import run_panel
 from app.modes.train.mode import TrainMode
 from app.scene.landing import CASE_RGB
 from app.server import App
-from app.shared.training.run_state import RunState
-from app.shared.training.trainer import Trainer
+from app.shared.trainer import RunState, Trainer
 from core.physics.episode import Case
 
 pytestmark = pytest.mark.browser
@@ -100,13 +99,13 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
 def test_one_button_makes_a_film_of_the_training(
     window, lab, workspace, trainer: Trainer, wait_for, tmp_path, monkeypatch
 ) -> None:
-    make = film_panel.export_training_film
+    make = run_panel.export_training_film
 
     def once_cancelled(run, path, *, cancelled, **more):  # a fast machine is done before anybody could cancel
         wait_for(cancelled, "the film to be cancelled")
         return make(run, path, cancelled=cancelled, **more)
 
-    monkeypatch.setattr(film_panel, "export_training_film", once_cancelled)
+    monkeypatch.setattr(run_panel, "export_training_film", once_cancelled)
     mode = enter(window)
     start(window, wait_for, "filmed", 30)
     wait_for(lambda: shows(mode, "filmed"), "its curves, not those of the run before it", PATIENT_S)

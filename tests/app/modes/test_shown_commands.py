@@ -5,7 +5,7 @@ import shlex
 from pathlib import Path
 
 from app.cli.main import parse
-from app.modes.tune.config_files import detect_command
+from app.modes.tune.settings import detect_command
 from app.modes.watch.view_panel import WHY_FLAT_HTML
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from app.pictures.canvas import encode_png
 from app.pictures.palette import CLUSTER_COLOURS, POLARITY_COLOURS, RAMP_COLOURS, PaletteIndex, palette
-from app.pictures.png import encode_png
 from core.events.image import OFF_EVENT, ON_EVENT
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from app.cli import main
+from app.shared import trainer as trainer_module
 from app.shared.job_backends import THE_CLUSTER, THIS_MACHINE, JobBackends
-from app.shared.training import trainer as trainer_module
-from app.shared.training.trainer import Trainer
+from app.shared.trainer import Trainer
 from app.shared.workspace import Workspace
 from core.errors import CommandError, JobsError
 from core.learning import default_run

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.modes.tune.candidates import candidates_html, cluster_at
+from app.modes.tune.results_panel import candidates_html, cluster_at
 from app.pictures.canvas import Canvas, Region
 from app.pictures.palette import PaletteIndex
 from app.state.client_state import Overlay, RenderSettings, TuneView

@@ -15,7 +15,7 @@ from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.web.pages import Message
 from core.files import PREFIX
-from tests.app.shared.files.event_files import write_csv, write_npz
+from tests.app.shared.event_files import write_csv, write_npz
 
 
 class Page:

@@ -26,8 +26,8 @@ from app.export.scenes.training_film import (
     shown_balls,
 )
 from app.export.unfinished import ExportCancelledError
-from app.modes.train.presets import startable_run
-from app.shared.training.replay import ball_of_line, replay_ball
+from app.modes.train.form import startable_run
+from app.shared.training_records import ball_of_line, replay_ball
 from core.errors import CommandError, ConfigError
 from core.learning.config import default_run
 from core.learning.runs.run_files import create_run, read_run, seed_files

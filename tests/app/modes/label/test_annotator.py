@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from app.modes.label.first_label.annotator import LONGEST_NAME, annotator_from, last_annotator, remember_annotator
-from app.modes.label.view import DEFAULT_ANNOTATOR
+from app.modes.label.annotator import LONGEST_NAME, annotator_from, last_annotator, remember_annotator
+from app.modes.label.labelling import DEFAULT_ANNOTATOR
 from core.errors import CommandError
 
 

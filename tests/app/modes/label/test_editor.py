@@ -12,15 +12,11 @@ import numpy as np
 import pytest
 
 from app.cli.main import main
-from app.modes.label.assistant import LabelSuggestions
-from app.modes.label.commands.assisted import AddProposals
-from app.modes.label.commands.by_name import COMMANDS
-from app.modes.label.commands.cursor import ChangeView, GoTo, StepBy
-from app.modes.label.commands.hand import PlaceBall, SetNumbers, SetState
 from app.modes.label.editor import LabelCallbacks, LabelEditor
-from app.modes.label.labelling import Labelling, begin_labelling
-from app.modes.label.plan import CameraWork, LabelScene, PicturePlan, agreement_at, centre_at, plan_at
-from app.modes.label.view import LabelView
+from app.modes.label.keys import ACTS
+from app.modes.label.labelling import Labelling, LabelView, begin_labelling
+from app.modes.label.plan import LabelScene, PicturePlan, agreement_at, centre_at, plan_at
+from app.modes.label.suggestions import LabelSuggestions, add_proposals
 from app.modes.services import LABEL_TOOL
 from app.pictures.palette import PaletteIndex
 from core.detection import refined_config
@@ -54,14 +50,14 @@ class Bench:
         self._inbox: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self.recording = open_recording(recording)
         callbacks = LabelCallbacks(
-            lambda command: True, self._inbox.put, self.errors.append, self.notes.append, lambda t_us: None
+            lambda act: True, self._inbox.put, self.errors.append, self.notes.append, lambda t_us: None
         )
         stores = registry or LabelStoreRegistry(folder, tool=LABEL_TOOL)
         view = LabelView(camera="left", annotator="anna")
         labelling = begin_labelling(self.recording, view, 2000, time.monotonic())
         self.editor = LabelEditor(stores, labelling, callbacks, session)
         self.pool = ThreadPoolExecutor(1)
-        self.assistant = LabelSuggestions(self.editor, self.pool)
+        self.suggestions = LabelSuggestions(self.editor, self.pool)
         self.wait(lambda: set(cameras) <= set(self.work.saved))
 
     @property
@@ -69,7 +65,7 @@ class Bench:
         return self.editor.labelling
 
     def close(self) -> None:
-        self.assistant.close()
+        self.suggestions.close()
         self.editor.close()
         self.pool.shutdown()
         self.recording.close()
@@ -86,17 +82,12 @@ class Bench:
             time.sleep(0.005)
 
     def scene(self) -> LabelScene:
-        work = self.work
-        there = CameraWork() if work.there is None else work.there
-        asking = None if work.asking is None else (work.asking.x_px, work.asking.y_px)
-        return LabelScene(
-            work.source, work.partner, work.view, "polarity", "orange / blue", work.here, there, asking=asking
-        )
+        return LabelScene(self.work)
 
     def look(self, t_us: int | None = None) -> PicturePlan:
         """As if the picture at the cursor had been shown."""
         if t_us is not None:
-            self.editor.send(GoTo(t_us))
+            self.editor.go_to(t_us)
         scene = self.scene()
         plan = plan_at(scene, self.work.t_us, centre_at(scene, self.work.t_us, None))
         self.editor.show(plan)
@@ -105,7 +96,7 @@ class Bench:
     def press(self, *names: str) -> None:
         for name in names:
             self.look()
-            self.editor.send(COMMANDS[name])
+            self.editor.do(ACTS[name])
         self.wait()
 
     def truth(self, t_us: int, camera: str = "left") -> tuple[float, float]:
@@ -117,7 +108,7 @@ class Bench:
     def click_truth(self, t_us: int, off_px: float = 1.0) -> None:
         self.look(t_us)
         x, y = self.truth(t_us, self.work.view.camera)
-        self.editor.send(PlaceBall(x + off_px, y))
+        self.editor.place_ball(x + off_px, y)
         self.wait()
 
 
@@ -149,7 +140,7 @@ EMPTY = (12.0, 9.0)
 
 def test_a_click_where_no_circle_fits_is_not_stored_but_asks_for_a_radius(bench: Bench) -> None:
     bench.look(BALL_US)
-    bench.editor.send(PlaceBall(*EMPTY))
+    bench.editor.place_ball(*EMPTY)
     bench.wait(lambda: bench.work.asking)
     assert "no circle fits here: drag to set the radius, or press X for absent" in bench.work.asking.question
     assert not bench.work.here.labels and not bench.errors
@@ -157,7 +148,7 @@ def test_a_click_where_no_circle_fits_is_not_stored_but_asks_for_a_radius(bench:
     assert [(mark.x_px, mark.y_px, mark.r_px, mark.ink) for mark in marks] == [(*EMPTY, None, PaletteIndex.ASKS)]
     stored = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna"))
     assert stored.all() == () and stored.version == 0
-    bench.editor.send(PlaceBall(*EMPTY, 6.5))
+    bench.editor.place_ball(*EMPTY, 6.5)
     bench.wait()
     assert bench.work.here.labels[BALL_US].r_px == 6.5 and bench.work.asking is None
 
@@ -174,9 +165,9 @@ def test_a_click_without_a_circle_is_answered_by_a_key(
     bench: Bench, answer: str, state: LabelState, r_px: float | None
 ) -> None:
     bench.look(BALL_US)
-    bench.editor.send(PlaceBall(*EMPTY))
+    bench.editor.place_ball(*EMPTY)
     bench.wait(lambda: bench.work.asking)
-    bench.editor.send(COMMANDS[answer])
+    bench.editor.do(ACTS[answer])
     bench.wait()
     label = bench.work.here.labels[BALL_US]
     assert (label.state, label.r_px) == (state, r_px) and bench.work.click is None
@@ -184,33 +175,33 @@ def test_a_click_without_a_circle_is_answered_by_a_key(
 
 def test_a_click_without_a_circle_is_forgotten_by_escape_or_by_going_elsewhere(bench: Bench) -> None:
     bench.look(BALL_US)
-    bench.editor.send(PlaceBall(*EMPTY))
+    bench.editor.place_ball(*EMPTY)
     bench.wait(lambda: bench.work.asking)
     bench.press("escape")
     assert bench.work.asking is None
-    bench.editor.send(PlaceBall(*EMPTY))
+    bench.editor.place_ball(*EMPTY)
     bench.wait(lambda: bench.work.asking)
     bench.press("next")
     assert bench.work.asking is None and not bench.work.here.labels
 
 
 def test_going_on_after_each_click_comes_back_to_one_without_a_circle(bench: Bench) -> None:
-    bench.editor.send(ChangeView({"advance": True}))
+    bench.editor.change_view({"advance": True})
     bench.look(BALL_US)
-    bench.editor.send(PlaceBall(*EMPTY))
+    bench.editor.place_ball(*EMPTY)
     assert bench.work.t_us == BALL_US + 2000
     bench.wait(lambda: bench.work.asking)
     assert bench.work.t_us == BALL_US
 
 
 def test_without_snapping_the_first_click_asks_too_and_later_ones_keep_the_radius(bench: Bench) -> None:
-    bench.editor.send(ChangeView({"snap": False}))
+    bench.editor.change_view({"snap": False})
     bench.look(BALL_US)
-    bench.editor.send(PlaceBall(50.0, 60.0))
+    bench.editor.place_ball(50.0, 60.0)
     bench.wait(lambda: bench.work.asking)
     assert bench.work.asking.question.startswith("how large is it?")
-    bench.editor.send(PlaceBall(50.0, 60.0, 7.0))
-    bench.editor.send(PlaceBall(52.0, 61.0))
+    bench.editor.place_ball(50.0, 60.0, 7.0)
+    bench.editor.place_ball(52.0, 61.0)
     bench.wait()
     label = bench.work.here.labels[BALL_US]
     assert (label.x_px, label.y_px, label.r_px) == (52.0, 61.0, 7.0)
@@ -219,13 +210,13 @@ def test_without_snapping_the_first_click_asks_too_and_later_ones_keep_the_radiu
 @pytest.mark.parametrize("r_px", [None, 3.5])
 def test_numbers_that_are_typed_in_need_a_radius_above_0(bench: Bench, r_px: float | None) -> None:
     bench.look(BALL_US)
-    bench.editor.send(SetNumbers(20.0, 30.0, r_px))
+    bench.editor.set_numbers(20.0, 30.0, r_px)
     bench.wait()
     assert (BALL_US in bench.work.here.labels) == (r_px is not None)
     if r_px is None:
         assert "needs a radius" in str(bench.errors[0])
     else:
-        bench.editor.send(SetNumbers(21.0, 30.0, None))
+        bench.editor.set_numbers(21.0, 30.0, None)
         bench.wait()
         assert bench.work.here.labels[BALL_US].x_px == 20.0 and "needs a radius" in str(bench.errors[0])
 
@@ -286,8 +277,8 @@ def test_undo_goes_back_to_nothing_and_redo_forth_again(bench: Bench) -> None:
 def test_what_is_not_on_the_screen_is_not_accepted(bench: Bench) -> None:
     propose(bench, BALL_US)
     bench.look(BALL_US)
-    bench.editor.send(COMMANDS["accept"])
-    bench.editor.send(COMMANDS["accept"])  # the cursor is further, the picture is not
+    bench.editor.do(ACTS["accept"])
+    bench.editor.do(ACTS["accept"])  # the cursor is further, the picture is not
     bench.wait()
     assert sorted(bench.work.here.labels) == [BALL_US]
 
@@ -295,19 +286,19 @@ def test_what_is_not_on_the_screen_is_not_accepted(bench: Bench) -> None:
 @pytest.mark.parametrize("key", ["accept", "reject"])
 def test_a_proposal_outside_the_zoomed_picture_is_shown_before_it_is_judged(bench: Bench, key: str) -> None:
     propose(bench, BALL_US)
-    bench.editor.send(ChangeView({"zoom": 10.0}))
-    bench.editor.send(GoTo(BALL_US))
+    bench.editor.change_view({"zoom": 10.0})
+    bench.editor.go_to(BALL_US)
     draft = bench.work.draft(BALL_US)
     assert draft is not None
     away = plan_at(bench.scene(), BALL_US, (draft.x_px + 200.0, draft.y_px))  # it came after this was drawn
     bench.editor.show(away)
     for _ in range(2):  # a key that is held
-        bench.editor.send(COMMANDS[key])
+        bench.editor.do(ACTS[key])
     bench.wait()
     assert not bench.work.here.labels and bench.work.draft(BALL_US) == draft and bench.work.t_us == BALL_US
     assert [note.title for note in bench.notes] == ["Not judged yet"]
     bench.editor.show(plan_at(bench.scene(), BALL_US, centre_at(bench.scene(), BALL_US, None)))
-    bench.editor.send(COMMANDS[key])
+    bench.editor.do(ACTS[key])
     bench.wait()
     assert (BALL_US in bench.work.here.labels) == (key == "accept") and bench.work.here.draft(BALL_US) != draft
 
@@ -324,22 +315,22 @@ def test_a_rejected_proposal_is_gone_and_the_time_stays_unchecked(bench: Bench) 
 
 
 def test_proposals_of_both_cameras_come_together(bench: Bench) -> None:
-    bench.editor.send(GoTo(BALL_US))
-    bench.assistant.toggle_propose(DETECTOR)
+    bench.editor.go_to(BALL_US)
+    bench.suggestions.toggle_propose(DETECTOR)
     bench.wait(lambda: any(work.proposals is not None for work in bench.work.works.values()))
     assert all(work.proposals is not None for work in bench.work.works.values())
 
 
 def test_a_segment_without_proposals_says_so(bench: Bench) -> None:
     bench.look(BALL_US)
-    bench.editor.send(COMMANDS["accept_segment"])
+    bench.editor.do(ACTS["accept_segment"])
     assert [note.title for note in bench.notes] == ["No proposals here"]
 
 
 def test_a_segment_is_accepted_as_one_step(bench: Bench) -> None:
     propose(bench, BALL_US)
     bench.look(BALL_US)
-    bench.editor.send(COMMANDS["accept_segment"])
+    bench.editor.do(ACTS["accept_segment"])
     bench.wait()
     labels = bench.work.here.labels
     assert len(labels) > 20 and {label.provenance.source for label in labels.values()} == {PositionSource.ACCEPTED}
@@ -351,16 +342,16 @@ def test_a_segment_is_accepted_as_one_step(bench: Bench) -> None:
 
 def test_a_whole_flight_is_accepted_in_both_cameras_and_leads_to_what_is_doubted(bench: Bench) -> None:
     propose(bench, BALL_US)
-    bench.wait(lambda: bench.assistant.share is None)  # it would put its own proposal over the wrong one
+    bench.wait(lambda: bench.suggestions.share is None)  # it would put its own proposal over the wrong one
     proposals = bench.work.here.proposals
     assert proposals is not None
     wrong = np.flatnonzero((proposals.t_us > BALL_US + 20_000) & (proposals.t_us % 2000 == 0))[0]
     wrong_us = int(proposals.t_us[wrong])
     x_px = proposals.x_px.copy()
     x_px[wrong] += 9.0
-    bench.editor.send(AddProposals({"left": replace(proposals, x_px=x_px)}))
+    add_proposals(bench.editor, {"left": replace(proposals, x_px=x_px)})
     bench.look(BALL_US)
-    bench.assistant.take_flight()
+    bench.suggestions.take_flight()
     bench.wait(lambda: bench.notes)
     bench.wait()
     assert bench.notes[-1].title == "Flight accepted"
@@ -375,26 +366,26 @@ def test_a_whole_flight_is_accepted_in_both_cameras_and_leads_to_what_is_doubted
         assert np.nanpercentile(errors, 95) < 1.0
         assert LabelStore.read(bench.folder, Layer(bench.recording.uuid, camera, "anna")).all() != ()
     assert wrong_us not in bench.work.here.labels
-    assert bench.work.t_us == wrong_us and re.match(r"(8|9)\.\d px off the flight", bench.assistant.reason)
+    assert bench.work.t_us == wrong_us and re.match(r"(8|9)\.\d px off the flight", bench.suggestions.reason)
     bench.press("undo")
     assert not bench.work.here.labels and bench.work.works["right"].labels
 
 
 def test_a_flight_that_is_none_says_so_and_labels_nothing(bench: Bench) -> None:
     bench.look(BALL_US)
-    bench.assistant.take_flight()
+    bench.suggestions.take_flight()
     bench.wait(lambda: bench.notes)
     assert [note.title for note in bench.notes] == ["No proposals here"]
     propose(bench, BALL_US)
-    bench.wait(lambda: bench.assistant.share is None)
+    bench.wait(lambda: bench.suggestions.share is None)
     still = {
         name: replace(work.proposals, x_px=np.full(len(work.proposals), 100.0), y_px=np.full(len(work.proposals), 90.0))
         for name, work in bench.work.works.items()
         if work.proposals is not None
     }
-    bench.editor.send(AddProposals(still))
+    add_proposals(bench.editor, still)
     bench.look(BALL_US)
-    bench.assistant.take_flight()
+    bench.suggestions.take_flight()
     bench.wait(lambda: len(bench.notes) == 2)
     assert bench.notes[-1].title == "No flight here"
     assert not any(work.labels for work in bench.work.works.values())
@@ -403,11 +394,11 @@ def test_a_flight_that_is_none_says_so_and_labels_nothing(bench: Bench) -> None:
 def test_labels_between_keyframes_are_interpolated_in_space_where_both_cameras_are_labelled(bench: Bench) -> None:
     times = range(BALL_US, BALL_US + 81_000, 10_000)
     for camera in ("right", "left"):
-        bench.editor.send(ChangeView({"camera": camera}))
+        bench.editor.change_view({"camera": camera})
         for t_us in times:
             bench.click_truth(t_us)
-    bench.editor.send(GoTo(BALL_US + 6_000))
-    bench.editor.send(COMMANDS["interpolate"])
+    bench.editor.go_to(BALL_US + 6_000)
+    bench.editor.do(ACTS["interpolate"])
     bench.wait()
     labels = bench.work.here.labels
     between = {t: label for t, label in labels.items() if label.provenance.source is PositionSource.INTERPOLATED}
@@ -418,12 +409,12 @@ def test_labels_between_keyframes_are_interpolated_in_space_where_both_cameras_a
 
 def test_the_cameras_agree_on_the_same_ball_and_not_on_another(bench: Bench) -> None:
     for camera in ("right", "left"):
-        bench.editor.send(ChangeView({"camera": camera}))
+        bench.editor.change_view({"camera": camera})
         bench.click_truth(BALL_US)
-    good = agreement_at(bench.scene(), BALL_US)
+    good = agreement_at(bench.work, BALL_US)
     assert good is not None and good.residual_px < 0.6
     bench.press(*["down_more"] * 8)
-    bad = agreement_at(bench.scene(), BALL_US)
+    bad = agreement_at(bench.work, BALL_US)
     assert bad is not None and bad.residual_px > 2.5
 
 
@@ -434,28 +425,28 @@ def test_the_queue_leads_to_the_label_that_is_wrong(bench: Bench) -> None:
     bench.look(wrong)
     bench.press(*["down_more"] * 9)
     bench.look(BALL_US)
-    bench.assistant.next_suspicious()
-    bench.wait(lambda: bench.assistant.reason)
-    assert bench.work.t_us == wrong and "neighbours" in bench.assistant.reason
+    bench.suggestions.next_suspicious()
+    bench.wait(lambda: bench.suggestions.reason)
+    assert bench.work.t_us == wrong and "neighbours" in bench.suggestions.reason
     doubted = bench.work.here.labels[wrong]
-    assert bench.assistant.reason_for(doubted) == bench.assistant.reason
+    assert bench.suggestions.reason_for(doubted) == bench.suggestions.reason
     bench.press("up_more")
     corrected = bench.work.here.labels[wrong]
-    assert corrected != doubted and bench.assistant.reason_for(corrected) == "", "it spoke of the label before"
+    assert corrected != doubted and bench.suggestions.reason_for(corrected) == "", "it spoke of the label before"
 
 
 def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:
     for t_us in range(0, 600_000, 2000):  # one in twenty of 280: none at all is unthinkable
         bench.look(t_us)
-        bench.editor.send(SetState(LabelState.OUT_OF_FRAME))
+        bench.editor.set_state(LabelState.OUT_OF_FRAME)
     bench.wait()
-    bench.assistant.second_look()
-    bench.wait(lambda: bench.work.view.blind or bench.notes)
-    assert bench.work.view.blind
+    bench.suggestions.repeat_annotation()
+    bench.wait(lambda: bench.work.view.repeat or bench.notes)
+    assert bench.work.view.repeat
     asked = bench.work.t_us
     assert bench.look().main.marks == ()
-    bench.editor.send(SetState(LabelState.NO_BALL))
-    bench.wait(lambda: not bench.work.view.blind)
+    bench.editor.set_state(LabelState.NO_BALL)
+    bench.wait(lambda: not bench.work.view.repeat)
     second = LabelStore.read(bench.folder, Layer(bench.recording.uuid, "left", "anna", blind=True))
     label = second.at(asked)
     assert label is not None and label.state is LabelState.NO_BALL
@@ -465,20 +456,18 @@ def test_a_second_look_goes_to_a_layer_of_its_own(bench: Bench) -> None:
 def test_a_short_recording_is_gone_through_in_steps_that_tell_how_far_it_is(bench) -> None:
     shares: list[float] = []
     streams = [bench.work.source.stream]
-    bench.assistant._propose(streams, 0, 120_000, DETECTOR, shares.append, lambda: False)
+    bench.suggestions._propose(streams, 0, 120_000, DETECTOR, shares.append, lambda: False)
     bench.wait()
     assert len(shares) >= 6 and shares == sorted(shares) and shares[-1] == 1.0
 
 
 def propose(bench: Bench, t_us: int) -> None:
     """Until the detector has been through 100 ms from there."""
-    bench.editor.send(GoTo(t_us))
-    bench.assistant.toggle_propose(DETECTOR)
-    bench.wait(
-        lambda: (bench.assistant.share is not None and bench.assistant.share > 0.3) or bench.assistant.share is None
-    )
-    if bench.assistant.share is not None:
-        bench.assistant.toggle_propose(DETECTOR)
+    bench.editor.go_to(t_us)
+    bench.suggestions.toggle_propose(DETECTOR)
+    bench.wait(lambda: bench.suggestions.share is None or bench.suggestions.share > 0.3)
+    if bench.suggestions.share is not None:
+        bench.suggestions.toggle_propose(DETECTOR)
 
 
 def test_frames_are_labelled_at_their_own_times_and_exposures_and_exported(tmp_path: Path) -> None:
@@ -490,14 +479,14 @@ def test_frames_are_labelled_at_their_own_times_and_exposures_and_exported(tmp_p
         images[1, 20, 30] = (255, 0, 0)
         writer.write_frames("rgb", np.array([9_000, 19_000, 29_000]), np.full(3, 4_000), images)
     bench = Bench(tmp_path / "data" / "labels", file, cameras=("left", "rgb"))
-    bench.editor.send(ChangeView({"camera": "rgb"}))
+    bench.editor.change_view({"camera": "rgb"})
     assert bench.work.partner is None
-    bench.editor.send(StepBy(+1))
-    bench.editor.send(StepBy(+1))
+    bench.editor.step(+1)
+    bench.editor.step(+1)
     assert bench.work.t_us == 19_000
     plan = bench.look()
     assert (plan.main.frame, plan.main.window_us) == (1, (17_000, 21_000))
-    bench.editor.send(PlaceBall(30.25, 20.5, 4.0))
+    bench.editor.place_ball(30.25, 20.5, 4.0)
     bench.wait()
     label = bench.work.here.labels[19_000]
     assert (label.x_px, label.y_px, label.provenance.source) == (30.25, 20.5, PositionSource.BY_HAND)

@@ -5,13 +5,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from app.modes.label.label_picture import BoxMark, CircleMark, LineMark, PictureKey, draw_label_picture
-from app.modes.label.label_strip import (
+from app.modes.label.label_picture import (
     HEIGHT_PX,
     STATUS_PX,
     STRIP_PX,
     WIDTH_PX,
+    BoxMark,
+    CircleMark,
+    LineMark,
+    PictureKey,
     StripData,
+    draw_label_picture,
     draw_strip,
     status_texts,
     strip_time,

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from app.shared.training.run_state import RunState
-from app.shared.training.trainer import Trainer
+from app.shared.trainer import RunState, Trainer
 from app.shared.workspace import Workspace
 from core.learning.config import RunConfig
 from core.learning.runs.run_files import create_run

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from app.modes.train.presets import startable_run
+from app.modes.train.form import startable_run
 from core.learning.config import RunConfig, default_run
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from app.shared.training.metrics import FILES_KEPT, RECENT, MetricsReader, MetricsStore, last_line
+from app.shared.training_records import FILES_KEPT, RECENT, MetricsReader, MetricsStore, last_line
 from app.shared.workspace import Workspace
 from core.errors import ConfigError
 from core.learning.runs.run_files import read_lines, seed_files

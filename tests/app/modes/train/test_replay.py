@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from app.shared.training.replay import LONGEST_S, ball_of_line, replay_ball
+from app.shared.training_records import LONGEST_S, ball_of_line, replay_ball
 from app.shared.workspace import Workspace
 from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
 from core.physics.episode import Case

@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from app.shared.training.metrics import MetricsReader
-from app.shared.training.run_state import LOG_NAME, read_log_tail
-from app.shared.training.trainer import Trainer
+from app.shared.trainer import LOG_NAME, Trainer, read_log_tail
+from app.shared.training_records import MetricsReader
 from app.shared.workspace import Workspace
 from core.errors import RallyscopeError
 from core.learning.runs.run_files import read_lines, seed_files

@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 import pytest
 
-from app.modes.train.charts_panel import _curve_series, chart_columns
 from app.modes.train.curves import CURVES
 from app.modes.train.plan_view import (
     FLOOR_RGB,
@@ -22,10 +21,11 @@ from app.modes.train.plan_view import (
     draw_offsets,
     draw_plan,
 )
+from app.modes.train.side_panel import _curve_series, chart_columns
 from app.modes.train.view import COMPARED, RunsViewer, ViewRequest, chosen_run, compared_runs, make_details
 from app.scene.landing import CASE_RGB
-from app.shared.training.metrics import MetricsStore
-from app.shared.training.trainer import Trainer
+from app.shared.trainer import Trainer
+from app.shared.training_records import MetricsStore
 from app.shared.workspace import Workspace
 from core.learning.runs.run_files import create_run, read_lines, seed_files
 from core.physics.episode import Case

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from app import theme
-from app.modes.watch.learned_words import learned_words
-from app.modes.watch.missed.missed_panel import missed_html
-from app.modes.watch.status import live_html, moment_html
+from app.modes.watch.figures import learned_words
+from app.modes.watch.missed_ball import missed_html
+from app.modes.watch.status import drift_row, live_html, moment_html
+from core.cameras.epipolar import EpipolarDrift
+from core.chain.calibration_drift import DriftReport
 from core.history.missed_balls import MissedBall
 from core.history.rally_history import RallyHistory, RallyMoment, RallyStep, ShownPrediction
 from core.live.link.messages import WorldState
@@ -115,3 +117,32 @@ def test_a_ball_that_one_camera_did_not_see_is_not_said_to_be_lost() -> None:
 def test_a_lost_simulation_and_a_slow_one_are_bad(snapshot) -> None:
     good = live_html(snapshot, state(), "connected")
     assert live_html(snapshot, state(), "lost") != good and "lost, " in live_html(snapshot, state(), "lost")
+
+
+PAIR = ("left", "<b>right")
+
+
+def report(drift_px: float, *, alarm: bool) -> DriftReport:
+    return DriftReport(400, 200, PAIR, EpipolarDrift(drift_px, 0.1, 0.02), alarm)
+
+
+def test_it_says_how_many_points_are_missing() -> None:
+    name, said = drift_row(DriftReport(60, 200))
+    assert name == "Calibration" and "not judged yet, after 60 of 200 points" in said
+
+
+def test_a_fit_is_green_with_its_figure() -> None:
+    said = drift_row(report(0.21, alarm=False))[1]
+    assert "fits to 0.2 px (400 points" in said and theme.GOOD in said
+
+
+def test_an_alarm_is_red_and_says_who_how_far_and_what_to_do() -> None:
+    said = drift_row(report(1.23, alarm=True))[1]
+    assert "The cameras left and &lt;b&gt;right no longer fit each other: 1.2 px off. One was moved" in said
+    assert "calibrate again" in said and theme.BAD in said
+
+
+def test_sightings_of_different_things_are_not_judged() -> None:
+    said = drift_row(DriftReport(400, 200))[1]
+    assert "cannot be judged" in said and "calibrate again" not in said
+    assert "calibrate again" in drift_row(DriftReport(400, 200, alarm=True))[1]

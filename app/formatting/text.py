@@ -1,0 +1,69 @@
+"""How values, names and errors are shown: units, sizes, shares, text of files in HTML, notifications."""
+
+from __future__ import annotations
+
+import html
+import itertools
+import math
+import re
+from typing import Final
+
+from core.errors import RallyscopeError
+from core.text.plain_text import LONGEST, plain
+
+UNITS = {"us": "µs", "ms": "ms", "px": "px", "hz": "Hz", "s": "s", "rad": "rad", "mps": "m/s", "m": "m", "deg": "°"}
+FIELD_OF_A_CLASS: Final = re.compile(r"^[A-Z]\w*Config\.(\w+)")
+SEVERAL_WORDS: Final = re.compile(r"\b[a-z0-9]+(?:_[a-z0-9]+)+\b")
+
+
+def field_words(field: str) -> str:
+    """The unit in its suffix is set apart: `eps_px` -> "eps [px]"."""
+    for above, below in itertools.product(UNITS, UNITS):
+        if field.endswith(f"_{above}_per_{below}"):
+            return f"{field.removesuffix(f'_{above}_per_{below}').replace('_', ' ')} [{UNITS[above]}/{UNITS[below]}]"
+    name, _, suffix = field.rpartition("_")
+    if name and suffix in UNITS:
+        return f"{name.replace('_', ' ')} [{UNITS[suffix]}]"
+    return field.replace("_", " ")
+
+
+def in_control_words(details: str) -> str:
+    """What is said of a field of a config, `LocaliseConfig.radius_max_px; expected ...`, in the words of its control.
+
+    Anything else stays as it is: what has underscores there may be the name of a file.
+    """
+    of_class = FIELD_OF_A_CLASS.match(details)
+    if of_class is None:
+        return details
+    rest = SEVERAL_WORDS.sub(lambda found: field_words(found[0]), details[of_class.end() :])
+    return f'"{field_words(of_class[1])}"{rest}'
+
+
+def size_text(size: int) -> str:
+    """A number of bytes in the unit that suits it."""
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(1, round(size / 1e3))} kB"
+
+
+def html_text(text: str, most: int = LONGEST) -> str:
+    """One line of it, for an element or a quoted attribute; at most `most` characters are shown."""
+    return html.escape(plain(text, most), quote=True)
+
+
+LONGEST_TITLE: Final = 80
+
+
+def notice_of(error: RallyscopeError) -> tuple[str, str]:
+    """Title and text."""
+    what = error.what[:1].upper() + error.what[1:]
+    if len(what) > LONGEST_TITLE:
+        cut = what[:LONGEST_TITLE].rpartition(" ")[0] or what[:LONGEST_TITLE]
+        return f"{cut} ...", str(error)
+    return what, in_control_words(error.details)
+
+
+def percent(share: float) -> str:
+    """A share 0 to 1 as a whole per cent; 259 of 260 is 99 %, as 100 % says that none is left out."""
+    value = 100.0 * share
+    if 0.0 < value < 1.0:
+        return "1 %"
+    return f"{math.floor(value + 1e-9) if value > 99.0 else round(value)} %"

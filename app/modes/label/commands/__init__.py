@@ -1,1 +1,0 @@
-"""What a person may ask for in Label: frozen commands, each a pure step of the labelling."""

@@ -1,1 +1,0 @@
-"""The keys of Label: which there are, and those that wait for what they judge."""

@@ -1,0 +1,190 @@
+"""The keys of Label: which there are, what they do, and those that wait for what they judge.
+
+Left out of the table: W A S D Q E and the arrows, which move viser's camera; M T O, which choose a mode; what a browser
+keeps for itself. Y G H B lie round each other like arrows.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Final, Literal
+
+from app.modes.label.conflicts import go_to_conflict, resolve_conflict, take_missing
+from app.modes.label.editor import EditorAct, LabelEditor
+from app.modes.label.labelling import BIG_NUDGE_PX, NUDGE_PX, RADIUS_STEP_PX, WINDOWS_US, ZOOMS
+from app.modes.label.suggestions import accept, accept_segment, interpolate, reject
+from labels.model import LabelState
+
+Modifier = Literal["shift"]
+
+KEYS: Final[tuple[tuple[str, Modifier | None, str, str], ...]] = (
+    ("space", None, "accept", "Accept what is proposed, and go on"),
+    ("enter", None, "accept_segment", "Accept the whole steady segment round here"),
+    ("space", "shift", "accept_flight", "Accept the whole flight round here, in both cameras"),
+    ("R", None, "reject", "Reject what is proposed"),
+    ("N", None, "next", "Next time"),
+    ("P", None, "previous", "Previous time"),
+    ("pagedown", None, "ten_on", "Ten on"),
+    ("pageup", None, "ten_back", "Ten back"),
+    ("home", None, "first", "First time"),
+    ("end", None, "last", "Last time"),
+    ("U", None, "unchecked", "Next unchecked time"),
+    ("K", None, "suspicious", "What would change the score most: a label, a proposal or a hole"),
+    ("K", "shift", "blind", "A second look, blind, to measure your own noise"),
+    ("X", None, "no_ball", "No ball here"),
+    ("X", "shift", "out_of_frame", "Out of frame"),
+    ("V", None, "visible", "Visible"),
+    ("V", "shift", "partly", "Partly occluded"),
+    ("C", "shift", "occluded", "Occluded (covered)"),
+    ("C", None, "copy", "Copy the previous label here"),
+    ("R", "shift", "snap", "Snap the label to the events"),
+    ("I", None, "propose", "Propose: run the detector from here on"),
+    ("I", "shift", "interpolate", "Interpolate between the labels round here"),
+    ("enter", "shift", "break", "A bounce or hit is here: no interpolation across"),
+    ("Y", None, "up", "Nudge up 0.25 px (with Shift 1 px)"),
+    ("B", None, "down", "Nudge down"),
+    ("G", None, "left", "Nudge left"),
+    ("H", None, "right", "Nudge right"),
+    ("Y", "shift", "up_more", "Nudge up 1 px"),
+    ("B", "shift", "down_more", "Nudge down 1 px"),
+    ("G", "shift", "left_more", "Nudge left 1 px"),
+    ("H", "shift", "right_more", "Nudge right 1 px"),
+    ("pageup", "shift", "larger", "Radius 0.25 px larger"),
+    ("pagedown", "shift", "smaller", "Radius 0.25 px smaller"),
+    ("Z", None, "undo", "Undo"),
+    ("Z", "shift", "redo", "Redo"),
+    ("delete", None, "clear", "Unchecked again"),
+    ("backspace", None, "clear", "Unchecked again"),
+    ("escape", None, "escape", "Forget a click without a circle; leave the second look"),
+    ("N", "shift", "next_conflict", "Next conflict with whom you compare"),
+    ("P", "shift", "previous_conflict", "Previous conflict"),
+    ("J", None, "take_mine", "Conflict: yours is right; on to the next"),
+    ("L", None, "take_theirs", "Conflict: theirs is right; on to the next"),
+    ("J", "shift", "take_mean", "Conflict: the mean of both; on to the next"),
+    ("0", None, "camera", "Other camera"),
+    ("1", None, "window_0", "Window 0.5 ms"),
+    ("2", None, "window_1", "Window 1 ms"),
+    ("3", None, "window_2", "Window 2 ms"),
+    ("4", None, "window_3", "Window 5 ms"),
+    ("5", None, "window_4", "Window 10 ms"),
+    ("6", None, "zoom_0", "Whole picture"),
+    ("7", None, "zoom_1", "Zoom 5x"),
+    ("8", None, "zoom_2", "Zoom 10x"),
+    ("9", None, "zoom_3", "Zoom 20x"),
+    ("F", "shift", "rendering", "Polarity, count, time surface"),
+)
+"""Hotkey, modifier, name of the act, what it does."""
+
+
+def label_keys_html() -> str:
+    """The list that the app shows."""
+    rows = "".join(
+        f"<tr><td style='padding-right:14px;white-space:nowrap'><b>{_shown(key, modifier)}</b></td><td>{text}</td></tr>"
+        for key, modifier, name, text in KEYS
+        if not name.endswith("_more")
+    )
+    hint = "Keys work wherever the mouse is, not while a field has the cursor. Drag: from the centre to the rim."
+    return f"<div style='font-size:12.5px;padding:4px 12px'>{hint}<table>{rows}</table></div>"
+
+
+def _shown(key: str, modifier: Modifier | None) -> str:
+    return f"{modifier.title()} {key}" if modifier else key
+
+
+class HeldKeys:
+    """The keys that one browser holds down. Methods are called by the loop.
+
+    `waits(name)`: this act cannot be carried out yet. `place()`: what it would be about; when that becomes something
+    else while an act waits, the person went elsewhere, and what was held is forgotten.
+    """
+
+    def __init__(
+        self, carry_out: Callable[[str], None], waits: Callable[[str], bool], place: Callable[[], object]
+    ) -> None:
+        self._carry_out = carry_out
+        self._waits = waits
+        self._place = place
+        self._held: deque[str] = deque()
+        self._held_at: object = None
+
+    def __len__(self) -> int:
+        return len(self._held)
+
+    @property
+    def ready(self) -> bool:
+        """Something is held that need not be held any longer."""
+        return bool(self._held) and (self._place() != self._held_at or not self._waits(self._held[0]))
+
+    def press(self, name: str) -> None:
+        """Carry out an act after all that are held. Escape forgets those; what waits last waits once."""
+        if self._held and name == "escape":
+            self._held.clear()
+        elif not (self._held and self._held[-1] == name and self._waits(name)):
+            self._held.append(name)
+            if len(self._held) == 1:
+                self._held_at = self._place()
+                self.go_on()
+
+    def go_on(self) -> None:
+        """Carry out what is held, up to an act that must wait."""
+        if self._held and self._place() != self._held_at:
+            self._held.clear()
+        while self._held and not self._waits(self._held[0]):
+            self._carry_out(self._held.popleft())
+            self._held_at = self._place()
+
+    def forget(self) -> None:
+        """What was pressed is not to be done any more."""
+        self._held.clear()
+
+
+def _view(**changes: object) -> EditorAct:
+    return lambda editor: editor.change_view(changes)
+
+
+ACTS: Final[Mapping[str, EditorAct]] = {
+    "accept": accept,
+    "accept_segment": accept_segment,
+    "reject": reject,
+    "next": lambda editor: editor.step(+1),
+    "previous": lambda editor: editor.step(-1),
+    "ten_on": lambda editor: editor.step(+10),
+    "ten_back": lambda editor: editor.step(-10),
+    "first": lambda editor: editor.go_to_end(last=False),
+    "last": lambda editor: editor.go_to_end(last=True),
+    "unchecked": LabelEditor.go_to_unchecked,
+    "no_ball": lambda editor: editor.set_state(LabelState.NO_BALL),
+    "out_of_frame": lambda editor: editor.set_state(LabelState.OUT_OF_FRAME),
+    "visible": lambda editor: editor.set_state(LabelState.VISIBLE),
+    "partly": lambda editor: editor.set_state(LabelState.PARTLY_OCCLUDED),
+    "occluded": lambda editor: editor.set_state(LabelState.OCCLUDED),
+    "copy": LabelEditor.copy_previous,
+    "snap": LabelEditor.snap_label,
+    "interpolate": interpolate,
+    "break": LabelEditor.toggle_break,
+    "up": lambda editor: editor.nudge(0, -NUDGE_PX),
+    "down": lambda editor: editor.nudge(0, NUDGE_PX),
+    "left": lambda editor: editor.nudge(-NUDGE_PX, 0),
+    "right": lambda editor: editor.nudge(NUDGE_PX, 0),
+    "up_more": lambda editor: editor.nudge(0, -BIG_NUDGE_PX),
+    "down_more": lambda editor: editor.nudge(0, BIG_NUDGE_PX),
+    "left_more": lambda editor: editor.nudge(-BIG_NUDGE_PX, 0),
+    "right_more": lambda editor: editor.nudge(BIG_NUDGE_PX, 0),
+    "larger": lambda editor: editor.resize(RADIUS_STEP_PX),
+    "smaller": lambda editor: editor.resize(-RADIUS_STEP_PX),
+    "undo": LabelEditor.undo,
+    "redo": lambda editor: editor.undo(redo=True),
+    "clear": LabelEditor.clear,
+    "escape": LabelEditor.escape,
+    "next_conflict": lambda editor: go_to_conflict(editor, +1),
+    "previous_conflict": lambda editor: go_to_conflict(editor, -1),
+    "take_mine": lambda editor: resolve_conflict(editor, "mine"),
+    "take_theirs": lambda editor: resolve_conflict(editor, "theirs"),
+    "take_mean": lambda editor: resolve_conflict(editor, "mean"),
+    "take_missing": take_missing,
+    "camera": LabelEditor.other_camera,
+    **{f"window_{row}": _view(window_us=window_us) for row, window_us in enumerate(WINDOWS_US)},
+    **{f"zoom_{row}": _view(zoom=zoom) for row, zoom in enumerate(ZOOMS)},
+}
+"""What an act does to the labels, by the name that `KEYS` or a button gives it."""

@@ -1,1 +1,0 @@
-"""Two people's labels of one recording held beside each other, and settled where they differ."""

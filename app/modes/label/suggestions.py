@@ -1,0 +1,419 @@
+"""Label suggestions: what the detector proposes and how it is judged, whole flights, suspicious labels, repeats."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.background.jobs import LoopJob
+from app.background.worker import LatestWins
+from app.modes.label.editor import LabelEditor
+from app.modes.label.label_changes import ProposedLabel, accepted, proposed_at
+from app.modes.label.label_writer import Change, Saved
+from app.modes.label.labelling import CameraWork, Labelling
+from core.cameras import Camera
+from core.detection.saved import SavedDetector
+from core.recordings import CameraStream
+from labels.arrays import LabelArrays
+from labels.assist import (
+    Proposals,
+    WholeFlight,
+    check_labels,
+    check_stereo,
+    labels_between,
+    next_blind,
+    propose,
+    review_queue,
+    steady_segment,
+    whole_flight,
+)
+from labels.assist.propose import joined_proposals
+from labels.assist.review import QueueItem
+from labels.assist.whole_flight import Doubt
+from labels.model import Label
+from labels.score import LEAD_IN_US
+from labels.store import LabelStore
+
+SEGMENT_US: Final = 2_000_000
+"""Interpolation looks so far round the cursor."""
+CHUNK_US: Final = 100_000
+SHORTEST_CHUNK_US: Final = 20_000
+"""In a short recording: each chunk is handed over by itself, and tells how far the detector is."""
+NO_PROPOSALS: Final = ("No proposals here", "I runs the detector from the cursor on.")
+
+
+class LabelSuggestions:
+    """Work in the background that suggests labels to one browser. Methods are called by the loop."""
+
+    def __init__(self, editor: LabelEditor, pool: Executor) -> None:
+        self._editor = editor
+        self._job = LoopJob[None](editor.callbacks.later, editor.callbacks.report)
+        self._reached_us = 0
+        """The detector that runs has handed over everything before this time."""
+        self._visited: set[tuple[str, int]] = set()
+        self.reason = ""
+        """Why the cursor was sent here."""
+        self.reason_us = -1
+        self._doubted: Label | None = None
+        """The label that it speaks of."""
+        self._queue_work, self._flight_work = self._background(pool), self._background(pool)
+
+    @property
+    def share(self) -> float | None:
+        """How much of the recording the detector has been through since its start; None: it is not running."""
+        return self._job.share
+
+    def reason_for(self, label: Label | None) -> str:
+        """Why the cursor was sent to where it is now; nothing once the label there is another one."""
+        here = self.reason_us == self._editor.labelling.t_us and label == self._doubted
+        return self.reason if here else ""
+
+    def close(self) -> None:
+        """The browser or the recording is gone."""
+        self._queue_work.close()
+        self._flight_work.close()
+        self._job.close()
+
+    def _background(self, pool: Executor) -> LatestWins[Callable[[], Callable[[], None]], Callable[[], None]]:
+        """Runs work off the loop; what the work returns is then called by the loop."""
+        later = self._editor.callbacks.later
+        return LatestWins(pool, lambda work: work(), lambda work, then: later(then), self._editor.failed)
+
+    def _give_reason(self, reason: str, t_us: int) -> None:
+        self.reason, self.reason_us = reason, t_us
+        self._doubted = self._editor.labelling.here.labels.get(t_us)
+
+    # Proposals ----------------------------------------------------------------------------------------------------
+
+    def toggle_propose(self, detector: SavedDetector) -> None:
+        """Run the detector from the cursor to the end, in both cameras; or stop it."""
+        if self._job.running:
+            self._job.cancel()
+            return
+        labelling = self._editor.labelling
+        sources = (labelling.source, labelling.partner)
+        streams = [source.stream for source in sources if source is not None and source.stream is not None]
+        if not streams:
+            self._editor.note("No proposals here", "The detector works on events, not on frames.")
+            return
+        # From a little before the cursor: what is proposed there is judged by its neighbours on both sides.
+        window_us = detector.config.window.window_us
+        start_us = self._reached_us = max(labelling.t_us - LEAD_IN_US, 0) // window_us * window_us
+        end_us = labelling.recording.duration_us
+        self._job.start(
+            lambda progress, cancelled: self._propose(streams, start_us, end_us, detector, progress, cancelled),
+            lambda _: None,
+        )
+
+    def _propose(
+        self,
+        streams: list[CameraStream],
+        start_us: int,
+        end_us: int,
+        detector: SavedDetector,
+        progress: Callable[[float], None],
+        cancelled: Callable[[], bool],
+    ) -> None:
+        window_us, span_us = detector.config.window.window_us, max(end_us - start_us, 1)
+        chunk_us = min(max(span_us // 10, SHORTEST_CHUNK_US), CHUNK_US) // window_us * window_us or window_us
+        for begin_us in range(start_us, end_us, chunk_us):
+            reached_us, parts = begin_us + chunk_us, {}
+            lead_us = max(begin_us - LEAD_IN_US // window_us * window_us, 0)
+            for stream in streams:
+                if cancelled():
+                    return
+                found = propose(
+                    stream, lead_us, min(reached_us, end_us), method=detector.method, config=detector.config
+                )
+                parts[stream.name] = found.between(begin_us, reached_us + 1)
+            self._editor.callbacks.later(
+                lambda parts=parts, t_us=reached_us: None if cancelled() else self._take(parts, t_us)
+            )
+            progress(min((reached_us - start_us) / span_us, 1.0))
+
+    def _take(self, parts: dict[str, Proposals], reached_us: int) -> None:
+        add_proposals(self._editor, parts)
+        self._reached_us = reached_us
+
+    @property
+    def segment_due(self) -> bool:
+        """What is proposed round the cursor is on the screen, as far as the detector will find anything there."""
+        labelling = self._editor.labelling
+        finding = self._job.running and self._reached_us <= labelling.t_us + LEAD_IN_US
+        return labelling.view.repeat or (labelling.on_screen and not finding)
+
+    # Whole flights ------------------------------------------------------------------------------------------------
+
+    def take_flight(self) -> None:
+        """Accept every proposal of the flight round the cursor, in both cameras; go to what is doubted."""
+        now, editor = self._editor.labelling, self._editor
+        if not now.on_screen or now.view.repeat:
+            return
+        cameras, there = now.calibrations, now.there
+        if cameras is None or there is None:
+            editor.note("No flight here", "A flight needs two calibrated cameras; Enter accepts what is steady in one.")
+        elif now.here.proposals is None or there.proposals is None:
+            editor.note(*NO_PROPOSALS)
+        else:
+            pair, place = (now.here.proposals, there.proposals), (now.view.camera, now.t_us)
+
+            def find() -> Callable[[], None]:
+                found = whole_flight(cameras, pair, place[1])
+                return lambda: self._take_flight(place, found)
+
+            self._flight_work.submit(find)
+
+    def _take_flight(self, place: tuple[str, int], found: WholeFlight | None) -> None:
+        now = self._editor.labelling
+        if place != (now.view.camera, now.t_us):
+            return  # the person went elsewhere
+        if found is None:
+            text = "What is proposed round here in both cameras is not one ball in free flight."
+            self._editor.note("No flight here", text)
+            return
+        doubted_us = doubted_times(now, found)
+        if doubted_us:
+            off_px = next(doubt.off_px for doubt in found.doubted[0] if doubt.t_us == doubted_us[0])
+            self._give_reason(f"{off_px:.1f} px off the flight", doubted_us[0])
+        self._editor.do(lambda editor: accept_flight(editor, found))
+
+    # The queue ----------------------------------------------------------------------------------------------------
+
+    def next_suspicious(self) -> None:
+        """Work out what is suspicious, and go to the worst that was not visited yet."""
+        now = self._editor.labelling
+
+        def find() -> Callable[[], None]:
+            there = None if now.there is None else now.there.arrays
+            items = _suspicious(now.here, there, now.calibrations, now.grid.times())
+            return lambda: self._go_to_worst(now.view.camera, items)
+
+        self._queue_work.submit(find)
+
+    def _go_to_worst(self, camera: str, items: tuple[QueueItem, ...]) -> None:
+        if camera != self._editor.labelling.view.camera:
+            return
+        item = next((item for item in items if (camera, item.t_us) not in self._visited), None)
+        if item is None:
+            self._visited.clear()
+            text = "Every item was visited; the next press begins anew." if items else "Nothing speaks against a label."
+            self._editor.note("Queue", text, "green")
+            return
+        self._visited.add((camera, item.t_us))
+        self._give_reason(item.reason, item.t_us)
+        self._editor.go_to(item.t_us)
+
+    # Repeat annotations -------------------------------------------------------------------------------------------
+
+    def repeat_annotation(self) -> None:
+        """Ask for a label again, without showing it."""
+        editor, now = self._editor, self._editor.labelling
+        if now.view.repeat:
+            return
+        picked: list[int] = []
+
+        def pick(repeats: LabelStore) -> tuple[int, ...]:
+            t_us = next_blind(editor.writer.store(now.layer), repeats, recent_us=now.recent_us)
+            picked.extend([] if t_us is None else [t_us])
+            return ()
+
+        def done(_: Saved) -> None:
+            editor.callbacks.later(lambda: self._begin_repeat(picked))
+
+        editor.writer.write(replace(now.layer, blind=True), pick, done, editor.failed)
+
+    def _begin_repeat(self, picked: list[int]) -> None:
+        if picked:
+            self._editor.begin_repeat(picked[0])
+        else:
+            text = "One label in twenty is asked for again, once twenty others were made after it."
+            self._editor.note("No second look is due", text, "green")
+
+
+def add_proposals(editor: LabelEditor, parts: Mapping[str, Proposals]) -> None:
+    """Take up what the detector found next, by camera; both cameras' at once: a segment is judged with both."""
+    works = dict(editor.labelling.works)
+    for camera, part in parts.items():
+        works[camera] = replace(works[camera], proposals=joined_proposals(works[camera].proposals, part))
+    editor.labelling = replace(editor.labelling, works=works)
+
+
+def accept(editor: LabelEditor) -> None:
+    """Label what is proposed here, and go on. Where nothing is proposed, only go on."""
+    now = editor.labelling
+    if not now.on_screen:
+        return
+    draft = now.draft(now.t_us)
+    if draft is not None:
+        if not _in_sight(editor, draft):
+            return
+        label = accepted(draft, now.judged_picture(time.monotonic()))
+        if not editor.change_label(lambda before: before or label):
+            return
+    editor.step(+1)
+
+
+def reject(editor: LabelEditor) -> None:
+    """Keep that what is proposed here is wrong, and do not show it any more."""
+    now, draft = editor.labelling, editor.labelling.draft(editor.labelling.t_us)
+    if not now.on_screen or draft is None or not _in_sight(editor, draft):
+        return
+
+    def change(store: LabelStore) -> tuple[int, ...]:
+        store.reject(draft.t_us, draft.x_px, draft.y_px, draft.r_px, draft.detector)
+        return ()
+
+    if editor.write(change):
+        rejecting = replace(now.here, rejected=now.here.rejected | {(draft.t_us, draft.detector)})
+        editor.labelling = replace(now, works={**now.works, now.view.camera: rejecting})
+
+
+def accept_segment(editor: LabelEditor) -> None:
+    """Accept every proposal round here that its neighbours and the other camera bear out, as one step of undo."""
+    now, proposals = editor.labelling, editor.labelling.here.proposals
+    if not now.on_screen or now.view.repeat:
+        return
+    if proposals is None:
+        editor.note(*NO_PROPOSALS)
+        return
+    rows = steady_segment(proposals, now.t_us, stereo_residual_px=_stereo_residual_px(now, proposals))
+    if not len(rows):
+        text = "The proposals round here do not agree with each other. Look at each: space accepts, R rejects."
+        editor.note("Not at once", text)
+        return
+    first_us, last_us = proposals.t_us[rows[[0, -1]]].tolist()
+    labels = _accepted_labels(now, now.here, proposals, _times_between(now, first_us, last_us))
+    if editor.write(_put_new(labels)):
+        editor.note("Segment accepted", f"{len(labels)} labels; Z takes them all back", "green")
+        editor.go_to(now.grid.moved(last_us, +1))
+
+
+def interpolate(editor: LabelEditor) -> None:
+    """Label the unchecked times between labels round here: by a flight in 3D if one fits, else by a curve."""
+    now = editor.labelling
+    times = _times_between(now, now.t_us - SEGMENT_US, now.t_us + SEGMENT_US)
+    there = None if now.there is None else now.there.arrays
+
+    def change(store: LabelStore) -> tuple[int, ...]:
+        labels = labels_between(store.labels(), there, now.calibrations, times, now.t_us, now.breaks_us)
+        store.edit(put=labels)
+        return tuple(label.t_us for label in labels)
+
+    def then(saved: Saved) -> None:
+        count = len(saved.touched_us)
+        if count:
+            editor.note("Interpolated", f"{count} labels; Z takes them back", "green")
+        else:
+            editor.note("Interpolated", "It takes five labels without a break between.")
+
+    editor.write(change, then=then)
+
+
+def accept_flight(editor: LabelEditor, found: WholeFlight) -> None:
+    """Label every time of a flight at which the proposals agree with it: one step of undo in each camera.
+
+    The cursor goes to the first doubted proposal of the camera that is labelled, or behind the flight.
+    """
+    now, there = editor.labelling, editor.labelling.there
+    if there is None or now.view.repeat:
+        return
+    own, other = (
+        _accepted_labels(now, work, agreed, _undoubted_times(now, agreed, doubted))
+        for work, agreed, doubted in zip((now.here, there), found.agreed, found.doubted, strict=True)
+    )
+    doubted_us, elsewhere = doubted_times(now, found), len(found.doubted[1])
+    if not editor.write(_put_new(own), partner_change=_put_new(other)):
+        return
+    text = f"{len(own) + len(other)} labels in both cameras; Z takes back those of this camera."
+    if doubted_us or elsewhere:
+        text += f" Doubted: {len(doubted_us)} here, {elsewhere} in the other camera. K leads through them."
+    editor.note("Flight accepted", text, "green")
+    editor.go_to(doubted_us[0] if doubted_us else now.grid.moved(found.end_us, +1))
+
+
+def doubted_times(now: Labelling, found: WholeFlight) -> tuple[int, ...]:
+    """Times to be labelled at which the proposal is off the flight, and nobody has said anything."""
+    off = {doubt.t_us for doubt in found.doubted[0]}
+    times = _times_between(now, found.start_us, found.end_us).tolist()
+    return tuple(t_us for t_us in times if t_us in off and now.here.draft(t_us) is not None)
+
+
+def _in_sight(editor: LabelEditor, draft: ProposedLabel) -> bool:
+    """Whether what is proposed lies in the large picture; if not, the picture goes there instead of the act."""
+    now = editor.labelling
+    if now.shown is not None and now.shown.main.region.holds(draft.x_px, draft.y_px):
+        return True
+    view = replace(now.view, centre_px=(draft.x_px, draft.y_px))
+    if view != now.view:
+        editor.labelling = replace(now, view=view)
+        text = "What is proposed was outside the picture. Now it is in it: press the key again."
+        editor.note("Not judged yet", text)
+    return False
+
+
+def _times_between(now: Labelling, first_us: int, last_us: int) -> NDArray[np.int64]:
+    times = now.grid.times()
+    return times[(times >= first_us) & (times <= last_us)]
+
+
+def _undoubted_times(now: Labelling, agreed: Proposals, doubted: tuple[Doubt, ...]) -> NDArray[np.int64]:
+    """Times to be labelled; not where a doubted proposal is next, which nothing must bridge."""
+    if not len(agreed):
+        return np.zeros(0, np.int64)
+    times = _times_between(now, int(agreed.t_us[0]), int(agreed.t_us[-1]))
+    doubted_us = np.array([doubt.t_us for doubt in doubted], np.int64)
+    return times[(np.abs(times[:, None] - doubted_us) >= agreed.window_us).all(axis=1)]
+
+
+def _accepted_labels(
+    now: Labelling, work: CameraWork, proposals: Proposals, times: NDArray[np.int64]
+) -> tuple[Label, ...]:
+    """What is proposed at these times, as labels; not where there is a label, or where it was rejected."""
+    picture = replace(now.judged_picture(time.monotonic()), time_spent_ms=0)
+    known, rejected = work.labels, work.rejected
+    open_us = (t_us for t_us in times.tolist() if t_us not in known and (t_us, proposals.detector) not in rejected)
+    drafts = (draft for t_us in open_us if (draft := proposed_at(proposals, t_us)) is not None)
+    return tuple(accepted(draft, replace(picture, t_us=draft.t_us)) for draft in drafts)
+
+
+def _put_new(labels: tuple[Label, ...]) -> Change:
+    """Store those labels whose times have none, as one step of undo."""
+
+    def change(store: LabelStore) -> tuple[int, ...]:
+        new = tuple(label for label in labels if store.at(label.t_us) is None)
+        store.edit(put=new)
+        return tuple(label.t_us for label in new)
+
+    return change
+
+
+def _stereo_residual_px(now: Labelling, proposals: Proposals) -> NDArray[np.float64] | None:
+    """(n,) how far each proposal is from the partner's ray; None without calibrations or proposals there."""
+    cameras, there = now.calibrations, now.there
+    if cameras is None or there is None or there.proposals is None:
+        return None
+    other = there.proposals.at(proposals.t_us)
+    here_px = np.column_stack([proposals.x_px, proposals.y_px])
+    return check_stereo(cameras[0], here_px, cameras[1], np.column_stack([other.x_px, other.y_px])).residual_px
+
+
+def _suspicious(
+    here: CameraWork, there: LabelArrays | None, cameras: tuple[Camera, Camera] | None, frames_us: NDArray[np.int64]
+) -> tuple[QueueItem, ...]:
+    residual = None
+    if cameras is not None and there is not None and len(there) and len(here.arrays):
+        residual = check_labels(cameras[0], here.arrays, cameras[1], there).residual_px
+    rejected_us = tuple(t_us for t_us, _ in here.rejected)
+    return review_queue(
+        here.arrays,
+        proposals=here.proposals,
+        stereo_residual_px=residual,
+        frames_us=frames_us,
+        rejected_us=rejected_us,
+    )

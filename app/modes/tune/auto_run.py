@@ -1,0 +1,236 @@
+"""One search for thresholds: `rallyscope tune` as a child process, what it says, and the table that Tune shows."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from app import theme
+from app.background.child import ChildProcess, share_in
+from app.formatting.text import html_text
+from app.modes.tune.label_score import find_reference
+from core.detection import DetectorConfig
+from core.detection.methods import Method
+from core.detection.saved import load_detector, save_detector
+from core.errors import CommandError, RallyscopeError
+from core.text.json_text import parse_json
+from core.tuning.split_score import Figures
+
+TITLES: Final = ("windows", "config", "precision", "recall", "median error", "objective")
+CELL: Final = "padding-right:14px;white-space:nowrap"
+BAR_PX: Final = 60
+
+
+@dataclass(frozen=True, slots=True)
+class SidesFigures:
+    """Figures of one config on the training and the held-out side of the split."""
+
+    tuned: Figures
+    held_out: Figures
+
+
+@dataclass(frozen=True, slots=True)
+class TuningReport:
+    """What came of a search."""
+
+    start: SidesFigures
+    best: SidesFigures
+    best_trial: int
+    """0 if nothing was better than the config to start from."""
+    trials: int
+    better_held_out: bool
+    changed: Mapping[str, tuple[object, object]]
+    """Before and after, by the threshold's name."""
+    importance: Mapping[str, float]
+    """Share of each threshold, the largest first; empty if nothing can be said."""
+
+
+def read_report(line: str) -> TuningReport:
+    """From the line that the verb prints.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    said = parse_json(line)
+    if not isinstance(said, dict) or "importance" not in said:
+        raise ValueError(f"not a report: {line[:80]}")
+    return TuningReport(
+        start=_sides(said["start"]),
+        best=_sides(said["best"]),
+        best_trial=said["best_trial"],
+        trials=said["trials"],
+        better_held_out=said["better_held_out"],
+        changed={name: (before, after) for name, (before, after) in said["changed"].items()},
+        importance=said["importance"],
+    )
+
+
+def report_html(title: str, report: TuningReport) -> str:
+    """Both sides of the split beside each other, whether it holds, and what was changed."""
+    start, best = report.start, report.best
+    rows = [
+        _row("tuned on", "A", start.tuned),
+        _row("", "B", best.tuned),
+        _row("held out", "A", start.held_out),
+        _row("", "B", best.held_out),
+    ]
+    sides = f"<table>{_head(TITLES)}{''.join(rows)}</table>"
+    thresholds = f"<table>{_head(('threshold', 'A', 'B', 'importance'))}{_thresholds(report)}</table>"
+    head = f"{html_text(title)}, {report.trials} trials. {_verdict(report)}"
+    return (
+        f"<div style='font-size:12.5px;padding:4px 12px'>{head}"
+        f"<div style='display:flex;gap:24px;align-items:flex-start'>{sides}{thresholds}</div></div>"
+    )
+
+
+def _sides(said: Mapping[str, Mapping[str, Any]]) -> SidesFigures:
+    return SidesFigures(_figures(said["tuned"]), _figures(said["held_out"]))
+
+
+def _figures(said: Mapping[str, Any]) -> Figures:
+    ratios = {name: math.nan if value is None else float(value) for name, value in said.items() if name != "balls"}
+    return Figures(**ratios, balls=int(said["balls"]))
+
+
+def _verdict(report: TuningReport) -> str:
+    start, best = report.start.held_out.objective, report.best.held_out.objective
+    if report.best_trial == 0:
+        return f"<span style='color:{theme.MUTED}'>Nothing better was found: B is A.</span>"
+    if report.better_held_out:
+        return f"<span style='color:{theme.GOOD}'>B is better on the held-out windows, too.</span>"
+    text = f"B is not better on the held-out windows ({start:.3f} before, {best:.3f} now): it fits the tuned ones only."
+    return f"<span style='color:{theme.BAD}'>{text}</span>"
+
+
+def _thresholds(report: TuningReport) -> str:
+    names = sorted(report.importance or report.changed, key=lambda name: name not in report.changed)  # a stable sort
+    rows = []
+    for name in names:
+        before, after = report.changed.get(name, ("", "as it was"))
+        share = report.importance.get(name)
+        bar = "" if share is None else f"{_bar(share)} {100 * share:.0f} %"
+        rows.append(_cells(html_text(name), html_text(_said(before)), html_text(_said(after)), bar))
+    return "".join(rows)
+
+
+def _bar(share: float) -> str:
+    width = max(1, round(BAR_PX * share))
+    return f"<span style='display:inline-block;height:8px;width:{width}px;background:rgb{theme.BRAND_RGB}'></span>"
+
+
+def _row(side: str, config: str, figures: Figures) -> str:
+    found = "-" if math.isnan(figures.median_error_px) else f"{figures.median_error_px:.2f} px"
+    return _cells(side, config, f"{figures.precision:.3f}", f"{figures.recall:.3f}", found, f"{figures.objective:.3f}")
+
+
+def _head(titles: tuple[str, ...]) -> str:
+    cells = "".join(f"<th style='text-align:left;font-weight:500;{CELL}'>{title}</th>" for title in titles)
+    return f"<tr>{cells}</tr>"
+
+
+def _cells(*cells: str) -> str:
+    return "<tr>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
+
+
+def _said(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+LOOK_S: Final = 0.1
+Against = Literal["truth", "labels"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutoTuneRequest:
+    """What a browser asked for, with all that it takes to do it."""
+
+    title: str
+    """What is tuned on, for a person."""
+    recording: Path
+    uuid: str
+    camera: str
+    all_cameras: bool
+    method: Method
+    against: Against
+    labels: Path
+    """The folder of the label stores."""
+    parameters: tuple[str, ...]
+    trials: int
+    seed: int
+    start: DetectorConfig
+    where: tuple[str, ...]
+    """The flags of `tune` that say where the trials are made."""
+
+
+@dataclass(frozen=True, slots=True)
+class AutoTuneAnswer:
+    """What came of it."""
+
+    config: DetectorConfig
+    report: TuningReport
+
+
+class AutoTuneCancelledError(Exception):
+    """Nobody wants the answer any more."""
+
+
+def run_auto_tune(
+    request: AutoTuneRequest,
+    *,
+    progress: Callable[[float], None],
+    say: Callable[[str], None],
+    cancelled: Callable[[], bool],
+) -> AutoTuneAnswer:
+    """Search, and wait for what is found; `say` hears in words how it goes.
+
+    Raises:
+        RallyscopeError: with what the verb said if it refuses or fails.
+        AutoTuneCancelledError: when `cancelled()` becomes true; the process is over then.
+    """
+    with tempfile.TemporaryDirectory(prefix="rallyscope-tune-") as folder:
+        start, found = Path(folder) / "start.toml", Path(folder) / "found.toml"
+        save_detector(request.method, request.start, start)
+        answer = ""
+        ended = threading.Event()
+
+        def hear(line: str) -> None:
+            nonlocal answer
+            if line.startswith("{"):
+                answer = line
+            elif (share := share_in(line)) is not None:
+                progress(share)
+                say(line)
+
+        child = ChildProcess(*_command(request, start, found), on_line=hear, on_end=ended.set)
+        while not ended.wait(LOOK_S):
+            if cancelled():
+                child.stop()
+                raise AutoTuneCancelledError
+        code = child.wait()
+        if code == 2:
+            raise RallyscopeError(child.last_words.removeprefix("rallyscope: "))
+        if code != 0:
+            remedy = "run `rallyscope tune` to see why"
+            raise RallyscopeError("the search ended without an answer", got=child.last_words, remedy=remedy)
+        return AutoTuneAnswer(load_detector(found).config, read_report(answer))
+
+
+def _command(request: AutoTuneRequest, start: Path, found: Path) -> list[str]:
+    """What follows `python -m`."""
+    words = ["app.cli", "tune", str(request.recording), "--method", request.method, "--config", str(start)]
+    words += ["--parameters", ",".join(request.parameters), "--out", str(found), "--json", "--until-eof"]
+    words += ["--trials", str(request.trials), "--seed", str(request.seed), *request.where]
+    if not request.all_cameras:
+        words += ["--camera", request.camera]
+    words += ["--against", request.against]
+    if request.against == "labels":
+        reference = find_reference(request.labels, request.uuid, request.camera)
+        if reference is None:
+            raise CommandError("nobody has labelled this camera", got=request.camera, remedy="label it in Label first")
+        words += ["--data", str(request.labels.parent), "--annotator", reference.layer.annotator]
+    return words

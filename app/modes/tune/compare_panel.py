@@ -1,0 +1,165 @@
+"""The controls of a comparison of methods, and how they compare over the recording, with charts, beside the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, cast
+
+import viser
+
+from app.modes.tune.compare_charts import MethodCharts
+from app.modes.tune.compare_run import CompareAnswer, comparison_html, stretch_names, stretches_html
+from app.state.client_state import ClientState
+from app.state.commands import Command, CompareMethod, SetSideBySide
+from app.widgets import Choice, Listing, when_changed, when_clicked
+from core.detection.methods import METHODS, Method
+from core.errors import CommandError
+from core.metrics.compare import ErrorRun
+
+KNOWN: Final = "truth or labels"
+SPANS: Final[dict[str, int | None]] = {
+    "the whole recording": None,
+    "2 s round the cursor": 2_000_000,
+    "0.4 s round the cursor": 400_000,
+}
+
+
+class ComparePanel:
+    """Controls of the method comparison in one browser; callbacks run in viser's event loop."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        send: Callable[[Command], None],
+        start: Callable[[], None],
+        cancel: Callable[[], None],
+        show_result: Callable[[bool], None],
+    ) -> None:
+        self.folder = gui.add_folder("Compare methods", expand_by_default=False)
+        self._ticks: dict[Method, viser.GuiCheckboxHandle] = {}
+        with self.folder:
+            for method, what in METHODS.items():
+                self._ticks[method] = gui.add_checkbox(method, False, hint=what)
+            self._side_by_side = gui.add_checkbox("Side by side", False, hint="The same window through each method")
+            self._against = gui.add_dropdown(
+                "Reference", (KNOWN, *METHODS), hint="What is right; of a method, how far the others agree with it"
+            )
+            self._span = gui.add_dropdown("Over", tuple(SPANS))
+            hint = "Recall, error and time over the recording, and where each fails"
+            self._start = gui.add_button("Compare over time", icon=viser.Icon.CHART_LINE, hint=hint)
+            self._cancel = gui.add_button("Cancel the comparison", icon=viser.Icon.X, visible=False)
+            self._progress = gui.add_progress_bar(0.0, visible=False)
+            self._result = gui.add_checkbox("Show the result", True, visible=False, hint="The panel on the left")
+        for method, tick in self._ticks.items():
+            when_changed(tick, lambda value, method=method: send(CompareMethod(method, bool(value))))
+        when_changed(self._side_by_side, lambda value: send(SetSideBySide(bool(value))))
+        when_changed(self._result, lambda value: show_result(bool(value)))
+        when_clicked(self._start, start)
+        when_clicked(self._cancel, cancel)
+
+    @property
+    def agree_with(self) -> Method | None:
+        """The method that the others are to agree with; None for what is known.
+
+        Raises:
+            CommandError: for what the control does not offer.
+        """
+        against = str(self._against.value)
+        if against != KNOWN and against not in METHODS:
+            raise CommandError("no such choice", got=against[:20])
+        return None if against == KNOWN else cast(Method, against)
+
+    @property
+    def span_us(self) -> int | None:
+        """How much of the recording round the cursor; None for all of it.
+
+        Raises:
+            CommandError: for what the control does not offer.
+        """
+        span = str(self._span.value)
+        if span not in SPANS:
+            raise CommandError("no such choice", got=span[:20])
+        return SPANS[span]
+
+    def show(self, state: ClientState) -> None:
+        """Follow the state."""
+        for method, tick in self._ticks.items():
+            tick.value = method in state.tune.compared
+        self._side_by_side.value = state.tune.side_by_side
+
+    def show_running(self, running: bool) -> None:
+        """Swap the start button for progress and cancel."""
+        self._start.visible = not running
+        self._cancel.visible = self._progress.visible = running
+        self._progress.value = 0.0
+
+    def show_progress(self, share: float) -> None:
+        """How far it is."""
+        self._progress.value = 100.0 * share
+
+    def show_result(self, there: bool) -> None:
+        """Whether there is a result to show; a new one is shown."""
+        self._result.visible = self._result.value = there
+
+
+WIDTH_PX: Final = 350
+KINDS: Final = ("missed", "false")
+
+
+class CompareSidePanel:
+    """Results of the comparison in one browser. Called in the loop; `jump` runs in viser's event loop."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        later: Callable[[Callable[[], None]], None],
+        jump: Callable[[Method, ErrorRun], None],
+    ) -> None:
+        """`later` calls something in the loop."""
+        self._answer: CompareAnswer | None = None
+        self._kind = KINDS[0]
+        self._names: dict[str, ErrorRun] = {}
+        self.panel = gui.add_panel(visible=False)
+        with self.panel.add_tab("Methods over time", viser.Icon.CHART_LINE):
+            self._table = gui.add_html("")
+            self._charts = MethodCharts(gui)
+            with gui.add_folder("Look at"):
+                self._method = Listing(gui, "Answers of", lambda name: later(self._show_stretches))
+                self._choice = Choice(gui, "That are", KINDS, lambda kind: later(lambda: self._choose_kind(kind)))
+                self._count = gui.add_html("")
+                self._jump = gui.add_button_group("", ("-",), visible=False)
+        self.panel.dock_left()
+        self.panel.set_width(WIDTH_PX)
+        self._choice.show(self._kind)
+
+        @self._jump.on_click
+        async def _(event: viser.GuiEvent) -> None:
+            chosen = self._names.get(str(event.target.value))
+            if event.client is not None and chosen is not None and self._method.chosen is not None:
+                jump(cast(Method, self._method.chosen), chosen)
+
+    def show(self, answer: CompareAnswer) -> None:
+        """What a comparison found."""
+        self._answer = answer
+        self._table.content = comparison_html(answer)
+        self._charts.show(answer)
+        self._method.offer(tuple(one.method for one in answer.methods))
+        self._show_stretches()
+
+    def _choose_kind(self, kind: str) -> None:
+        if kind in KINDS:
+            self._kind = kind
+            self._choice.show(kind)
+            self._show_stretches()
+
+    def _show_stretches(self) -> None:
+        answer, chosen = self._answer, self._method.chosen
+        found = [one for one in answer.methods if one.method == chosen] if answer is not None else []
+        if answer is None or not found:
+            return
+        missed = self._kind == KINDS[0]
+        self._count.content = stretches_html(answer, found[0].method, missed=missed)
+        self._names = stretch_names(found[0].missed if missed else found[0].false)
+        self._jump.visible = bool(self._names)
+        if self._names:
+            self._jump.options = tuple(self._names)

@@ -1,0 +1,252 @@
+"""One comparison of methods: what a browser asked for, and what is shown of the outcome."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app import theme
+from app.formatting.text import html_text
+from app.modes.tune.label_score import find_reference
+from app.pictures.palette import METHOD_RGB
+from core.detection import DetectorConfig
+from core.detection.methods import Method
+from core.errors import CommandError
+from core.metrics.compare import (
+    ClassifiedRun,
+    CurvesOverTime,
+    ErrorRun,
+    bin_edges,
+    compare_methods,
+    curves_over_time,
+    false_stretches,
+    missed_stretches,
+)
+from core.metrics.one_window import LEAD_IN_US
+from core.metrics.reference import PixelReference, ReferenceKind, labels_reference, truth_reference
+from core.metrics.run import duration_of
+from core.recordings import CameraStream, PixelTruth
+from core.recordings.recording import freeze_camera
+from labels.arrays import STATES
+from labels.model import LabelState
+
+FALLBACK: Final[Method] = "refined"
+"""What the others are to agree with where nothing is known."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class CompareRequest:
+    """What to compare, with all that it takes."""
+
+    recording: str
+    uuid: str
+    stream: CameraStream
+    configs: tuple[tuple[Method, DetectorConfig], ...]
+    agree_with: Method | None
+    """None: what is known of the camera, truth or labels, is right."""
+    labels: Path
+    """The folder of the label stores."""
+    start_us: int
+    end_us: int
+    live: bool
+    """The camera forgets: its events are held first, so that every method sees the same ones."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComparedMethod:
+    """What is shown of one method."""
+
+    judged: ClassifiedRun
+    curves: CurvesOverTime
+    missed: tuple[ErrorRun, ...]
+    false: tuple[ErrorRun, ...]
+
+    @property
+    def method(self) -> Method:
+        """Its name."""
+        return self.judged.run.method
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompareAnswer:
+    """What is shown of a comparison."""
+
+    title: str
+    camera: str
+    kind: ReferenceKind
+    reference: str
+    """Who says what is right."""
+    nothing_known: bool
+    """There is neither truth nor a label, though they were asked for."""
+    axis_s: NDArray[np.float64]
+    """(B,) middles of the bins of the curves."""
+    methods: tuple[ComparedMethod, ...]
+
+
+def known_reference(labels: Path, uuid: str, stream: CameraStream) -> PixelReference | None:
+    """The truth of a camera, else the labels of whoever made the most; None where nothing is known."""
+    if stream.truth is not None:
+        return truth_reference(stream.truth, stream.sensor)
+    store = find_reference(labels, uuid, stream.name)
+    if store is None:
+        return None
+    said = store.labels()
+    said = said.rows(said.state != STATES.index(LabelState.OCCLUDED))
+    places = PixelTruth(said.t_us, said.x_px, said.y_px, said.r_px, said.seen)
+    return labels_reference(places, f"{len(said)} labels by {store.layer.annotator}")
+
+
+class KnownReferences:
+    """Where the ball of each camera is; labels are kept until somebody might have made more. From any thread."""
+
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, str], PixelReference | None] = {}
+
+    def find(self, labels: Path, uuid: str, stream: CameraStream) -> PixelReference | None:
+        """What `known_reference` gives, but for the times that are asked where the truth is known."""
+        truth = stream.truth
+        if truth is not None:  # not kept: that of a live recording grows
+            return PixelReference("truth", "the truth", truth, truth.t_us[:0])
+        key = (uuid, stream.name)
+        if key not in self._kept:
+            self._kept[key] = known_reference(labels, uuid, stream)
+        return self._kept.get(key)
+
+    def clear(self) -> None:
+        """Read again from now on."""
+        self._kept = {}
+
+
+def run_comparison(
+    request: CompareRequest, *, progress: Callable[[float], None], cancelled: Callable[[], bool]
+) -> CompareAnswer:
+    """Run the methods, and prepare what is shown; of no use if it was cancelled meanwhile.
+
+    Raises:
+        CommandError: if there are no events in the part that is asked for.
+    """
+    stream = request.stream
+    end_us = min(request.end_us, duration_of(stream))
+    if end_us <= request.start_us:
+        raise CommandError("no events in this part of the recording", remedy="move the cursor, or compare all of it")
+    if request.live:
+        stream = freeze_camera(stream, request.start_us - LEAD_IN_US, end_us)
+    against: PixelReference | Method | None = request.agree_with
+    if against is None:
+        against = known_reference(request.labels, request.uuid, stream)
+    outcome = compare_methods(
+        stream,
+        dict(request.configs),
+        against or FALLBACK,
+        request.start_us,
+        end_us,
+        progress=progress,
+        cancelled=cancelled,
+    )
+    edges = bin_edges(outcome.start_us, outcome.end_us)
+    methods = tuple(
+        ComparedMethod(
+            judged,
+            curves_over_time(judged, edges),
+            missed_stretches(judged, outcome.reference),
+            false_stretches(judged),
+        )
+        for judged in outcome.judged
+    )
+    return CompareAnswer(
+        title=f"{request.recording}, {stream.name}, {request.start_us / 1e6:.2f} to {end_us / 1e6:.2f} s",
+        camera=stream.name,
+        kind=outcome.reference.kind,
+        reference=outcome.reference.name,
+        nothing_known=against is None,
+        axis_s=(edges[:-1] + edges[1:]) / 2e6,
+        methods=methods,
+    )
+
+
+MAX_STRETCHES: Final = 40
+"""That have a button; the longest ones."""
+CELL: Final = "padding-right:8px;white-space:nowrap"
+
+
+def comparison_html(answer: CompareAnswer) -> str:
+    """A row for each method, and what is taken for right."""
+    agreement = answer.kind == "method"
+    name = html_text(answer.reference)
+    titles = ("", "shared" if agreement else "recall", "precision", "px p50 / p95", "ms p50 / p99")
+    head = "".join(f"<th style='text-align:left;font-weight:500;{CELL}'>{title}</th>" for title in titles)
+    rows = "".join(_row(one) for one in answer.methods)
+    said = f"against {name}: a ball counts as found within 8 px"
+    if agreement:
+        said = (
+            f"<b>agreement with {name}, not error</b>: shared is how many of its balls a method has too, "
+            f"within 8 px, and px how far apart they are"
+        )
+        if answer.nothing_known:
+            said = f"this camera has neither truth nor labels. {said}"
+    muted = f"color:{theme.MUTED}"
+    return (
+        f"<div style='font-size:12px;padding:4px 8px'>{html_text(answer.title)}"
+        f"<table><tr>{head}</tr>{rows}</table>"
+        f"<div style='{muted}'>{said}. ms: processor time of a window of each method's own length.</div></div>"
+    )
+
+
+def method_css(method: Method) -> str:
+    """The colour of a method."""
+    red, green, blue = METHOD_RGB[method]
+    return f"rgb({red},{green},{blue})"
+
+
+def stretch_names(stretches: tuple[ErrorRun, ...]) -> dict[str, ErrorRun]:
+    """The longest ones by the names of their buttons, in order of time; no two names are alike."""
+    longest = sorted(stretches, key=lambda one: -one.count)[:MAX_STRETCHES]
+    names: dict[str, ErrorRun] = {}
+    for one in sorted(longest, key=lambda one: one.start_us):
+        times = f" ×{one.count}" if one.count > 1 else ""
+        names[f"{one.start_us / 1e6:.4f} s{times}"] = one
+    return names
+
+
+def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> str:
+    """What the buttons below are."""
+    (one,) = (one for one in answer.methods if one.method == method)
+    stretches = one.missed if missed else one.false
+    count = sum(stretch.count for stretch in stretches)
+    if missed:
+        what = f"{count} of {len(one.judged.asked_us)} times asked are missed"
+    else:
+        what = f"{count} of {len(one.judged.t_us)} answers are false"
+    if answer.kind == "method":
+        what += f", if {html_text(answer.reference)} is right"
+    more = len(stretches) - MAX_STRETCHES
+    rest = f", the {MAX_STRETCHES} longest of them" if more > 0 else ""
+    where = "in one stretch" if len(stretches) == 1 else f"in {len(stretches)} stretches"
+    places = f", {where}{rest}: choose one to look at it" if stretches else ""
+    return f"<div style='font-size:12px;color:{theme.MUTED};padding:0 12px'>{what}{places}</div>"
+
+
+def _row(one: ComparedMethod) -> str:
+    judged = one.judged
+    cells = (
+        f"<span style='color:{method_css(one.method)}'>●</span> {one.method}",
+        _ratio(judged.recall),
+        _ratio(judged.precision),
+        f"{_number(judged.error_at(50))} / {_number(judged.error_at(95))}",
+        f"{_number(1e3 * judged.step_at(50))} / {_number(1e3 * judged.step_at(99))}",
+    )
+    return "<tr>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
+
+
+def _ratio(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.3f}"
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.2f}"

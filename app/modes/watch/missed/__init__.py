@@ -1,1 +1,0 @@
-"""Where a ball that the live chain missed can be looked into."""

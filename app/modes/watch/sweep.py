@@ -1,0 +1,276 @@
+"""Guides for the first calibration: which parts of each picture the ball, or a board, has not been in yet."""
+
+from __future__ import annotations
+
+import typing
+from dataclasses import dataclass, replace
+from typing import Final
+
+import cv2
+import numpy as np
+import viser
+
+from app import theme
+from app.background.worker import LatestWins
+from app.formatting.text import html_text
+from app.modes.mode import ModeHost
+from app.modes.watch.figures import coloured, figures_html
+from app.state.client_state import ClientState
+from app.state.swept_cells import CELL_COUNT, FIRST_BOARD, BoardGuide, SweptCells
+from app.views.mosaic import Mosaic
+from app.widgets import when_changed, when_clicked
+from core.cameras.calibration import Board, find_board
+from core.cameras.calibration.board import KINDS, BoardKind
+from core.cameras.calibration.board_cover import emptiest_ninth, ninth_words
+from core.cameras.calibration.coverage import cells_of
+from core.errors import CommandError
+from core.recordings import Recording
+from core.recordings.board_pictures import newest_blink
+
+
+@dataclass(frozen=True, slots=True)
+class GuideSweep:
+    """Whether the cells are counted and shown."""
+
+    on: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        state = state if not self.on else _with_board(state, on=False)
+        return _with(state, replace(state.watch.swept, active=bool(self.on)))
+
+
+@dataclass(frozen=True, slots=True)
+class ForgetSweep:
+    """Count anew."""
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return _with(state, SweptCells(active=state.watch.swept.active))
+
+
+@dataclass(frozen=True, slots=True)
+class NoteSweptBalls:
+    """A picture was drawn: the cell with the ball, by camera."""
+
+    cells: tuple[tuple[str, int], ...]
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        swept = state.watch.swept
+        if not swept.active:
+            return state
+        for camera, cell in self.cells:
+            swept = swept.with_ball(camera, cell) if camera in state.cameras else swept
+        return state if swept == state.watch.swept else _with(state, swept)
+
+
+@dataclass(frozen=True, slots=True)
+class GuideBoard:
+    """Whether the board is looked for, and where it was not is shown."""
+
+    on: bool
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        state = state if not self.on else _with(state, replace(state.watch.swept, active=False))
+        return _with_board(state, on=bool(self.on))
+
+
+@dataclass(frozen=True, slots=True)
+class ChooseBoard:
+    """Look for another board: what the one before has covered is forgotten."""
+
+    board: Board
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        guide = state.watch.board
+        if self.board == guide.board:
+            return state
+        return replace(state, watch=replace(state.watch, board=replace(guide, board=self.board).emptied()))
+
+
+@dataclass(frozen=True, slots=True)
+class ForgetBoard:
+    """Count anew."""
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        return replace(state, watch=replace(state.watch, board=state.watch.board.emptied()))
+
+
+@dataclass(frozen=True, slots=True)
+class NoteBoards:
+    """The board was looked for: by camera, the cells with a point of it, where the whole of it was found."""
+
+    board: Board
+    cells: tuple[tuple[str, tuple[int, ...]], ...]
+
+    def apply(self, state: ClientState, wall_s: float) -> ClientState:
+        guide = state.watch.board
+        if not guide.cells.active or guide.board != self.board:
+            return state
+        for camera, cells in self.cells:
+            guide = guide.with_board(camera, cells) if camera in state.cameras else guide
+        return state if guide is state.watch.board else replace(state, watch=replace(state.watch, board=guide))
+
+
+def _with_board(state: ClientState, *, on: bool) -> ClientState:
+    guide = state.watch.board
+    board = replace(guide, cells=replace(guide.cells, active=on))
+    return replace(state, watch=replace(state.watch, board=board))
+
+
+def _with(state: ClientState, swept: SweptCells) -> ClientState:
+    return replace(state, watch=replace(state.watch, swept=swept))
+
+
+GOOD_SHARE: Final = 0.7
+"""Of a picture; no camera sees the ball's volume in all of its picture."""
+
+
+def swept_html(swept: SweptCells, cameras: tuple[str, ...]) -> str:
+    """A row a camera."""
+    return figures_html([(html_text(name), _row(swept.missing(name))) for name in cameras])
+
+
+def board_html(guide: BoardGuide, cameras: tuple[str, ...]) -> str:
+    """A row a camera: in how many pictures the board was found, and which parts it was not in."""
+    rows = []
+    for name in cameras:
+        count = guide.pictures.get(name, 0)
+        if count:
+            pictures = f"{count} picture{'s' if count > 1 else ''}"
+            rows.append((html_text(name), f"{pictures}, {_row(guide.cells.missing(name))}"))
+        else:
+            rows.append((html_text(name), coloured(theme.WARN, "not found: does it blink, wholly in the picture?")))
+    return figures_html(rows)
+
+
+def _row(missing: tuple[int, ...]) -> str:
+    done = CELL_COUNT - len(missing)
+    colour = theme.GOOD if done >= GOOD_SHARE * CELL_COUNT else theme.WARN
+    said = coloured(colour, f"{done} of {CELL_COUNT} parts")
+    return said if not missing else f"{said}, most is missing {ninth_words(emptiest_ninth(missing))}"
+
+
+WIDEST_PX: Final = 700
+"""A wider picture is halved: where a board is, is known well enough, and looking costs a quarter."""
+BLOBS_A_DOT: Final = 4
+"""With more spots than that, a picture has no dot board that could be found in time."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BoardSearchRequest:
+    """Where to look, and when."""
+
+    recording: Recording
+    t_us: int
+    board: Board
+
+
+def search_board(request: BoardSearchRequest) -> tuple[tuple[str, tuple[int, ...]], ...]:
+    """The cells with a point of the board, of every camera in which the whole board blinked in the last second."""
+    found = []
+    for name, stream in request.recording.cameras.items():
+        picture = newest_blink(stream, request.t_us)
+        if picture is None:
+            continue
+        halved = 2 if stream.sensor.width_px > WIDEST_PX else 1
+        if halved > 1:
+            small = cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+            picture = np.asarray(small, np.uint8)
+        most_blobs = BLOBS_A_DOT * request.board.rows * request.board.columns
+        uvs = find_board(picture, request.board, most_blobs=most_blobs)
+        if uvs is not None:
+            cells = cells_of(halved * (uvs + 0.5) - 0.5, stream.sensor)
+            found.append((name, tuple(np.unique(cells).tolist())))
+    return tuple(found)
+
+
+class SweepPanel:
+    """Coverage of a swept ball in one browser, counted from its own pictures."""
+
+    def __init__(self, gui: viser.GuiApi, host: ModeHost) -> None:
+        self._host = host
+        self._shown: tuple[tuple[str, ...], SweptCells] | None = None
+        self._counted: Mosaic | None = None
+        self._folder = gui.add_folder("Sweep of the ball", expand_by_default=False, visible=False)
+        with self._folder:
+            hint = "Framed: where the ball has not been found in two pictures yet. For `calibrate stereo`"
+            self._active = gui.add_checkbox("Show what is missing", False, hint=hint)
+            self._said = gui.add_html("")
+            self._forget = gui.add_button("Count the parts anew", icon=viser.Icon.ERASER)
+        when_changed(self._active, lambda on: host.send(GuideSweep(bool(on))))
+        when_clicked(self._forget, lambda: host.send(ForgetSweep()))
+
+    def show(self, state: ClientState, *, flat: bool) -> None:
+        """Count the newest picture, and say how far it is."""
+        self._folder.visible = flat
+        if not flat:
+            return
+        swept, sheet = state.watch.swept, self._host.plane.sheet
+        if swept.active and sheet is not self._counted:
+            self._counted = sheet
+            if sheet.ball_cells:
+                self._host.send(NoteSweptBalls(sheet.ball_cells))
+        if (state.cameras, swept) != self._shown:
+            self._shown = state.cameras, swept
+            self._active.value = swept.active
+            self._said.content = swept_html(swept, state.cameras) if swept.active else ""
+
+
+LOOK_EVERY_S = 1.0
+FEWEST, MOST = 3, 100
+
+
+class BoardPanel:
+    """Board coverage in one browser: searches the second before its time cursor, in the pool."""
+
+    def __init__(self, gui: viser.GuiApi, host: ModeHost) -> None:
+        self._host = host
+        self._shown: tuple[tuple[str, ...], BoardGuide] | None = None
+        self._looked_s, self._looked_us = 0.0, -1
+        self._search = LatestWins(host.pool, search_board, self._found, self._failed)
+        self._folder = gui.add_folder("Board for the lens", expand_by_default=False, visible=False)
+        with self._folder:
+            hint = "Framed: where no point of a blinking board was found yet. For `calibrate intrinsics`"
+            self._active = gui.add_checkbox("Look for the board", False, hint=hint)
+            self._kind = gui.add_dropdown("Pattern", KINDS)
+            hint = "Inner corners of a chessboard, or dots"
+            self._rows = gui.add_number("Rows", FIRST_BOARD.rows, min=FEWEST, max=MOST, step=1, hint=hint)
+            self._columns = gui.add_number("Columns", FIRST_BOARD.columns, min=FEWEST, max=MOST, step=1, hint=hint)
+            self._said = gui.add_html("")
+            self._forget = gui.add_button("Forget where it was", icon=viser.Icon.ERASER)
+        when_changed(self._active, lambda on: host.send(GuideBoard(bool(on))))
+        for control in (self._kind, self._rows, self._columns):
+            when_changed(control, lambda value: host.later(self._choose))
+        when_clicked(self._forget, lambda: host.send(ForgetBoard()))
+
+    def show(self, state: ClientState, now_us: int, wall_s: float, *, flat: bool) -> None:
+        """Look once a second where there is something new, and say how far it is."""
+        self._folder.visible = flat
+        guide, recording = state.watch.board, self._host.recording
+        if not flat or recording is None:
+            return
+        due = wall_s - self._looked_s >= LOOK_EVERY_S and now_us != self._looked_us and not self._search.busy
+        if guide.cells.active and due:
+            self._looked_s, self._looked_us = wall_s, now_us
+            self._search.submit(BoardSearchRequest(recording, now_us, guide.board))
+        if (state.cameras, guide) != self._shown:
+            self._shown = state.cameras, guide
+            self._active.value = guide.cells.active
+            self._said.content = board_html(guide, state.cameras) if guide.cells.active else ""
+
+    def close(self) -> None:
+        """The browser is gone."""
+        self._search.close()
+
+    def _choose(self) -> None:
+        rows, columns, kind = self._rows.value, self._columns.value, str(self._kind.value)
+        if not all(isinstance(one, int | float) and FEWEST <= one <= MOST for one in (rows, columns)):
+            raise CommandError("impossible board", expected=f"{FEWEST} to {MOST} rows and columns")
+        board = Board(typing.cast(BoardKind, kind), int(rows), int(columns), FIRST_BOARD.spacing_m)
+        self._host.send(ChooseBoard(board))
+
+    def _found(self, request: BoardSearchRequest, cells: tuple[tuple[str, tuple[int, ...]], ...]) -> None:
+        if cells and request.recording is self._host.recording:
+            self._host.send(NoteBoards(request.board, cells))
+
+    def _failed(self, error: Exception) -> None:
+        self._host.later(lambda: self._host.report(error))

@@ -1,0 +1,220 @@
+"""Files that are not recordings of the workspace yet: which can be opened, and how they become recordings."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import secrets
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import h5py
+
+from app.shared.library import Library
+from app.shared.workspace import Workspace, slug_from
+from core.errors import CommandError, RecordingError
+from core.files import begin_unfinished, end_unfinished, put_beside
+from core.recordings import import_recording, open_recording
+from core.recordings.identity import source_uuid
+from core.recordings.log.growing import is_growing
+from core.recordings.opening import is_recording
+from core.recordings.sources import open_sources
+from core.recordings.sources.kinds import kind_of
+
+
+def incoming_folder(workspace: Workspace) -> Path:
+    """A new, empty folder of its own, on the disk that the recordings are on; `end_unfinished` takes it away."""
+    return begin_unfinished(workspace.recordings)
+
+
+MIN_FREE_BYTES: Final = 200_000_000
+"""So much of the disk stays free: packed files can be very much larger than they look."""
+LOOK_EVERY_S: Final = 0.5
+UNNAMED: Final = "recording"
+
+
+def bring_in(
+    path: Path,
+    library: Library,
+    workspace: Workspace,
+    *,
+    received: bool = False,
+    progress: Callable[[float], None] = lambda share: None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> str | None:
+    """Name in the library of the recording that a file is or has become; None if `cancelled` said so.
+
+    A file that was `received` from a browser moves into the workspace if it is a recording already. What was brought
+    in before is not brought in again. Nothing is ever overwritten, and nothing is left of what fails.
+
+    Raises:
+        RecordingError: if the file cannot be read, or the disk has no room for the result.
+    """
+    own = path.parent == workspace.recordings
+    if is_growing(path) or is_recording(path):
+        if own:
+            return path.stem
+        return _keep_recording(path, workspace) if received else library.add_external(path)
+    wanted = path.stem if own else _slug(path.stem)
+    uuid = source_uuid([path], [source.name for source in open_sources(path)], "None", 0)  # as importing it makes it
+    known = _already_there(workspace, wanted, uuid)
+    if known is not None:
+        return known
+    folder = incoming_folder(workspace)
+    try:
+        decoded = folder / "decoded.h5"
+        watched = _watching_the_disk(folder, progress)
+        if import_recording([path], decoded, progress=watched, cancelled=cancelled) is None:
+            return None
+        return _place(decoded, workspace, wanted, uuid)
+    finally:
+        end_unfinished(folder)
+
+
+def _keep_recording(path: Path, workspace: Workspace) -> str:
+    with open_recording(path) as recording:  # one that was never closed is finished by this
+        uuid = recording.uuid
+    return _place(path, workspace, _slug(path.stem), uuid, size_bytes=path.stat().st_size)
+
+
+def _place(source: Path, workspace: Workspace, wanted: str, uuid: str, *, size_bytes: int | None = None) -> str:
+    """Put a recording under the first free name that begins as wanted, or take the same one that is there."""
+    while True:
+        known = _already_there(workspace, wanted, uuid, size_bytes=size_bytes)
+        if known is not None:
+            return known
+        name = next(name for name in _names(wanted) if not _path(workspace, name).exists())
+        try:
+            put_beside(source, _path(workspace, name))
+        except FileExistsError:  # another was quicker
+            continue
+        return name
+
+
+def _already_there(workspace: Workspace, wanted: str, uuid: str, *, size_bytes: int | None = None) -> str | None:
+    for name in _names(wanted):
+        path = _path(workspace, name)
+        if not path.exists():
+            return None
+        if _uuid_of(path) == uuid and size_bytes in (None, path.stat().st_size):
+            return name
+    return None
+
+
+def _names(wanted: str):
+    yield wanted
+    yield from (f"{wanted}-{number}" for number in range(2, 100_000))
+
+
+def _path(workspace: Workspace, name: str) -> Path:
+    return workspace.recordings / f"{name}.h5"
+
+
+def _slug(stem: str) -> str:
+    try:
+        return slug_from(stem)[:56].rstrip("-_")
+    except CommandError:
+        return UNNAMED
+
+
+def _uuid_of(path: Path) -> str | None:
+    try:
+        with h5py.File(path, "r") as file:
+            return str(file.attrs.get("uuid"))
+    except OSError:
+        return None
+
+
+def _watching_the_disk(folder: Path, progress: Callable[[float], None]) -> Callable[[float], None]:
+    looked_s = 0.0
+
+    def tell(share: float) -> None:
+        nonlocal looked_s
+        progress(share)
+        if time.monotonic() - looked_s < LOOK_EVERY_S:
+            return
+        looked_s = time.monotonic()
+        free = shutil.disk_usage(folder).free
+        if free < MIN_FREE_BYTES:
+            raise RecordingError(
+                "the disk is too full for this recording",
+                expected=f"{MIN_FREE_BYTES / 1e6:.0f} MB free",
+                got=f"{free / 1e6:.0f} MB",
+                remedy="free some space and open the file again",
+            )
+
+    return tell
+
+
+MOST: Final = 2_000
+"""Files of one folder that are looked at."""
+OWN: Final = "recordings"
+
+
+@dataclass(frozen=True, slots=True)
+class OfferedFile:
+    """One file of the list."""
+
+    key: str
+    """For this run of the app; says nothing of the path."""
+    path: Path
+    folder: str
+    """What the folder is called in the list."""
+    kind: str
+    size_bytes: int
+
+
+@dataclass(eq=False, slots=True)
+class OfferedFiles:
+    """Thread-safe; the folders are read anew each time, because files come and go."""
+
+    workspace: Workspace
+    folders: tuple[Path, ...] = ()
+    """Beside the workspace's recordings."""
+    _secret: bytes = field(default_factory=lambda: secrets.token_bytes(32), repr=False)
+    _kinds: dict[tuple[Path, int, int], str | None] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def all(self) -> tuple[OfferedFile, ...]:
+        """Every file that can be opened, by folder and name."""
+        found: list[OfferedFile] = []
+        for folder, called in self._places():
+            try:
+                paths = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+            except OSError:  # it was taken away
+                continue
+            found += [file for path in paths[:MOST] if (file := self._offered(path, called)) is not None]
+        return tuple(found)
+
+    def find(self, key: str) -> OfferedFile | None:
+        """The file of a key, if it is still there."""
+        return next((file for file in self.all() if hmac.compare_digest(file.key.encode(), key.encode())), None)
+
+    def _places(self) -> list[tuple[Path, str]]:
+        return [(self.workspace.recordings, OWN), *((folder, folder.name or str(folder)) for folder in self.folders)]
+
+    def _offered(self, path: Path, folder: str) -> OfferedFile | None:
+        try:
+            status = path.stat()
+        except OSError:
+            return None
+        kind = self._kind(path, status.st_size, status.st_mtime_ns)
+        if kind is None:
+            return None
+        key = hmac.new(self._secret, str(path).encode("utf-8", "surrogateescape"), hashlib.sha256).hexdigest()[:32]
+        return OfferedFile(key, path, folder, kind, status.st_size)
+
+    def _kind(self, path: Path, size_bytes: int, changed_ns: int) -> str | None:
+        known = (path, size_bytes, changed_ns)
+        with self._lock:
+            if known in self._kinds:
+                return self._kinds[known]
+        kind = kind_of(path)
+        with self._lock:
+            self._kinds[known] = kind
+        return kind

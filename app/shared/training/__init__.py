@@ -1,1 +1,0 @@
-"""The one training of a workspace, and what its runs have written so far."""

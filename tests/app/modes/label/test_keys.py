@@ -1,0 +1,142 @@
+"""The keys of Label, and those that come before the picture or the proposals that they judge."""
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from app.modes.label.editor import LabelEditor
+from app.modes.label.keys import KEYS, HeldKeys, label_keys_html
+from app.modes.label.labelling import Labelling
+from app.modes.label.mode import LabelMode
+from app.panels.keys import KEYS as OTHER_KEYS
+from app.server import App
+from app.shared.library import Library
+from app.shared.workspace import Workspace
+from app.state.commands import Seek
+from benchmarks.app.bare_browser import BareBrowser
+
+
+def test_no_key_is_taken_twice_moves_the_camera_or_chooses_a_mode() -> None:
+    taken = [(key, modifier) for key, modifier, _, _ in KEYS]
+    assert len(set(taken)) == len(taken)
+    plain = {key for key, _ in taken}
+    assert not plain & set("WASDQE") and not any(key.startswith("arrow") for key in plain) and "tab" not in plain
+    assert not plain & set("MTO")
+
+
+def test_every_key_is_listed_for_the_person() -> None:
+    shown = label_keys_html()
+    assert all(text in shown for _, _, name, text in KEYS if not name.endswith("_more"))
+    assert {"N", "P", "Z"} <= {key for key, _, _ in OTHER_KEYS}  # the same hands in the other modes
+
+
+BALL_US = 300_000
+
+
+class Hand:
+    """Presses keys as fast as they are sent, and sees what has become of them."""
+
+    def __init__(self, lab: App) -> None:
+        self._browser = BareBrowser(lab.port)
+        session = self._browser.wait_session(lab)
+        session.send(Seek(BALL_US))
+        self._browser.trigger("Mode: Label")
+        mode = session._modes["Label"]
+        assert isinstance(mode, LabelMode)
+        self.mode = mode
+        self.wait(lambda: mode._editor is not None)
+        session.later(lambda: mode._use_name("hand"))
+        self.wait(lambda: self.work.view.annotator == "hand" and self.work.on_screen and "right" in self.work.saved)
+
+    @property
+    def editor(self) -> LabelEditor:
+        assert self.mode._editor is not None
+        return self.mode._editor
+
+    @property
+    def work(self) -> Labelling:
+        return self.editor.labelling
+
+    def keys(self, *names: str) -> None:
+        """By the names of their acts."""
+        texts = {name: text for _, _, name, text in KEYS}
+        for name in names:
+            self._browser.trigger(f"Label: {texts[name]}")
+
+    def wait(self, condition: Callable[[], object], timeout_s: float = 60.0) -> None:
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        self._browser.close()
+
+
+@pytest.fixture
+def hand(tmp_path: Path, serve_recording: Path) -> Iterator[Hand]:
+    workspace = Workspace(tmp_path)
+    shutil.copy(serve_recording, workspace.recording_path("serve"))
+    lab = App(workspace, Library(workspace), "serve", host="127.0.0.1", port=0)
+    hand = Hand(lab)
+    yield hand
+    hand.close()
+    lab.stop()
+
+
+def test_segments_are_accepted_though_enter_comes_before_proposals_and_pictures(hand: Hand) -> None:
+    hand.keys("propose", "accept_segment")
+    hand.wait(lambda: len(hand.work.works["left"].labels) > 10)
+    hand.keys("camera", "previous", "previous", "accept_segment", "ten_back", "ten_back")
+    hand.wait(lambda: len(hand.work.works["right"].labels) > 10)
+    labels = sorted(hand.work.works["right"].labels)
+    hand.wait(lambda: hand.work.t_us == labels[-1] + 2000 - 20 * 2000)  # what was pressed after Enter was done after it
+
+
+def test_undo_takes_back_a_segment_that_had_to_wait(hand: Hand) -> None:
+    hand.keys("propose", "accept_segment", "undo")
+    hand.wait(lambda: "left" in hand.work.saved and hand.work.saved["left"].can_redo)
+    assert not hand.work.here.labels
+    hand.keys("redo")
+    hand.wait(lambda: len(hand.work.here.labels) > 10)
+
+
+def test_escape_forgets_what_waits(hand: Hand) -> None:
+    hand.keys("propose", "accept_segment", "escape", "next")
+    hand.wait(lambda: hand.work.here.proposals is not None and hand.work.on_screen and not hand.editor.writer.waiting)
+    assert hand.work.t_us == BALL_US + 2000 and not hand.work.here.labels
+
+
+class Desktop:
+    """Acts that are written down; "late" must wait until it is open."""
+
+    def __init__(self) -> None:
+        self.open, self.place, self.done = False, 0, []
+        self.keys = HeldKeys(self.done.append, lambda name: name == "late" and not self.open, lambda: self.place)
+
+    def press(self, *names: str) -> None:
+        for name in names:
+            self.keys.press(name)
+
+
+def test_acts_behind_one_that_waits_keep_their_order() -> None:
+    desktop = Desktop()
+    desktop.press("first", "late", "late", "second", "late")
+    assert desktop.done == ["first"] and not desktop.keys.ready
+    desktop.open = True
+    assert desktop.keys.ready
+    desktop.keys.go_on()
+    assert desktop.done == ["first", "late", "second", "late"] and not len(desktop.keys)
+
+
+def test_going_elsewhere_forgets_what_waits() -> None:
+    desktop = Desktop()
+    desktop.press("late", "second")
+    desktop.open, desktop.place = True, 1
+    assert desktop.keys.ready
+    desktop.keys.go_on()
+    desktop.press("third")
+    assert desktop.done == ["third"]

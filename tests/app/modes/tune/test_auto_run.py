@@ -1,0 +1,134 @@
+"""A search for thresholds from the page: what it is given, what it answers, and what is shown."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from app.modes.tune.auto_run import (
+    AutoTuneCancelledError,
+    AutoTuneRequest,
+    TuningReport,
+    read_report,
+    report_html,
+    run_auto_tune,
+)
+from core.config import replace_setting
+from core.detection import DetectorConfig
+from core.errors import RallyscopeError
+from core.recordings import open_recording
+
+STRICT = replace_setting(DetectorConfig(), ("geometry", "circularity_min"), 0.9)
+
+
+@pytest.fixture
+def request_(serve_recording: Path, tmp_path: Path) -> AutoTuneRequest:
+    with open_recording(serve_recording) as recording:
+        uuid = recording.uuid
+    return AutoTuneRequest(
+        title="serve",
+        recording=serve_recording,
+        uuid=uuid,
+        camera="left",
+        all_cameras=False,
+        method="auto",
+        against="truth",
+        labels=tmp_path / "labels",
+        parameters=("geometry.circularity_min",),
+        trials=9,
+        seed=0,
+        start=STRICT,
+        where=("--jobs", "1"),
+    )
+
+
+def test_what_it_finds_comes_back_with_its_figures(request_: AutoTuneRequest) -> None:
+    shares: list[float] = []
+    lines: list[str] = []
+    answer = run_auto_tune(request_, progress=shares.append, say=lines.append, cancelled=lambda: False)
+    assert shares == sorted(shares) and shares[-1] == 1.0 and lines[-1].startswith("9 of 9 trials, best 0.")
+    after = answer.config.geometry.circularity_min
+    assert answer.report.trials == 9 and answer.report.changed == {"geometry.circularity_min": (0.9, after)}
+    assert answer.report.best.tuned.objective > answer.report.start.tuned.objective
+    assert dataclasses.replace(answer.config, geometry=STRICT.geometry) == STRICT
+
+
+def test_a_refusal_is_said_in_the_words_of_the_verb(request_: AutoTuneRequest) -> None:
+    off = dataclasses.replace(request_, parameters=("hot_pixels.tick_ms",))
+    nobody = dataclasses.replace(request_, against="labels")
+    for wrong, says in ((off, "^hot_pixels.tick_ms does nothing"), (nobody, "nobody has labelled this camera")):
+        with pytest.raises(RallyscopeError, match=says):
+            run_auto_tune(wrong, progress=lambda share: None, say=lambda line: None, cancelled=lambda: False)
+
+
+def test_a_search_that_is_cancelled_is_over(request_: AutoTuneRequest) -> None:
+    heard: list[str] = []
+    long = dataclasses.replace(request_, trials=5000)
+    with pytest.raises(AutoTuneCancelledError):
+        run_auto_tune(long, progress=lambda share: None, say=heard.append, cancelled=lambda: len(heard) > 2)
+
+
+def figures(objective: float, **other: object) -> dict[str, object]:
+    return {"precision": 0.9, "recall": 0.8, "median_error_px": 1.25, "objective": objective, "balls": 99, **other}
+
+
+def said(*, best_trial: int = 7, held_out: float = 0.75, **other: object) -> str:
+    report = {
+        "start": {"tuned": figures(0.61), "held_out": figures(0.7)},
+        "best": {"tuned": figures(0.91), "held_out": figures(held_out)},
+        "best_trial": best_trial,
+        "better_held_out": held_out > 0.7,
+        "trials": 64,
+        "changed": {"cluster.eps_px": [3.0, 2.5], "polarity.leading_polarity": ["auto", "<b>"]},
+        "importance": {"cluster.eps_px": 0.75, "geometry.solidity_min": 0.25},
+    }
+    return json.dumps(report | other)
+
+
+def shown(report: TuningReport) -> str:
+    return report_html("serve <1>", report)
+
+
+def test_both_sides_stand_below_each_other_with_what_was_changed() -> None:
+    text = shown(read_report(said()))
+    for words in (
+        "tuned on",
+        "held out",
+        "0.900",
+        "1.25 px",
+        "cluster.eps_px",
+        "<td style",
+        "2.5",
+        "75 %",
+        "64 trials",
+    ):
+        assert words in text
+    assert text.index("0.610") < text.index("0.910") < text.index("0.700") < text.index("0.750")
+    assert "geometry.solidity_min" in text and "as it was" in text and "serve &lt;1&gt;" in text
+
+
+def test_what_was_changed_comes_first_then_what_counts_most() -> None:
+    shares = {"roi.roi_expand_px": 0.5, "denoise.kernel_px": 0.3, "cluster.eps_px": 0.2}
+    text = shown(read_report(said(importance=shares)))
+    assert text.index("cluster.eps_px") < text.index("roi.roi_expand_px") < text.index("denoise.kernel_px")
+
+
+def test_it_says_whether_the_result_holds_where_nothing_was_tuned() -> None:
+    assert "better on the held-out windows, too" in shown(read_report(said()))
+    assert "not better on the held-out windows (0.700 before, 0.650 now)" in shown(read_report(said(held_out=0.65)))
+    assert "Nothing better was found" in shown(read_report(said(best_trial=0)))
+
+
+def test_what_has_no_number_is_a_dash_and_what_was_changed_is_escaped() -> None:
+    nothing = {"tuned": figures(-0.16, median_error_px=None, precision=None), "held_out": figures(0.7)}
+    report = read_report(said(start=nothing, importance={}))
+    assert math.isnan(report.start.tuned.median_error_px) and report.start.tuned.balls == 99
+    assert ">-<" in shown(report) and "&lt;b&gt;" in shown(report) and "<b>" not in shown(report)
+
+
+@pytest.mark.parametrize("line", ["", "{}", "[1]", "12 of 64 trials", '{"importance": 1'])
+def test_what_is_no_report_is_refused(line: str) -> None:
+    with pytest.raises(ValueError, match=r".*"):
+        read_report(line)
