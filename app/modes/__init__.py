@@ -1,1 +1,1 @@
-"""The modes of the app, one room each; `factories` knows them by name."""
+"""The modes of the app: each a folder with its panels, and what they all share."""

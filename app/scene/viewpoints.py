@@ -93,7 +93,7 @@ def follow_viewpoint(client: viser.ClientHandle, p_world_m: Array, share: float)
 
 
 def framed(viewpoint: Viewpoint, ps_world_m: ArrayLike, aspect: float, margin: float = MARGIN) -> Viewpoint:
-    """A viewpoint with the same direction and angle, moved so that the points (N, 3) just fill a picture of width over height.
+    """The viewpoint moved so that the points (N, 3) just fill a picture of this width over height.
 
     It turns about the point of its line of sight that is nearest to what it looked at.
     """
