@@ -6,6 +6,7 @@ import html
 import itertools
 import math
 import re
+from collections.abc import Iterable
 from typing import Final
 
 from core.errors import RallyscopeError
@@ -50,6 +51,20 @@ def html_text(text: str, most: int = LONGEST) -> str:
 
 
 LONGEST_TITLE: Final = 80
+
+
+def note_html(text: str, colour: str) -> str:
+    """A line of HTML in small letters, below a control."""
+    return f"<div style='font-size:12.5px;padding:1px 12px;color:{colour}'>{text}</div>"
+
+
+def table_row(cells: Iterable[object], style: str = "", *, tag: str = "td", row_style: str = "") -> str:
+    """A row of a table of HTML; `style` is that of every cell."""
+    return _opened("tr", row_style) + "".join(f"{_opened(tag, style)}{cell}</{tag}>" for cell in cells) + "</tr>"
+
+
+def _opened(tag: str, style: str) -> str:
+    return f"<{tag} style='{style}'>" if style else f"<{tag}>"
 
 
 def notice_of(error: RallyscopeError) -> tuple[str, str]:

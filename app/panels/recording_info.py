@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from app import theme
-from app.formatting.text import html_text
+from app.formatting.text import html_text, table_row
 from app.shared.library import Library
 from core.events import Health, RateCurve, rate_curve
 from core.recordings import Recording
@@ -87,4 +87,4 @@ def _health_row(name: str, health: Health) -> str:
         f"{health.mean_rate_hz / 1e6:.2f} Mev/s", f"{health.peak_rate_hz / 1e6:.2f} Mev/s",
         share, len(health.hot_pixels_xy), len(health.gaps),
     )  # fmt: skip
-    return "<tr>" + "".join(f"<td style='padding:0 14px 0 0'>{cell}</td>" for cell in cells) + "</tr>"
+    return table_row(cells, "padding:0 14px 0 0")

@@ -8,7 +8,7 @@ from typing import Final
 import viser
 
 from app import theme
-from app.formatting.text import html_text
+from app.formatting.text import html_text, note_html
 from app.modes.label.comparer import LabelComparer
 from app.modes.label.comparison import LabelComparison, apart_px, pair_legend, short_name
 from app.modes.label.labelling import Labelling
@@ -78,11 +78,11 @@ class MergePanel:
 def panel_html(labelling: Labelling, problem: str, notes: tuple[str, ...], *, waiting: bool) -> str:
     """What stands below the choice of whom to compare with."""
     if problem:
-        return _line(html_text(problem), theme.BAD)
+        return note_html(html_text(problem), theme.BAD)
     compared = labelling.compared_here
     if compared is None:
-        return _line("comparing", theme.MUTED) if waiting else ""
-    told = [_line(html_text(note), theme.BAD) for note in notes[:3]]
+        return note_html("comparing", theme.MUTED) if waiting else ""
+    told = [note_html(html_text(note), theme.BAD) for note in notes[:3]]
     t_us = labelling.t_us
     return "".join([*told, counts_html(compared), pair_html(compared, t_us, labelling.here.labels.get(t_us))])
 
@@ -93,7 +93,7 @@ def counts_html(compared: LabelComparison) -> str:
     name = html_text(short_name(compared.theirs.annotator))
     progress = f"<b>{settled} of {settled + left} settled</b>" if settled + left else "no conflicts"
     others = f"{compared.only_mine} only yours, {len(compared.only_theirs_us)} only {name}'s"
-    return _line(progress, theme.WARN if left else theme.GOOD) + _line(
+    return note_html(progress, theme.WARN if left else theme.GOOD) + note_html(
         f"{compared.agreed} agree (same state, within {WITHIN_PX:g} px); {others}", theme.MUTED
     )
 
@@ -102,7 +102,7 @@ def pair_html(compared: LabelComparison, t_us: int, mine: Label | None) -> str:
     """The two labels at a time, if they are to be seen beside each other, and how far apart they are."""
     theirs = compared.theirs_beside(t_us, mine)
     if theirs is None:
-        return _line("no conflict here", theme.MUTED)
+        return note_html("no conflict here", theme.MUTED)
     names = compared.mine.annotator, compared.theirs.annotator
     rows = "".join(
         f"<div style='{LINE};margin:2px 12px;border-left:6px solid {css_colour(ink, 'orange / blue')}'>"
@@ -117,8 +117,4 @@ def pair_html(compared: LabelComparison, t_us: int, mine: Label | None) -> str:
         distance += f"; settled: {HOW[how]}"
     elif how_theirs is not None:
         distance += f"; settled by {html_text(short_name(names[1]))}"
-    return rows + _line(distance.removeprefix("; "), theme.MUTED)
-
-
-def _line(text: str, colour: str) -> str:
-    return f"<div style='{LINE};color:{colour}'>{text}</div>"
+    return rows + note_html(distance.removeprefix("; "), theme.MUTED)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app import theme
-from app.formatting.text import html_text, percent
+from app.formatting.text import html_text, note_html, percent
 from app.modes.label.label_picture import STATE_INKS
 from app.modes.label.label_writer import LabelWriter
 from app.modes.label.labelling import Labelling
@@ -44,7 +44,7 @@ def live_words(share: float | None) -> tuple[tuple[str, PaletteIndex], ...]:
 
 def live_html(share: float | None) -> str:
     """What happens to the labels of a live rally."""
-    return _line(_live_text(share), BRAND)
+    return note_html(_live_text(share), BRAND)
 
 
 def _live_text(share: float | None) -> str:
@@ -56,14 +56,14 @@ def _live_text(share: float | None) -> str:
 def save_html(labelling: Labelling, writer: LabelWriter) -> str:
     """Whether everything is on the disk."""
     if writer.failure is not None:
-        return _line(f"not saved: {html_text(writer.failure)}", theme.BAD)
+        return note_html(f"not saved: {html_text(writer.failure)}", theme.BAD)
     if labelling.view.camera not in labelling.saved:
-        return _line("reading the labels", theme.MUTED)
+        return note_html("reading the labels", theme.MUTED)
     if writer.waiting:
-        return _line(f"saving {writer.waiting}", BRAND)
+        return note_html(f"saving {writer.waiting}", BRAND)
     if writer.saved_at is None:
-        return _line("nothing to save", theme.MUTED)
-    return _line(f"all saved at {time.strftime('%H:%M:%S', time.localtime(writer.saved_at))}", theme.GOOD)
+        return note_html("nothing to save", theme.MUTED)
+    return note_html(f"all saved at {time.strftime('%H:%M:%S', time.localtime(writer.saved_at))}", theme.GOOD)
 
 
 def status_words(
@@ -127,9 +127,9 @@ def here_html(
 ) -> str:
     """What is known at this time."""
     if labelling.asking is not None:
-        return _line(f"<b>not stored:</b> {html_text(labelling.asking.question)}", AMBER)
+        return note_html(f"<b>not stored:</b> {html_text(labelling.asking.question)}", AMBER)
     if labelling.view.repeat:
-        return _line("second look: place the ball again, without the first label", BRAND)
+        return note_html("second look: place the ball again, without the first label", BRAND)
     if label is not None:
         made = label.provenance
         text = (
@@ -139,18 +139,18 @@ def here_html(
         if label.covariance_px2 is not None:
             sigma = np.sqrt((label.covariance_px2[0] + label.covariance_px2[2]) / 2)
             text += f", &plusmn;{sigma:.2f} px"
-        first = _line(text, theme.GOOD)
+        first = note_html(text, theme.GOOD)
     elif drafted:
-        first = _line("<b>proposed</b>: space accepts, R rejects", "#ffe13c")
+        first = note_html("<b>proposed</b>: space accepts, R rejects", "#ffe13c")
     else:
-        first = _line("<b>unchecked</b>", theme.MUTED)
+        first = note_html("<b>unchecked</b>", theme.MUTED)
     lines = [first]
     if agreement is not None:
         colour = theme.GOOD if agreement.residual_px < 2 else theme.BAD
         text = f"cameras agree to {agreement.residual_px:.2f} px, ball {agreement.distance_m:.2f} m away"
-        lines.append(_line(f"{text}, expected radius {agreement.expected_r_px:.1f} px", colour))
+        lines.append(note_html(f"{text}, expected radius {agreement.expected_r_px:.1f} px", colour))
     if reason:
-        lines.append(_line(html_text(reason), BRAND))
+        lines.append(note_html(html_text(reason), BRAND))
     return "".join(lines)
 
 
@@ -159,9 +159,5 @@ def proposals_html(proposals: Proposals | None, share: float | None, held: bool)
     count = 0 if proposals is None else len(proposals)
     if share is not None:
         waits = "; Enter waits for it, Escape forgets that" if held else ""
-        return _line(f"proposing: {percent(share)}, {count} so far{waits}", BRAND if held else theme.MUTED)
-    return _line(f"{count} proposals", theme.MUTED) if count else ""
-
-
-def _line(text: str, colour: str) -> str:
-    return f"<div style='font-size:12.5px;padding:1px 12px;color:{colour}'>{text}</div>"
+        return note_html(f"proposing: {percent(share)}, {count} so far{waits}", BRAND if held else theme.MUTED)
+    return note_html(f"{count} proposals", theme.MUTED) if count else ""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import theme
+from app.formatting.text import table_row
 from app.shared.training_records import Metrics, number
 from core.learning.runs.summary import SeedSpread, spread_of
 from core.physics.episode import Case
@@ -183,7 +184,7 @@ def seed_results_html(results: SeedResults | None) -> str:
     """A row for each seed, and one for their mean; empty for a run with one seed."""
     if results is None:
         return ""
-    titles = "".join(f"<th style='{CELL}'>{title}</th>" for title in ("seed", "after", "returned", "error"))
+    titles = table_row(("seed", "after", "returned", "error"), CELL, tag="th")
     rows = [
         _row(str(one.seed), _after(one), _percent(one.returned), _mm(one.error_mm))
         for one in results.seeds[-LISTED_SEEDS:]
@@ -198,14 +199,14 @@ def seed_results_html(results: SeedResults | None) -> str:
     more = len(results.seeds) - LISTED_SEEDS
     note = f"and {more} seeds before; " if more > 0 else ""
     return (
-        f"<div style='font-size:11.5px;padding:2px 12px'><table style='width:100%'><tr>{titles}</tr>"
+        f"<div style='font-size:11.5px;padding:2px 12px'><table style='width:100%'>{titles}"
         f"{''.join(rows)}{mean}{ends}</table><span style='color:{theme.MUTED}'>{note}the last checkpoint's policy on "
         f"the fixed balls; interval of the mean, Student's t over seeds</span></div>"
     )
 
 
 def _row(*cells: str) -> str:
-    return "<tr>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
+    return table_row(cells, CELL)
 
 
 def _after(one: SeedEvaluation) -> str:

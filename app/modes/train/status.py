@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from app import theme
-from app.formatting.text import html_text, percent
+from app.formatting.text import html_text, percent, table_row
 from app.modes.train.plan_view import NEW_BALLS, NEW_RGB
 from app.modes.train.view import LISTED, Details
 from app.scene.landing import CASE_NAMES, CASE_RGB
@@ -126,12 +126,12 @@ def map_html(words: tuple[str, ...]) -> str:
 
 def log_html(log: tuple[str, ...], details: Details | None) -> str:
     """The last evaluations, and the tail of the log."""
-    titles = "".join(f"<th style='{CELL}'>{title}</th>" for title in ("after ball", "serves", "returned", "error"))
+    titles = table_row(("after ball", "serves", "returned", "error"), CELL, tag="th")
     lines = details.evaluations if details is not None else ()
     rows = "".join(_evaluation_row(line) for line in lines[-EVALUATIONS_SHOWN:])
     text = "\n".join(html_text(line, LONGEST_LOG_LINE) for line in log) or "nothing yet"
     return _box(
-        f"<b>The policy on the fixed balls</b><table style='width:100%'><tr>{titles}</tr>{rows}</table>"
+        f"<b>The policy on the fixed balls</b><table style='width:100%'>{titles}{rows}</table>"
         f"<b>Log</b><pre style='{LOG_STYLE}'>{text}</pre>"
     )
 
@@ -176,7 +176,7 @@ def _evaluation_row(line: dict[str, object]) -> str:
         f"{100 * number(line.get('returned')):.1f} %",
         f"{error:.0f} mm" if math.isfinite(error) else "-",
     )
-    return "<tr>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
+    return table_row(cells, CELL)
 
 
 def _result(returned: float, error_mm: float) -> str:

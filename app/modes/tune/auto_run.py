@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 
 from app import theme
 from app.background.child import ChildProcess, share_in
-from app.formatting.text import html_text
+from app.formatting.text import html_text, table_row
 from app.modes.tune.label_score import find_reference
 from core.detection import DetectorConfig
 from core.detection.methods import Method
@@ -114,7 +114,7 @@ def _thresholds(report: TuningReport) -> str:
         before, after = report.changed.get(name, ("", "as it was"))
         share = report.importance.get(name)
         bar = "" if share is None else f"{_bar(share)} {100 * share:.0f} %"
-        rows.append(_cells(html_text(name), html_text(_said(before)), html_text(_said(after)), bar))
+        rows.append(table_row((html_text(name), html_text(_said(before)), html_text(_said(after)), bar), CELL))
     return "".join(rows)
 
 
@@ -125,16 +125,13 @@ def _bar(share: float) -> str:
 
 def _row(side: str, config: str, figures: Figures) -> str:
     found = "-" if math.isnan(figures.median_error_px) else f"{figures.median_error_px:.2f} px"
-    return _cells(side, config, f"{figures.precision:.3f}", f"{figures.recall:.3f}", found, f"{figures.objective:.3f}")
+    return table_row(
+        (side, config, f"{figures.precision:.3f}", f"{figures.recall:.3f}", found, f"{figures.objective:.3f}"), CELL
+    )
 
 
 def _head(titles: tuple[str, ...]) -> str:
-    cells = "".join(f"<th style='text-align:left;font-weight:500;{CELL}'>{title}</th>" for title in titles)
-    return f"<tr>{cells}</tr>"
-
-
-def _cells(*cells: str) -> str:
-    return "<tr>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
+    return table_row(titles, f"text-align:left;font-weight:500;{CELL}", tag="th")
 
 
 def _said(value: object) -> str:

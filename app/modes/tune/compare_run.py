@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app import theme
-from app.formatting.text import html_text
+from app.formatting.text import html_text, table_row
 from app.modes.tune.label_score import find_reference
 from app.pictures.palette import METHOD_RGB
 from core.detection import DetectorConfig
@@ -180,7 +180,7 @@ def comparison_html(answer: CompareAnswer) -> str:
     agreement = answer.kind == "method"
     name = html_text(answer.reference)
     titles = ("", "shared" if agreement else "recall", "precision", "px p50 / p95", "ms p50 / p99")
-    head = "".join(f"<th style='text-align:left;font-weight:500;{CELL}'>{title}</th>" for title in titles)
+    head = table_row(titles, f"text-align:left;font-weight:500;{CELL}", tag="th")
     rows = "".join(_row(one) for one in answer.methods)
     said = f"against {name}: a ball counts as found within 8 px"
     if agreement:
@@ -193,7 +193,7 @@ def comparison_html(answer: CompareAnswer) -> str:
     muted = f"color:{theme.MUTED}"
     return (
         f"<div style='font-size:12px;padding:4px 8px'>{html_text(answer.title)}"
-        f"<table><tr>{head}</tr>{rows}</table>"
+        f"<table>{head}{rows}</table>"
         f"<div style='{muted}'>{said}. ms: processor time of a window of each method's own length.</div></div>"
     )
 
@@ -241,7 +241,7 @@ def _row(one: ComparedMethod) -> str:
         f"{_number(judged.error_at(50))} / {_number(judged.error_at(95))}",
         f"{_number(1e3 * judged.step_at(50))} / {_number(1e3 * judged.step_at(99))}",
     )
-    return "<tr>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
+    return table_row(cells, CELL)
 
 
 def _ratio(value: float) -> str:

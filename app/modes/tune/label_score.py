@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from app.formatting.text import html_text
+from app.formatting.text import html_text, table_row
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector
 from core.recordings import CameraStream
@@ -104,11 +104,7 @@ def _row(group: GroupScore) -> str:
         _figure(group.along_px, "+.2f", " px"),
         _figure(group.across_px, "+.2f", " px"),
     )
-    return (
-        "<tr style='white-space:nowrap'>"
-        + "".join(f"<td style='padding-right:14px'>{cell}</td>" for cell in cells)
-        + "</tr>"
-    )
+    return table_row(cells, "padding-right:14px", row_style="white-space:nowrap")
 
 
 def _figure(value: float, form: str, unit: str = "") -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from app import theme
-from app.formatting.text import html_text
+from app.formatting.text import html_text, table_row
 from app.modes.tune.label_score import LabelScore, label_score_html
 from app.modes.tune.settings import stage_anchor, stage_counts_html
 from app.panels.keys import float_below_pictures, place_below_pictures
@@ -71,10 +71,10 @@ class ScorePanel:
 def score_html(rows: list[str]) -> str:
     """The table of scores."""
     titles = ("", "precision", "recall", "mean error", "median error", "found", "missed", "false")
-    head = "".join(f"<th style='text-align:left;font-weight:500'>{title}</th>" for title in titles)
+    head = table_row(titles, "text-align:left;font-weight:500", tag="th")
     return (
         "<div style='font-size:12.5px;padding:4px 12px'>"
-        f"<table style='width:100%'><tr>{head}</tr>{''.join(rows)}</table>"
+        f"<table style='width:100%'>{head}{''.join(rows)}</table>"
         "a ball counts as found within 8 px of the truth at the estimate's own time</div>"
     )
 
@@ -90,7 +90,7 @@ def _score_row(title: str, score: Score) -> str:
         score.missed,
         score.false,
     )
-    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+    return table_row(cells)
 
 
 LISTED = 40
@@ -165,15 +165,14 @@ def candidates_html(name: str, trace: PipelineTrace, picked: int | None = None) 
     where = "searched in the ROI" if trace.roi else "searched on the whole sensor"
     ordered = sorted(trace.candidates, key=lambda one: (one.label != picked, one.rejected is not None, -one.size))
     titles = ("", "cluster", "events", "leads", "circularity", "solidity", "radius [px]", "verdict")
-    style = f"{CELL};text-align:left;font-weight:500;color:{theme.MUTED}"
-    head = "".join(f"<th style='{style}'>{title}</th>" for title in titles)
+    head = table_row(titles, f"{CELL};text-align:left;font-weight:500;color:{theme.MUTED}", tag="th")
     rows = "".join(_candidate_row(candidate, candidate.label == picked) for candidate in ordered[:LISTED])
     more = f"<div>and {len(ordered) - LISTED} smaller ones</div>" if len(ordered) > LISTED else ""
     label = f"Config {html_text(name)}: " if name else ""
     count = f"{len(ordered)} cluster" if len(ordered) == 1 else f"{len(ordered)} clusters"
     return (
         f"<div style='{TIGHT}'>{label}{verdict} &middot; {where} &middot; {count}"
-        f"<table style='width:100%;border-spacing:0'><tr>{head}</tr>{rows}</table>{more}</div>"
+        f"<table style='width:100%;border-spacing:0'>{head}{rows}</table>{more}</div>"
     )
 
 
@@ -192,8 +191,7 @@ def _candidate_row(candidate: Candidate, picked: bool) -> str:
         f"{shape.circularity:.2f}" if shape else "-", f"{shape.solidity:.2f}" if shape else "-",
         f"{circle.r_px:.1f}" if circle else "-", verdict,
     )  # fmt: skip
-    style = " style='background:rgba(255,140,40,0.25)'" if picked else ""
-    return f"<tr{style}>" + "".join(f"<td style='{CELL}'>{cell}</td>" for cell in cells) + "</tr>"
+    return table_row(cells, CELL, row_style="background:rgba(255,140,40,0.25)" if picked else "")
 
 
 class ResultsPanel:
