@@ -20,7 +20,7 @@ CONFIG = "detector settings saved in the app, a TOML file"
 class MethodArguments:
     """A detector that works."""
 
-    method: Method = flag(WHAT, "|".join(METHODS), "auto")
+    method: Annotated[Method, method_named] = flag(WHAT, "|".join(METHODS), "auto")
     config: Path | None = flag(CONFIG, "FILE")
 
     def settings(self) -> DetectorConfig:
@@ -52,7 +52,7 @@ class AnyMethodArguments:
     """A detector that looks at events or at pictures."""
 
     method: Annotated[str, any_method] = flag(
-        "; ".join(f"{name}: {what}" for name, what in (METHODS | FRAME_METHODS).items()),
+        "; ".join(f"{name}: {what}" for name, what in {**METHODS, **FRAME_METHODS}.items()),
         "|".join([*METHODS, *FRAME_METHODS]),
         "auto",
     )

@@ -8,13 +8,15 @@ import logging
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
+from typing import NoReturn
 
 from app.cli.arguments import Parser, add_verb, arguments_of
 from app.cli.terminal import PlainFormatter, say
-from core.errors import NotBuiltError, RallyscopeError
+from core.errors import CommandError, NotBuiltError, RallyscopeError
+from core.registry import use_plugins
 
 VERBS = {
     "serve": "open the app in a browser",
@@ -43,6 +45,12 @@ MODULES = {
     "train-detector": "train_detector",
 }
 """Verbs whose module has another name than the verb."""
+
+
+PLUGIN_FLAG = "--plugin"
+PLUGIN_HELP = (
+    "a Python file, which is run: it adds detectors, readers, label formats, exporters or rewards; again for each file"
+)
 
 
 def _module_name(verb: str) -> str:
@@ -75,12 +83,45 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: list[str]) -> int:
-    arguments = parse(argv)
+    plugins, words = split_plugins(argv)
+    use_plugins(plugins)  # first: they add choices to the verbs' arguments
+    arguments = parse(words)
     handler = logging.StreamHandler()
     handler.setFormatter(PlainFormatter("%(levelname)s %(name)s: %(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
     arguments.run(arguments)
     return 0
+
+
+def split_plugins(argv: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """The files of `--plugin FILE`, wherever they stand, and the other words.
+
+    Raises:
+        CommandError: for one without a file.
+    """
+    plugins, words, left = list[Path](), list[str](), list(argv)
+    while left:
+        word = left.pop(0)
+        if word == "--":
+            return plugins, [*words, word, *left]
+        if word != PLUGIN_FLAG and not word.startswith(f"{PLUGIN_FLAG}="):
+            words.append(word)
+            continue
+        file = word.partition("=")[2] or (left.pop(0) if left and not left[0].startswith("-") else "")
+        if not file:
+            raise CommandError(f"{PLUGIN_FLAG} without a file", expected=f"{PLUGIN_FLAG} FILE.py")
+        plugins.append(Path(file))
+    return plugins, words
+
+
+def _add_verb(parser: argparse.ArgumentParser, run: Callable[..., None]) -> None:
+    """The arguments of a verb, and those that all verbs have."""
+    add_verb(parser, run)
+
+    def is_abbreviated(word: str) -> NoReturn:
+        raise argparse.ArgumentTypeError(f"write {PLUGIN_FLAG} in full")
+
+    parser.add_argument(PLUGIN_FLAG, metavar="FILE.py", type=is_abbreviated, help=PLUGIN_HELP)
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
@@ -103,11 +144,11 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
             module = importlib.import_module(f"app.cli.{_module_name(verb)}")
             acts = getattr(module, "ACTS", None)
             if acts is None:
-                add_verb(child, module.run)
+                _add_verb(child, module.run)
                 continue
             sub_verbs = child.add_subparsers(dest="act", required=True, metavar="|".join(acts))
             for name, run in acts.items():
-                add_verb(sub_verbs.add_parser(name, help=arguments_of(run).__doc__), run)
+                _add_verb(sub_verbs.add_parser(name, help=arguments_of(run).__doc__), run)
     if chosen in VERBS and chosen not in BUILT and not {"-h", "--help"} & set(argv):
         raise NotBuiltError(f"`rallyscope {chosen}` is not built yet", remedy="see `rallyscope --help` for what is")
     return parser.parse_args(argv)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from app import theme
+from app.export.formats import FORMATS
 from app.formatting.file_text import html_text
 from app.modes.export.plan_panel import ExportPlan
 from core.detection import DetectorConfig
-
-COMPUTED: Final = frozenset({"rrd", "html", "viser", "mp4", "png"})
-"""Formats with what the chain finds in the events; the others hold what was recorded."""
 
 
 def made_with_html(plan: ExportPlan, config: DetectorConfig, annotators: tuple[str, ...]) -> str:
     """Lines about an export of a recording; empty for a training run and for what the browser draws."""
     if plan.what != "Recording" or plan.of_view:
         return ""
-    lines = [detector_text(config) if plan.format in COMPUTED else "As recorded: no detector is run for this format."]
+    lines = [
+        detector_text(config) if FORMATS[plan.format].computed else "As recorded: no detector is run for this format."
+    ]
     left_out = labels_left_out(plan, annotators)
     if left_out:
         lines.append(f"Left out: the labels of {html_text(', '.join(left_out))}.")

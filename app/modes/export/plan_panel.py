@@ -10,7 +10,7 @@ import viser
 
 from app.export.formats import FORMATS
 from app.modes.export.view_options import VIEW_PICTURE, VIEWS, ViewChoices, ViewOptions
-from app.widgets import Choice, Listing, when_changed
+from app.widgets import Choice, Listing, titles_of, when_changed
 
 What = Literal["Recording", "Training run"]
 WHATS: Final[tuple[What, ...]] = ("Recording", "Training run")
@@ -18,16 +18,6 @@ ALL, ROUND = "Everything", "2 s here"
 ROUND_US: Final = 1_000_000
 STRIDES_US: Final = {"2 ms": 2000, "4 ms": 4000, "10 ms": 10_000, "20 ms": 20_000, "40 ms": 40_000}
 NOBODY: Final = "nobody"
-TITLES: Final = {
-    "rrd": "Rerun (.rrd)",
-    "html": "3D scene as a web page (.html)",
-    "viser": "3D scene for viser (.viser)",
-    "mp4": "Film with both cameras, drawn here (.mp4)",
-    "png": "Picture with both cameras, of the end (.png)",
-    "dsec": "DSEC (HDF5 per camera)",
-    "evt3": "Prophesee RAW (EVT3)",
-    "csv": "CSV tables",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +52,10 @@ class ExportPlanPanel:
         self._here_us = here_us
         self._choice = Choice(gui, "What", WHATS, lambda what: later(lambda: self._choose(what)))
         self._run = Listing(gui, "Run", lambda _: None, hint="Trainings of the workspace")
-        self._titles = {**{name: TITLES[name] for name in FORMATS if name in TITLES}, **VIEWS}
+        self._titles = {
+            **titles_of({name: kind.label for name, kind in FORMATS.items() if kind.of_recordings}),
+            **VIEWS,
+        }
         self._title = gui.add_dropdown("Format", tuple(self._titles.values()))
         self._range = gui.add_folder("Part")
         with self._range:
