@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import typing
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import viser
 from viser import uplot
@@ -12,6 +12,12 @@ from app import theme
 
 MARK = "● "
 NOTHING = "-"
+
+
+def titles_of(labels: Mapping[str, str]) -> dict[str, str]:
+    """Name -> what a list of choices calls it: no two alike, and nothing of what has no label."""
+    shown = list(labels.values())
+    return {name: label if shown.count(label) == 1 else f"{label} ({name})" for name, label in labels.items() if label}
 
 
 class Choice:

@@ -15,6 +15,7 @@ import math
 import textwrap
 import types
 import typing
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,9 @@ from core.files import replace_file
 from core.text.toml_text import parse_toml
 
 C = typing.TypeVar("C")
+Sections = tuple[tuple[str, object], ...]
+"""Name and config of each section that is not as it comes, by name: the value of a field made with `open_sections`."""
+PLUGIN_REMEDY: typing.Final = "if it comes with a plugin, name that with --plugin"
 LARGEST_FILE_BYTES: typing.Final = 1 << 20
 """A config is a few kilobytes."""
 Setting = bool | int | float | str | tuple[float, ...]
@@ -65,6 +69,85 @@ def setting(default: float, low: float, high: float, *, step: float | None = Non
     return dataclasses.field(default=default, metadata={"bounds": Bounds(low, high, step)})
 
 
+def choice(default: str, offered: Collection[str]) -> typing.Any:
+    """A text field whose choices are registered: `offered` is asked whenever one is checked or shown."""
+    return dataclasses.field(default=default, metadata={"choices": offered})
+
+
+def open_sections(types: Mapping[str, type]) -> typing.Any:
+    """A field for sections that are registered: each stands in files and forms beside the declared ones.
+
+    `types` has the config of each by its name and is asked whenever one is needed. A name that is declared as a field
+    is that field. Call `normal_sections` from `__post_init__`.
+    """
+    return dataclasses.field(default=(), metadata={"sections": types})
+
+
+def normal_sections(config: object) -> None:
+    """Sections in order of their names, without those that are as they come, so that equal configs are equal.
+
+    Raises:
+        ConfigError: for a section that is not registered, or of another type.
+    """
+    found = _open_field(type(config))
+    assert found is not None, f"{type(config).__name__} has no open sections"
+    item, types = found
+    sections: dict[str, object] = {}
+    for name, section in getattr(config, item.name):
+        if name not in types or not isinstance(section, types[name]):
+            raise ConfigError(f"no section {name!r} of this kind", expected=_known(type(config)), got=repr(section))
+        check_settings(section)  # also where its class does not check itself
+        if section != types[name]():
+            sections[name] = section
+    object.__setattr__(config, item.name, tuple(sorted(sections.items())))
+
+
+def check_config_type(config: object, where: str) -> None:
+    """Check that sliders and files can be made of a config's fields: for configs that a plugin registers.
+
+    Raises:
+        ConfigError: if it is not a frozen dataclass with a default for each field, and bounds for each number.
+    """
+    expected = "a class with @dataclass(frozen=True), a default and bounds for each field, see core.config.setting"
+    params = getattr(config, "__dataclass_params__", None)
+    if not isinstance(config, type) or params is None or not params.frozen:
+        raise ConfigError("no config", expected=expected, got=repr(config), where=where)
+    try:
+        config()
+        specs = field_specs(config)
+    except (AssertionError, NameError, TypeError) as error:
+        raise ConfigError("not a config", expected=expected, got=error, where=where) from error
+    for spec in specs:
+        if spec.bounds is None and spec.kind is not bool and not spec.choices and not spec.is_list:
+            raise ConfigError(f"the setting {'.'.join(spec.path)} has no bounds", expected=expected, where=where)
+
+
+def _open_field(config_type: type) -> tuple[dataclasses.Field[typing.Any], Mapping[str, type]] | None:
+    """The field of a config that holds its registered sections, and their types."""
+    for item in dataclasses.fields(config_type):
+        if "sections" in item.metadata:
+            return item, item.metadata["sections"]
+    return None
+
+
+def _registered_sections(config_type: type) -> dict[str, type]:
+    found = _open_field(config_type)
+    if found is None:
+        return {}
+    declared = _declared(config_type)
+    return {name: kind for name, kind in found[1].items() if name not in declared}
+
+
+def _declared(config_type: type) -> set[str]:
+    return {item.name for item in dataclasses.fields(config_type)}
+
+
+def _known(config_type: type) -> str:
+    """What a table of this config may hold."""
+    declared = [item.name for item in dataclasses.fields(config_type) if "sections" not in item.metadata]
+    return f"one of {', '.join([*declared, *_registered_sections(config_type)])}"
+
+
 def check_settings(config: object) -> None:
     """Check every field of a config against its type and bounds; call it from `__post_init__`.
 
@@ -77,6 +160,9 @@ def check_settings(config: object) -> None:
         value = getattr(config, item.name)
         where = f"{type(config).__name__}.{item.name}"
         kind = hints[item.name]
+        if "sections" in item.metadata:
+            normal_sections(config)
+            continue
         if kind is float:
             if isinstance(value, bool) or not isinstance(value, (int, float)) or not _is_finite(value):
                 raise ConfigError("not a finite number", expected="float", got=repr(value), where=where)
@@ -88,6 +174,11 @@ def check_settings(config: object) -> None:
                 raise ConfigError("not a truth value", expected="true or false", got=repr(value), where=where)
         elif kind is str and not isinstance(value, str):
             raise ConfigError("not a text", expected="str", got=repr(value), where=where)
+        elif kind is str and value not in item.metadata.get("choices", (value,)):
+            choices = " | ".join(item.metadata["choices"])
+            raise ConfigError(
+                "not one of the choices", expected=choices, got=repr(value), where=where, remedy=PLUGIN_REMEDY
+            )
         elif typing.get_origin(kind) is typing.Literal and value not in typing.get_args(kind):
             choices = " | ".join(map(str, typing.get_args(kind)))
             raise ConfigError("not one of the choices", expected=choices, got=repr(value), where=where)
@@ -111,15 +202,19 @@ def _check_list(values: object, kind: type, where: str) -> None:
 
 
 def field_specs(config_type: type, *, prefix: tuple[str, ...] = ()) -> tuple[FieldSpec, ...]:
-    """Every leaf field of a config type, nested configs flattened in order of declaration."""
+    """Every leaf field of a config type, nested configs flattened in order of declaration, registered sections last."""
     hints = _type_hints(config_type)
     specs: list[FieldSpec] = []
     for item in dataclasses.fields(config_type):
         kind = hints[item.name]
+        if "sections" in item.metadata:
+            continue
         if dataclasses.is_dataclass(kind):
             specs.extend(field_specs(typing.cast(type, kind), prefix=(*prefix, item.name)))
         else:
             specs.append(field_spec(config_type, item.name, prefix=prefix))
+    for name, kind in _registered_sections(config_type).items():
+        specs.extend(field_specs(kind, prefix=(*prefix, name)))
     return tuple(specs)
 
 
@@ -127,7 +222,7 @@ def field_spec(config_type: type, name: str, *, prefix: tuple[str, ...] = ()) ->
     """One leaf field of a config type."""
     kind = _type_hints(config_type)[name]
     item = next(item for item in dataclasses.fields(config_type) if item.name == name)
-    choices: tuple[str, ...] = ()
+    choices: tuple[str, ...] = tuple(item.metadata.get("choices", ()))
     if typing.get_origin(kind) is typing.Literal:
         choices, kind = typing.get_args(kind), str
     is_list = typing.get_origin(kind) is tuple
@@ -142,8 +237,27 @@ def field_spec(config_type: type, name: str, *, prefix: tuple[str, ...] = ()) ->
 def get_setting(config: object, path: tuple[str, ...]) -> Setting:
     """The value of the leaf at `path`."""
     for name in path:
-        config = getattr(config, name)
+        config = get_section(config, name)
     return typing.cast(Setting, config)
+
+
+def get_section(config: object, name: str) -> typing.Any:
+    """A section of a config, or a field: declared, or registered.
+
+    Raises:
+        ConfigError: if there is none of this name.
+    """
+    if name in _declared(type(config)):
+        return getattr(config, name)
+    types = _registered_sections(type(config))
+    if name not in types:
+        raise ConfigError(f"no section or setting {name!r}", expected=_known(type(config)), remedy=PLUGIN_REMEDY)
+    return dict(_sections_of(config)).get(name, types[name]())
+
+
+def _sections_of(config: object) -> Sections:
+    found = _open_field(type(config))
+    return () if found is None else getattr(config, found[0].name)
 
 
 def replace_setting(config: C, path: tuple[str, ...], value: Setting) -> C:
@@ -153,13 +267,25 @@ def replace_setting(config: C, path: tuple[str, ...], value: Setting) -> C:
         ConfigError: if the value is not allowed there.
     """
     head, *rest = path
-    child = replace_setting(getattr(config, head), tuple(rest), value) if rest else value
+    child = replace_setting(get_section(config, head), tuple(rest), value) if rest else value
+    found = None if head in _declared(type(config)) else _open_field(type(config))
+    if found is not None:
+        head, child = found[0].name, tuple({**dict(_sections_of(config)), head: child}.items())
     return dataclasses.replace(typing.cast(typing.Any, config), **{head: child})
 
 
 def config_to_mapping(config: object) -> dict[str, object]:
-    """Nested plain dictionaries of a config, ready for TOML or JSON."""
-    return dataclasses.asdict(typing.cast(typing.Any, config))
+    """Nested plain dictionaries of a config, ready for TOML or JSON. Registered sections only if they were changed, so
+    that a file opens without a plugin that it does not need.
+    """
+    mapping: dict[str, object] = {}
+    for item in dataclasses.fields(typing.cast(typing.Any, config)):
+        value = getattr(config, item.name)
+        if "sections" in item.metadata:
+            mapping |= {name: config_to_mapping(section) for name, section in value}
+        else:
+            mapping[item.name] = config_to_mapping(value) if dataclasses.is_dataclass(value) else value
+    return mapping
 
 
 def config_from_mapping(config_type: type[C], mapping: object, *, where: str) -> C:
@@ -170,12 +296,18 @@ def config_from_mapping(config_type: type[C], mapping: object, *, where: str) ->
     """
     if not isinstance(mapping, dict):
         raise ConfigError("not a table of settings", expected="[section] with keys", got=repr(mapping), where=where)
-    hints = _type_hints(config_type)
-    values: dict[str, object] = {}
+    hints = dict(_type_hints(config_type))
+    found, sections, values = _open_field(config_type), dict[str, object](), dict[str, object]()
+    if found is not None:
+        del hints[found[0].name]
     for key, value in mapping.items():
         if key not in hints:
-            known = ", ".join(hints)
-            raise ConfigError(f"unknown setting {key!r}", expected=f"one of {known}", where=where)
+            types = _registered_sections(config_type)
+            if key not in types:
+                remedy = PLUGIN_REMEDY if found is not None else None
+                raise ConfigError(f"unknown setting {key!r}", expected=_known(config_type), where=where, remedy=remedy)
+            sections[key] = config_from_mapping(types[key], value, where=f"{where} [{key}]")
+            continue
         kind = hints[key]
         if dataclasses.is_dataclass(kind):
             values[key] = config_from_mapping(typing.cast(type, kind), value, where=f"{where} [{key}]")
@@ -183,6 +315,8 @@ def config_from_mapping(config_type: type[C], mapping: object, *, where: str) ->
             values[key] = float(value) if _is_finite(value) else math.inf  # one of hundreds of digits: refused below
         else:
             values[key] = value
+    if found is not None and sections:
+        values[found[0].name] = tuple(sections.items())
     try:
         return config_type(**values)
     except ConfigError as error:
@@ -251,7 +385,10 @@ def _type_hints(config_type: type) -> dict[str, typing.Any]:
 @functools.cache
 def _field_docs(config_type: type) -> types.MappingProxyType[str, str]:
     """Field name -> the string literal under it, read from the class's source."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(config_type)))
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(config_type)))
+    except (OSError, TypeError):  # a class that was typed in has no source
+        return types.MappingProxyType({})
     body = typing.cast(ast.ClassDef, tree.body[0]).body
     docs: dict[str, str] = {}
     for statement, below in itertools.pairwise(body):

@@ -78,6 +78,10 @@ class CommandError(RallyscopeError):
     """A command line that asks for something impossible."""
 
 
+class PluginError(RallyscopeError):
+    """Code of others, a file or an installed package, that cannot be loaded or registers what does not fit."""
+
+
 class JobsError(RallyscopeError):
     """A cluster that cannot be used or is gone, or a piece of work whose workers keep dying."""
 

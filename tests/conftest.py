@@ -116,6 +116,12 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
+def plugins() -> Path:
+    """The folder with the example plugins of the documentation."""
+    return HERE.parent / "docs" / "examples" / "plugins"
+
+
+@pytest.fixture(scope="session")
 def serve_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """0.6 s of one serve at 5 m/s, two calibrated 1280x720 cameras, with truth. Do not write to it."""
     path = draw_serve_series([LaunchConfig(speed_mps=5.0)], np.random.default_rng(7))

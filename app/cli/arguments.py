@@ -53,7 +53,9 @@ def flag(
 def setting_flag(config: type, setting: str, metavar: str | None = None, what: str = "") -> Any:
     """A flag that sets a field of a config, which says its default and, unless told otherwise, what it is."""
     spec = field_spec(config, setting)
-    return flag(what or spec.doc.removesuffix("."), metavar, spec.default)
+    (item,) = (item for item in dataclasses.fields(config) if item.name == setting)
+    registered = item.metadata.get("choices")  # of a text; those of a Literal are known by the field's type
+    return flag(what or spec.doc.removesuffix("."), metavar, spec.default, choices=registered)
 
 
 def positional(what: str, metavar: str, *, choices: Iterable[object] | None = None) -> Any:
@@ -67,11 +69,19 @@ def one_of(flags: Mapping[str, tuple[str, str]]) -> Any:
 
 
 def add_verb(parser: argparse.ArgumentParser, run: Callable[[A], None]) -> None:
-    """Give a parser the arguments of a verb; its result's `run()` then runs the verb with them."""
+    """Give a parser the arguments of a verb; its result's `run()` then runs the verb with them.
+
+    Raises:
+        CommandError: if what a plugin added has the name of another flag.
+    """
     kind = arguments_of(run)
     parser.description = " ".join((kind.__doc__ or "").split())
     parser.usage = getattr(kind, "USAGE", None)
-    add_arguments(parser, kind)
+    try:
+        add_arguments(parser, kind)
+    except argparse.ArgumentError as error:
+        remedy = "a plugin has taken the name of a flag: register what it adds by another name"
+        raise CommandError("two flags of one name", got=error, where=parser.prog, remedy=remedy) from error
     parser.set_defaults(run=lambda parsed: run(read_arguments(kind, parsed)))
 
 
@@ -89,7 +99,7 @@ def add_arguments(parser: argparse._ActionsContainer, kind: type) -> None:
         elif "one_of" in item.metadata:
             flags = parser.add_mutually_exclusive_group(required=True)
             for name, (what, metavar) in item.metadata["one_of"].items():
-                flags.add_argument(f"--{name}", type=get_args(hint)[1], metavar=metavar, help=what)
+                flags.add_argument(f"--{name}", dest=name, type=get_args(hint)[1], metavar=metavar, help=what)
         else:
             _add_argument(parser, item, hint)
 

@@ -22,7 +22,7 @@ DEFAULT = f"{DEFAULT_METHOD}; with --config the file's"
 class MethodArguments:
     """A detector that works."""
 
-    method: Method | None = flag(WHAT, "|".join(METHODS), DEFAULT)
+    method: Annotated[Method, method_named] | None = flag(WHAT, "|".join(METHODS), DEFAULT)
     config: Path | None = flag(CONFIG, "FILE")
 
     def settings(self) -> SavedDetector:
@@ -54,7 +54,7 @@ class AnyMethodArguments:
     """A detector that looks at events or at pictures."""
 
     method: Annotated[str, any_method] | None = flag(
-        "; ".join(f"{name}: {what}" for name, what in (METHODS | FRAME_METHODS).items()),
+        "; ".join(f"{name}: {what}" for name, what in {**METHODS, **FRAME_METHODS}.items()),
         "|".join([*METHODS, *FRAME_METHODS]),
         DEFAULT,
     )

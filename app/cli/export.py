@@ -26,7 +26,7 @@ class ExportArguments:
     """Write a recording, or a training run, for other tools."""
 
     source: Path = positional("a recording, or the folder of a training run", "REC|RUN")
-    to: tuple[str, Path] = one_of({name: (kind.what, "DIR" if kind.folder else "F") for name, kind in FORMATS.items()})
+    to: tuple[str, Path] = one_of(FORMATS.view(lambda kind: (kind.what, "DIR" if kind.folder else "F")))
     start_us: int | None = flag("from this time of the recording on", "N", "its start")
     end_us: PositiveInt | None = flag("up to this time", "N", "its end")
     stride_us: PositiveInt | None = flag("time between two pictures", "N", "4000; mp4: 10000")

@@ -17,6 +17,7 @@ from core.events import SensorSize
 from core.events.clock_table import read_clock_table
 from core.recordings.frame_import import FrameInput
 from core.recordings.importing import ImportSummary, import_recording
+from core.recordings.sources.readers import event_files
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +28,9 @@ class ImportArguments:
     """
 
     USAGE: ClassVar = "rallyscope import SRC [SRC2] DST.h5 [options]"
-    paths: tuple[Path, ...] = positional("event file(s), and the result", "SRC [SRC2] DST.h5")
+    paths: tuple[Path, ...] = positional(
+        f"event file(s) ({', '.join(dict.fromkeys(event_files().values()))}), and the result", "SRC [SRC2] DST.h5"
+    )
     names: Names | None = flag("what to call the cameras", "left,right")
     calibration: Path | None = flag("calibration of the cameras, to be kept along", "FILE")
     offset_us: int = flag("add N to SRC2's times to get SRC's clock", "N", 0)

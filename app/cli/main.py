@@ -8,12 +8,15 @@ import logging
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
+from pathlib import Path
+from typing import NoReturn
 
 from app.cli.arguments import Parser, add_verb, arguments_of
 from app.cli.terminal import PlainFormatter, say
-from core.errors import RallyscopeError
+from core.errors import CommandError, RallyscopeError
+from core.registry import use_plugins
 
 VERBS = {
     "serve": "open the app in a browser",
@@ -43,6 +46,10 @@ MODULES = {
 }
 """Verbs whose module has another name than the verb. A module has `run(arguments: ItsArguments)`, or several such
 functions by the names of its sub-verbs in `ACTS`."""
+PLUGIN_FLAG = "--plugin"
+PLUGIN_HELP = (
+    "a Python file, which is run: it adds detectors, readers, label formats, exporters or rewards; again for each file"
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -66,12 +73,45 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: list[str]) -> int:
-    arguments = parse(argv)
+    plugins, words = split_plugins(argv)
+    use_plugins(plugins)  # first: they add choices to the verbs' arguments
+    arguments = parse(words)
     handler = logging.StreamHandler()
     handler.setFormatter(PlainFormatter("%(levelname)s %(name)s: %(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
     arguments.run(arguments)
     return 0
+
+
+def split_plugins(argv: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """The files of `--plugin FILE`, wherever they stand, and the other words.
+
+    Raises:
+        CommandError: for one without a file.
+    """
+    plugins, words, left = list[Path](), list[str](), list(argv)
+    while left:
+        word = left.pop(0)
+        if word == "--":
+            return plugins, [*words, word, *left]
+        if word != PLUGIN_FLAG and not word.startswith(f"{PLUGIN_FLAG}="):
+            words.append(word)
+            continue
+        file = word.partition("=")[2] or (left.pop(0) if left and not left[0].startswith("-") else "")
+        if not file:
+            raise CommandError(f"{PLUGIN_FLAG} without a file", expected=f"{PLUGIN_FLAG} FILE.py")
+        plugins.append(Path(file))
+    return plugins, words
+
+
+def _add_verb(parser: argparse.ArgumentParser, run: Callable[..., None]) -> None:
+    """The arguments of a verb, and those that all verbs have."""
+    add_verb(parser, run)
+
+    def is_abbreviated(word: str) -> NoReturn:
+        raise argparse.ArgumentTypeError(f"write {PLUGIN_FLAG} in full")
+
+    parser.add_argument(PLUGIN_FLAG, metavar="FILE.py", type=is_abbreviated, help=PLUGIN_HELP)
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
@@ -90,9 +130,9 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
             module = importlib.import_module(f"app.cli.{MODULES.get(verb, verb)}")
             acts = getattr(module, "ACTS", None)
             if acts is None:
-                add_verb(child, module.run)
+                _add_verb(child, module.run)
                 continue
             sub_verbs = child.add_subparsers(dest="act", required=True, metavar="|".join(acts))
             for name, run in acts.items():
-                add_verb(sub_verbs.add_parser(name, help=arguments_of(run).__doc__), run)
+                _add_verb(sub_verbs.add_parser(name, help=arguments_of(run).__doc__), run)
     return parser.parse_args(argv)

@@ -30,6 +30,7 @@ from core.live.link.address import split_address
 from core.live.link.guard import check_reach
 from core.live.link.keys import ClientKeys, read_client_keys
 from core.physics.config import Profile
+from core.registry import discover_plugins
 
 if TYPE_CHECKING:
     from app.server import App
@@ -70,6 +71,7 @@ class ServeArguments:
 
 def run(arguments: ServeArguments) -> None:
     """Serve until interrupted."""
+    discover_plugins()  # what is wrong with one is said here, and not to a browser
     source = _check_source(arguments.source, arguments.recording)
     replay = read_replay(source) if source is not None else None
     order = read_camera_order(source, arguments.cameras)

@@ -26,8 +26,6 @@ from core.learning.config import (
     OutcomeSource,
     RacketSpeedRule,
     ReplayRule,
-    RewardConfig,
-    RewardKind,
     RunConfig,
     StateKind,
     StateSource,
@@ -36,6 +34,7 @@ from core.learning.config import (
     spinning_environment,
 )
 from core.learning.evaluation.reachable import reachable_words
+from core.learning.rewards import RewardConfig, RewardKind
 from core.learning.runs.run_files import create_run, read_run, seed_files
 from core.learning.task.recorded_balls import ball_state_files
 from core.physics.config import Profile

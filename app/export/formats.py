@@ -10,38 +10,11 @@ from typing import Final, Literal
 from app.export.selection import DEFAULT_STRIDE_US, Span, span_of
 from app.export.unfinished import Cancelled, Progress
 from core.chain import ChainConfig
-from core.errors import CommandError
+from core.errors import CommandError, PluginError
 from core.recordings import Recording
 from core.recordings.layout import Rows
+from core.registry import Registry
 from labels.arrays import LabelArrays
-
-
-@dataclass(frozen=True, slots=True)
-class ExportFormat:
-    """One format that the app can export to."""
-
-    what: str
-    suffix: str
-    folder: bool = False
-    """Several files in a folder instead of one."""
-    of_runs: bool = False
-    """Of training runs."""
-    of_recordings: bool = True
-
-
-FORMATS: Final = {
-    "rrd": ExportFormat("a Rerun recording: 3D, pictures with the detector's stages, curves", ".rrd", of_runs=True),
-    "html": ExportFormat("the 3D scene with playback as one web page", ".html"),
-    "viser": ExportFormat("the 3D scene with playback for viser's own player", ".viser"),
-    "mp4": ExportFormat(
-        "a film: 3D drawing and event pictures; of a training run every 10th ball", ".mp4", of_runs=True
-    ),
-    "png": ExportFormat("a picture of the end of the part: 3D drawing and event pictures", ".png"),
-    "dsec": ExportFormat("event files in DSEC's HDF5 layout, one per camera", "", folder=True),
-    "evt3": ExportFormat("Prophesee RAW files (EVT3), one per camera", "", folder=True),
-    "csv": ExportFormat("events, truth and the chain's columns as tables", "", folder=True),
-    "onnx": ExportFormat("the actor of a training run as an ONNX graph", ".onnx", of_runs=True, of_recordings=False),
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +35,106 @@ class ExportRequest:
     seed: int | None = None
     """Of a run: whose actor or film; None: its first."""
     policy: Literal["last", "best"] = "last"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ExportTask:
+    """An order of a recording with everything that it takes."""
+
+    order: ExportRequest
+    recording: Recording
+    span: Span
+    groups: Callable[[str], Rows | None]
+    """Rows of a group of the recording's file, such as `predictions`; None if it has none."""
+    labels: Mapping[str, LabelArrays]
+    progress: Progress
+    cancelled: Cancelled
+
+    @property
+    def path(self) -> Path:
+        """Where the result goes."""
+        return self.order.destination
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunTask:
+    """An order of a training run with everything that it takes."""
+
+    order: ExportRequest
+    run: Path
+    progress: Progress
+    cancelled: Cancelled
+
+    @property
+    def path(self) -> Path:
+        """Where the result goes."""
+        return self.order.destination
+
+
+@dataclass(frozen=True, slots=True)
+class ExportFormat:
+    """One format that recordings or runs are exported to, as `register_exporter` describes it."""
+
+    what: str
+    label: str
+    suffix: str
+    export: Callable[[ExportTask], tuple[Path, ...]] | None
+    export_run: Callable[[RunTask], tuple[Path, ...]] | None
+    computed: bool
+
+    @property
+    def folder(self) -> bool:
+        """Several files in a folder instead of one."""
+        return not self.suffix
+
+    @property
+    def of_runs(self) -> bool:
+        """Of training runs."""
+        return self.export_run is not None
+
+    @property
+    def of_recordings(self) -> bool:
+        """Of recordings."""
+        return self.export is not None
+
+
+FORMATS: Final[Registry[ExportFormat]] = Registry("exporter", "rallyscope.exporters")
+"""Every format by name."""
+
+
+def register_exporter(
+    name: str,
+    export: Callable[[ExportTask], tuple[Path, ...]] | None,
+    label: str,
+    suffix: str = "",
+    *,
+    what: str = "",
+    export_run: Callable[[RunTask], tuple[Path, ...]] | None = None,
+    computed: bool = False,
+) -> None:
+    """Add a format of exports: `export --NAME`, and the formats of the mode Export.
+
+    Args:
+        name: of the format; `--NAME` on the command line.
+        export: makes it of a part of a recording and returns the files; None if it cannot.
+        label: what the mode Export calls it; empty: it is for the command line only.
+        suffix: of the file, such as ".rrd"; empty: it makes a folder.
+        what: a line of help; empty: the label.
+        export_run: makes it of a training run; None if it cannot.
+        computed: whether it holds what the detector and the chain find, so that their settings matter.
+
+    Raises:
+        PluginError: if the name is taken, or one of these does not fit.
+    """
+    where = f"exporter {name}"
+    ways = [way for way in (export, export_run) if way is not None]
+    if not ways or not all(map(callable, ways)):
+        raise PluginError("no way to make it", expected="export(task) that returns the files", where=where)
+    if not isinstance(label, str) or not (what or label).strip():
+        raise PluginError("no label", expected="what the format is called", got=repr(label), where=where)
+    if not isinstance(suffix, str) or (suffix and not suffix.startswith(".")):
+        raise PluginError("not a suffix", expected='such as ".rrd", or none', got=repr(suffix), where=where)
+    FORMATS.register(name, ExportFormat(what or label, label, suffix, export, export_run, computed))
 
 
 def is_run(path: Path) -> bool:
@@ -85,57 +158,25 @@ def export(
         RallyscopeError: if it cannot be made.
         ExportCancelledError: if `cancelled` said so; nothing is left behind then.
     """
-    source, fits = ("recording", "of_recordings") if recording is not None else ("training run", "of_runs")
-    if not getattr(FORMATS[order.format], fits):
-        known = ", ".join(f"--{name}" for name, kind in FORMATS.items() if getattr(kind, fits))
+    chosen = FORMATS[order.format]
+    of_recording = recording is not None
+    if not (chosen.of_recordings if of_recording else chosen.of_runs):
+        source = "recording" if of_recording else "training run"
+        fitting = [name for name, kind in FORMATS.items() if (kind.of_recordings if of_recording else kind.of_runs)]
+        known = ", ".join(f"--{name}" for name in fitting)
         raise CommandError(f"a {source} has no such export", expected=known, got=f"--{order.format}")
-    if recording is None:
-        if run is None:
-            raise CommandError("nothing to export")
-        return (_export_run(order, run, progress, cancelled),)
-    span = span_of(recording, order.start_us, order.end_us)
-    return _EXPORTS[order.format](_Task(order, recording, span, groups, labels or {}, progress, cancelled))
-
-
-def _export_run(order: ExportRequest, run: Path, progress: Progress, cancelled: Cancelled) -> Path:
-    if order.format == "onnx":
-        try:
-            from app.export.onnx_actor import export_actor
-        except ImportError as error:
-            raise CommandError("an ONNX file needs onnx", remedy="pip install 'rallyscope[onnx]'") from error
-        return export_actor(run, order.destination, seed=order.seed, which=order.policy, overwrite=order.overwrite)
-    if order.format == "mp4":
-        from app.export.scenes.training_film import export_training_film
-
-        return export_training_film(
-            run, order.destination, seed=order.seed, overwrite=order.overwrite, progress=progress, cancelled=cancelled
-        )
-    from app.export.rrd.run import export_run
-
-    return export_run(run, order.destination, overwrite=order.overwrite, progress=progress, cancelled=cancelled)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Task:
-    """An order with everything that it takes."""
-
-    order: ExportRequest
-    recording: Recording
-    span: Span
-    groups: Callable[[str], Rows | None]
-    labels: Mapping[str, LabelArrays]
-    progress: Progress
-    cancelled: Cancelled
-
-    @property
-    def path(self) -> Path:
-        return self.order.destination
+    if recording is not None and chosen.export is not None:
+        span = span_of(recording, order.start_us, order.end_us)
+        return chosen.export(ExportTask(order, recording, span, groups, labels or {}, progress, cancelled))
+    if run is None or chosen.export_run is None:
+        raise CommandError("nothing to export")
+    return chosen.export_run(RunTask(order, run, progress, cancelled))
 
 
 # The formats are imported when they are asked for: each loads what only it needs.
 
 
-def _rrd(task: _Task) -> tuple[Path, ...]:
+def _rrd(task: ExportTask) -> tuple[Path, ...]:
     from app.export.rrd.recording import RrdContents, export_rrd
 
     order = task.order
@@ -154,7 +195,7 @@ def _rrd(task: _Task) -> tuple[Path, ...]:
     return (made,)
 
 
-def _csv(task: _Task) -> tuple[Path, ...]:
+def _csv(task: ExportTask) -> tuple[Path, ...]:
     from app.export.events.csv_tables import export_csv
 
     return export_csv(
@@ -163,7 +204,7 @@ def _csv(task: _Task) -> tuple[Path, ...]:
     )  # fmt: skip
 
 
-def _dsec(task: _Task) -> tuple[Path, ...]:
+def _dsec(task: ExportTask) -> tuple[Path, ...]:
     from app.export.events.dsec import export_dsec
 
     return export_dsec(
@@ -172,7 +213,7 @@ def _dsec(task: _Task) -> tuple[Path, ...]:
     )  # fmt: skip
 
 
-def _evt3(task: _Task) -> tuple[Path, ...]:
+def _evt3(task: ExportTask) -> tuple[Path, ...]:
     from app.export.events.evt3 import export_evt3
 
     return export_evt3(
@@ -181,7 +222,7 @@ def _evt3(task: _Task) -> tuple[Path, ...]:
     )  # fmt: skip
 
 
-def _film(task: _Task) -> tuple[Path, ...]:
+def _film(task: ExportTask) -> tuple[Path, ...]:
     from app.export.scenes.drawn_picture import STRIDE_US, export_mp4
 
     made = export_mp4(
@@ -191,7 +232,7 @@ def _film(task: _Task) -> tuple[Path, ...]:
     return (made,)
 
 
-def _still(task: _Task) -> tuple[Path, ...]:
+def _still(task: ExportTask) -> tuple[Path, ...]:
     from app.export.scenes.drawn_picture import export_png
 
     made = export_png(
@@ -201,7 +242,7 @@ def _still(task: _Task) -> tuple[Path, ...]:
     return (made,)
 
 
-def _scene(task: _Task) -> tuple[Path, ...]:
+def _scene(task: ExportTask) -> tuple[Path, ...]:
     from app.export.scenes.scene_file import STRIDE_US, export_scene
 
     made = export_scene(
@@ -212,13 +253,59 @@ def _scene(task: _Task) -> tuple[Path, ...]:
     return (made,)
 
 
-_EXPORTS: Final[dict[str, Callable[[_Task], tuple[Path, ...]]]] = {
-    "rrd": _rrd,
-    "html": _scene,
-    "viser": _scene,
-    "mp4": _film,
-    "png": _still,
-    "dsec": _dsec,
-    "evt3": _evt3,
-    "csv": _csv,
-}
+def _actor_of_run(task: RunTask) -> tuple[Path, ...]:
+    try:
+        from app.export.onnx_actor import export_actor
+    except ImportError as error:
+        raise CommandError("an ONNX file needs onnx", remedy="pip install 'rallyscope[onnx]'") from error
+    order = task.order
+    made = export_actor(task.run, task.path, seed=order.seed, which=order.policy, overwrite=order.overwrite)
+    return (made,)
+
+
+def _film_of_run(task: RunTask) -> tuple[Path, ...]:
+    from app.export.scenes.training_film import export_training_film
+
+    made = export_training_film(
+        task.run, task.path, seed=task.order.seed, overwrite=task.order.overwrite, progress=task.progress,
+        cancelled=task.cancelled,
+    )  # fmt: skip
+    return (made,)
+
+
+def _rrd_of_run(task: RunTask) -> tuple[Path, ...]:
+    from app.export.rrd.run import export_run
+
+    made = export_run(
+        task.run, task.path, overwrite=task.order.overwrite, progress=task.progress, cancelled=task.cancelled
+    )
+    return (made,)
+
+
+register_exporter(
+    "rrd", _rrd, "Rerun (.rrd)", ".rrd", export_run=_rrd_of_run, computed=True,
+    what="a Rerun recording: 3D, pictures with the detector's stages, curves",
+)  # fmt: skip
+register_exporter(
+    "html", _scene, "3D scene as a web page (.html)", ".html", computed=True,
+    what="the 3D scene with playback as one web page",
+)  # fmt: skip
+register_exporter(
+    "viser", _scene, "3D scene for viser (.viser)", ".viser", computed=True,
+    what="the 3D scene with playback for viser's own player",
+)  # fmt: skip
+register_exporter(
+    "mp4", _film, "Film with both cameras, drawn here (.mp4)", ".mp4", export_run=_film_of_run, computed=True,
+    what="a film: 3D drawing and event pictures; of a training run every 10th ball",
+)  # fmt: skip
+register_exporter(
+    "png", _still, "Picture with both cameras, of the end (.png)", ".png", computed=True,
+    what="a picture of the end of the part: 3D drawing and event pictures",
+)  # fmt: skip
+register_exporter("dsec", _dsec, "DSEC (HDF5 per camera)", what="event files in DSEC's HDF5 layout, one per camera")
+register_exporter("evt3", _evt3, "Prophesee RAW (EVT3)", what="Prophesee RAW files (EVT3), one per camera")
+register_exporter("csv", _csv, "CSV tables", what="events, truth and the chain's columns as tables")
+register_exporter(
+    "onnx", None, "", ".onnx", export_run=_actor_of_run, what="the actor of a training run as an ONNX graph"
+)
+FORMATS.mark_built_in()

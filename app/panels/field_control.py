@@ -9,7 +9,14 @@ import viser
 from app.formatting.text import field_words
 from core.config import FieldSpec
 
-TITLES = {"roi": "ROI", "ddpg": "DDPG", "rival": "Stable-Baselines3", "landing_model": "Landing model"}
+TITLES = {
+    "roi": "ROI",
+    "ddpg": "DDPG",
+    "rival": "Stable-Baselines3",
+    "landing_model": "Landing model",
+    "ebpp": "EBPP",
+    "fe_fusion": "F-E Fusion",
+}
 
 
 def section_title(path: tuple[str, ...]) -> str:

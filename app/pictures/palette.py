@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntEnum
 from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from core.detection.detector_registry import DETECTORS
 from core.detection.methods import METHODS, Method
 
 PolarityColours = Literal["orange / blue", "red / green", "white / grey"]
@@ -49,24 +51,19 @@ class PaletteIndex(IntEnum):
     MINE = 49
     THEIRS = 50
     """Two people's labels of one time."""
-    METHOD = 36
-    """First of one entry for each method, see `method_colour_index`."""
     RAMP = 64
     """First of RAMP_COLOURS entries, dark to bright."""
+    METHOD = 128
+    """First of METHOD_COLOURS entries, one for each method, see `method_colour_index`."""
 
 
 CLUSTER_COLOURS: Final = 12
 RAMP_COLOURS: Final = 64
-METHOD_RGB: Final[dict[Method, tuple[int, int, int]]] = {
-    "auto": (255, 240, 90),
-    "paper": (255, 130, 210),
-    "refined": (113, 217, 127),
-    "ebpp": (183, 111, 255),
-    "fe-fusion": (243, 89, 85),
-}
+METHOD_COLOURS: Final = 128
+METHOD_RGB: Final[Mapping[Method, tuple[int, int, int]]] = DETECTORS.view(lambda one: one.colour)
 """Of circles and curves where methods are beside each other; cyan is the truth's.
 
-These, the states of labels and the cases of a rally differ for the colour-blind, too, as tests/app/pictures hold.
+Ours, the states of labels and the cases of a rally differ for the colour-blind, too, as tests/app/pictures hold.
 """
 
 _POLARITY_RGB: Final = {
@@ -107,7 +104,7 @@ _CLUSTER_RGB: Final = (
 
 def method_colour_index(method: Method) -> int:
     """The colour of a method."""
-    return PaletteIndex.METHOD + list(METHODS).index(method)
+    return PaletteIndex.METHOD + list(METHODS).index(method) % METHOD_COLOURS
 
 
 def palette(colours: PolarityColours) -> NDArray[np.uint8]:

@@ -5,24 +5,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 from app.shared.workspace import Workspace
 from core.errors import RecordingError
 from core.events import Health, assess_health, sample_spans
 from core.recordings import Recording, import_recording, open_recording
-
-EVENT_FILES: Final = {
-    ".raw": "Prophesee RAW",
-    ".dat": "Prophesee DAT",
-    ".aedat4": "AEDAT4",
-    ".es": "Event Stream",
-    ".hdf5": "HDF5",
-    ".npz": "NumPy",
-    ".npy": "NumPy",
-    ".csv": "CSV",
-}
-"""Files of others that may lie in the folder of recordings, by the end of their name, and what they are called."""
+from core.recordings.sources.readers import event_files
 
 
 class Library:
@@ -129,11 +117,11 @@ class Library:
 
     def _files_to_import(self) -> dict[str, Path]:
         """Name in the list -> event file of the workspace that nobody has imported yet."""
-        recordings = self._workspace_names()
+        recordings, called = self._workspace_names(), event_files()
         return {
-            f"{path.name} ({EVENT_FILES[path.suffix.lower()]}, imported when opened)": path
+            f"{path.name} ({called[path.suffix.lower()]}, imported when opened)": path
             for path in self._workspace.recordings.iterdir()
-            if path.suffix.lower() in EVENT_FILES and not path.name.startswith(".") and path.stem not in recordings
+            if path.suffix.lower() in called and not path.name.startswith(".") and path.stem not in recordings
         }
 
     def _path(self, name: str) -> Path:

@@ -25,8 +25,6 @@ from core.recordings import CameraStream
 
 ZOOM: Final = 8.0
 """Of a view that is not zoomed: the ball and its surroundings are compared, not the sensor."""
-COLUMNS: Final = (1, 1, 2, 2, 2, 3)
-"""By the number of tiles: with these they are largest in a window that is wider than high."""
 TILE_WIDTH_PX: Final = 800
 
 
@@ -57,7 +55,7 @@ def render_methods(
 ) -> Mosaic:
     """All tiles show the same part of the sensor."""
     region = _region(request, found, reference)
-    columns = COLUMNS[len(found)] if request.look.arrangement == "side by side" else 1
+    columns = columns_of(len(found)) if request.look.arrangement == "side by side" else 1
     canvases: list[Canvas] = []
     for answer in found:
         canvas = Canvas(region, across=columns, width_px=TILE_WIDTH_PX)
@@ -68,6 +66,11 @@ def render_methods(
         canvas.caption(f"{answer.method}: {verdict(answer, reference)}", ink)
         canvases.append(canvas)
     return lay_out_grid(canvases, request.look.colours, columns)
+
+
+def columns_of(tiles: int) -> int:
+    """How many tiles stand side by side: with as many rows they are largest in a window that is wider than high."""
+    return max(1, math.ceil(math.sqrt(tiles)))
 
 
 def verdict(answer: WindowAnswer, reference: PixelReference | None) -> str:

@@ -17,12 +17,12 @@ from core.learning.config import (
     LandingModelConfig,
     ReplayRule,
     RewardConfig,
-    RewardKind,
     RunConfig,
     Sb3Config,
     default_run,
     environment_profile,
 )
+from core.learning.rewards import RewardKind
 
 Exploration = Literal["default", "matched"]
 EXPLORATIONS: tuple[Exploration, ...] = ("default", "matched")

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from core.cameras import TriangulationConfig
-from core.config import check_settings, setting
+from core.config import check_settings, choice, setting
 from core.detection import DetectorConfig, refined_config
-from core.detection.methods import Method, method_config
+from core.detection.methods import METHODS, Method, method_config
 from core.trajectory import (
     FilterConfig,
     FilterPredictor,
@@ -74,7 +74,7 @@ class SizeCheckConfig:
 class ChainConfig:
     """Detector, triangulation, flight, prediction; `of_method` has what goes with another detector."""
 
-    method: Method = "refined"
+    method: Method = choice("refined", METHODS)
     """The detector."""
     detector: DetectorConfig = field(default_factory=refined_config)
     triangulation: TriangulationConfig = field(default_factory=TriangulationConfig)

@@ -10,7 +10,7 @@ from core.detection.config import (
 )
 from core.detection.detector import Detection, Detector
 from core.detection.fast.detector import FastDetector
-from core.detection.methods import make_detector
+from core.detection.methods import make_detector, register_detector
 from core.detection.pipeline import ReferenceDetector, trace_window
 from core.detection.refined.detector import RefinedDetection, RefinedDetector
 from core.detection.stage_trace import Candidate, PipelineTrace, StageTrace, TrackState
@@ -33,5 +33,6 @@ __all__ = [
     "make_detector",
     "paper_config",
     "refined_config",
+    "register_detector",
     "trace_window",
 ]

@@ -6,6 +6,8 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Final
 
+from core.config import Sections, normal_sections, open_sections
+from core.detection.detector_registry import DETECTORS, section_name
 from core.detection.ebpp_config import EbppConfig
 from core.detection.fe_fusion_config import FeFusionConfig
 from core.detection.refined_config import RefinedConfig
@@ -43,6 +45,13 @@ class DetectorConfig:
     """Of the rival `ebpp`, likewise."""
     fe_fusion: FeFusionConfig = field(default_factory=FeFusionConfig)
     """Of the rival `fe-fusion`, likewise."""
+    registered: Sections = open_sections(
+        DETECTORS.view(lambda one: one.config or object, where=lambda one: one.config is not None, key=section_name)
+    )
+    """Of each other method that is registered, likewise: a section of its name."""
+
+    def __post_init__(self) -> None:
+        normal_sections(self)
 
 
 def auto_config() -> DetectorConfig:

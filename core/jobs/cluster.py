@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import dask.config
-from distributed import Client, KilledWorker, Security, get_worker
+from distributed import Client, KilledWorker, Security, WorkerPlugin, get_worker
 
 from core.errors import JobsError
 from core.jobs.control import TasksStoppedError
 from core.jobs.threads import use_one_thread
+from core.registry import load_same_plugins, plugin_hashes
 
 PACKAGES: Final = ("numpy", "numba", "distributed")
 ROOT: Final = Path(__file__).parents[2]
@@ -101,6 +102,8 @@ class ClusterExecutor(Executor):
         self._client: Any = _connect(address)
         try:
             self._check_workers()
+            if plugins := plugin_hashes():
+                self._client.register_plugin(_LoadPlugins(plugins), name=self._topic)
             self._client.subscribe_topic(self._topic, self._hear)
             self._executor = self._client.get_executor(pure=False)
         except BaseException:
@@ -149,6 +152,8 @@ class ClusterExecutor(Executor):
         """Leave the cluster. With `cancel_futures` nothing of ours goes on there."""
         with suppress(Exception):  # the scheduler may be gone, and there is nothing left to do then
             if self._client.status == "running":
+                if plugin_hashes():
+                    self._client.unregister_worker_plugin(self._topic)
                 self._executor.shutdown(wait=wait and not cancel_futures)
         self._client.close(timeout=CONNECT_S)
 
@@ -188,6 +193,17 @@ class _Task:
         check_worker(self._versions, *_worker_facts(worker), worker.address)
         use_one_thread()
         return self._fn(*args, _WorkerControl(worker, self._number, self._topic), **kwargs)
+
+
+class _LoadPlugins(WorkerPlugin):
+    """Lets every worker, also one that comes later, load our plugins before it unpacks what they made."""
+
+    def __init__(self, plugins: dict[str, str]) -> None:
+        self._plugins = plugins
+
+    def setup(self, worker: Any) -> None:
+        """Called once in each worker."""
+        load_same_plugins(self._plugins)
 
 
 class _WorkerControl:

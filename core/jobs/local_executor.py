@@ -21,6 +21,7 @@ from typing import Any, Final, TypeVar
 from core.files import end_with_parent
 from core.jobs.control import CallbackControl, TaskControl, TaskLostError
 from core.jobs.threads import use_one_thread
+from core.registry import load_plugin_files
 
 logger = logging.getLogger(__name__)
 
@@ -141,6 +142,7 @@ def _start_process(share: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
     use_one_thread()
+    load_plugin_files()  # a piece may hold what a plugin made, and is unpacked after this
 
 
 def _work(fn: Callable[..., R], *args: Any, **kwargs: Any) -> R:

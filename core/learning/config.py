@@ -11,9 +11,9 @@ from typing import Final, Literal
 
 from core.config import check_settings, setting
 from core.errors import ConfigError
+from core.learning.rewards import RewardConfig
 from core.physics.config import Profile
 from core.physics.task import TaskConfig, hard_serves, task_profile
-from core.table import NET_HEIGHT_M, TABLE_LENGTH_M
 
 AgentName = Literal["ddpg", "landing-model", "ppo", "a2c", "trpo", "td3", "sac"]
 StateSource = Literal["predicted", "truth", "truth+noise", "timed", "events"]
@@ -27,7 +27,6 @@ SPINNING_RADPS: Final = 100.0
 ReplayRule = Literal["threshold", "discard", "retain"]
 HeadName = Literal["free", "flight", "impact", "process", "reflection"]
 WITHOUT_NETWORKS: Final[tuple[HeadName, ...]] = ("process", "reflection")
-RewardKind = Literal["cdta", "case", "simple"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,44 +138,6 @@ class EnvironmentConfig:
                 got=f"{self.state_source}, outcomes {self.outcomes}",
                 where="recorded",
             )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RewardConfig:
-    """The three rewards: CDTA (the paper's, time-weighted), case-based with constant weights, and simple."""
-
-    kind: RewardKind = "cdta"
-    """cdta: case-dependent temporally adaptive (the paper's), first for returning, later for placing; case: constant
-    weights for each case; simple: returned or not, or how near to the target."""
-    base: float = setting(1.0, 0.1, 10.0)
-    """l_base: a returned ball (choice)."""
-    scale: float = setting(3.0, 0.0, 20.0)
-    """l_scale: the most that accuracy adds (choice)."""
-    beta: float = setting(0.02, 0.0, 0.5)
-    """CDTA: the weight of returning is exp(-beta n), n the episode at this speed (choice)."""
-    case_weight: float = setting(0.5, 0.0, 1.0)
-    """Case-based: the constant weight of returning (w1); accuracy has the rest."""
-    own_half: float = setting(1.0, 0.0, 10.0)
-    """l1, case 1."""
-    net: float = setting(1.0, 0.0, 10.0)
-    """l2, case 2."""
-    out: float = setting(1.0, 0.0, 10.0)
-    """l3, case 3."""
-    missed: float = setting(1.0, 0.0, 10.0)
-    """Penalty when the racket does not touch the ball, which the paper's simulation does not know (choice)."""
-    reach_m: float = setting(1.0, 0.1, 3.0)
-    """d_max: from here on accuracy adds nothing (choice)."""
-    own_half_reach_m: float = setting(TABLE_LENGTH_M / 2, 0.1, 3.0)
-    """d_max2 (choice)."""
-    out_reach_m: float = setting(2.0, 0.1, 5.0)
-    """d_max3 (choice)."""
-    net_height_m: float = setting(NET_HEIGHT_M, 0.1, 0.3)
-    """h_net."""
-    simple_accuracy: bool = False
-    """Simple: a returned ball also earns its accuracy; otherwise l_base alone."""
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

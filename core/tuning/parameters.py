@@ -13,26 +13,16 @@ from core.config import (
     config_from_mapping,
     config_to_mapping,
     field_specs,
+    get_section,
     get_setting,
     replace_setting,
 )
 from core.detection import DetectorConfig
+from core.detection.detector_registry import DETECTORS
 from core.detection.methods import SECTIONS, method_config, method_named
 from core.errors import ConfigError
 
-_STAGES: Final = (
-    "roi.roi_expand_px", "denoise.kernel_px", "cluster.eps_px", "cluster.min_samples", "cluster.size_min",
-    "polarity.outlier_radius_px", "geometry.circularity_min", "geometry.solidity_min", "localise.radius_min_px",
-    "localise.radius_max_px",
-)  # fmt: skip
-USUAL: Final[Mapping[str, tuple[str, ...]]] = {
-    "auto": _STAGES,
-    "paper": _STAGES,
-    "refined": (
-        "refined.motion_px", "refined.delay_us", "refined.residual_px", "refined.coverage_min", "refined.inside_max",
-        "refined.fill_min", "refined.stray_max", "refined.evidence_min", "refined.confirm_fits", "refined.coast_us",
-    ),
-}  # fmt: skip
+USUAL: Final[Mapping[str, tuple[str, ...]]] = DETECTORS.view(lambda one: one.usual, where=lambda one: bool(one.usual))
 """What is searched for unless told otherwise: that which decides what a ball is. A method that is not here has all of
 its own sections. The length of a window is in none: it is also a matter of latency."""
 LARGEST_POWER: Final = 4.0
@@ -136,7 +126,7 @@ def config_with(start: DetectorConfig, values: Mapping[str, Setting]) -> Detecto
     mapping = config_to_mapping(start)
     for name, value in values.items():
         section, _, field = name.partition(".")
-        table = mapping[section]
+        table = mapping.setdefault(section, {})  # of a registered one that is as it comes
         assert isinstance(table, dict)
         table[field] = value
     return config_from_mapping(DetectorConfig, mapping, where="tuning")
@@ -157,4 +147,4 @@ def _is_obeyed(method: str, start: DetectorConfig, spec: FieldSpec) -> bool:
 
 
 def _is_on(config: DetectorConfig, name: str) -> bool:
-    return bool(getattr(getattr(config, name.partition(".")[0]), "enabled", True))
+    return bool(getattr(get_section(config, name.partition(".")[0]), "enabled", True))

@@ -1,10 +1,9 @@
 """Exchange formats: one small file each, all with the same two functions, `write` and `read`."""
 
-from typing import Final
-
-from labels.formats.coco import COCO
-from labels.formats.cvat import CVAT
+from labels.formats.coco import read_coco, write_coco
+from labels.formats.cvat import read_cvat, write_cvat
 from labels.formats.exchange import (
+    FORMATS,
     Exported,
     ExportOptions,
     ImportContext,
@@ -12,16 +11,25 @@ from labels.formats.exchange import (
     LabelFormat,
     LabelSet,
     Rejection,
+    register_label_format,
 )
-from labels.formats.plain_csv import PLAIN_CSV
-from labels.formats.recording_group import HDF5
-from labels.formats.tracknet import TRACKNET
-from labels.formats.voc import VOC
-from labels.formats.yolo import YOLO, YOLO_POSE
+from labels.formats.plain_csv import read_csv, write_csv
+from labels.formats.recording_group import read_hdf5, write_hdf5
+from labels.formats.tracknet import read_tracknet, write_tracknet
+from labels.formats.voc import read_voc, write_voc
+from labels.formats.yolo import read_yolo, write_yolo, write_yolo_pose
 
-FORMATS: Final[dict[str, LabelFormat]] = {
-    item.name: item for item in (VOC, YOLO, YOLO_POSE, COCO, TRACKNET, CVAT, PLAIN_CSV, HDF5)
-}
+register_label_format("voc", write_voc, read_voc, "Pascal VOC", "Pascal VOC XML as LabelImg writes it", pictures=True)
+register_label_format("yolo", write_yolo, read_yolo, "YOLO", "YOLO text files with boxes", pictures=True)
+register_label_format(
+    "yolo-pose", write_yolo_pose, read_yolo, "YOLO pose", "YOLO text files with the centre as a keypoint", pictures=True
+)
+register_label_format("coco", write_coco, read_coco, "COCO", "COCO keypoints JSON", pictures=True)
+register_label_format("tracknet", write_tracknet, read_tracknet, "TrackNet", "TrackNetV2/V3 CSV", pictures=True)
+register_label_format("cvat", write_cvat, read_cvat, "CVAT", "CVAT XML 1.1 for images", pictures=True)
+register_label_format("csv", write_csv, read_csv, "CSV, nothing is lost", "plain CSV with every field")
+register_label_format("hdf5", write_hdf5, read_hdf5, "", "the group /labels/<camera> of a recording")
+FORMATS.mark_built_in()
 
 __all__ = [
     "FORMATS",
@@ -32,4 +40,5 @@ __all__ = [
     "LabelFormat",
     "LabelSet",
     "Rejection",
+    "register_label_format",
 ]

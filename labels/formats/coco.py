@@ -20,7 +20,6 @@ from labels.formats.exchange import (
     ExportOptions,
     ImportContext,
     Imported,
-    LabelFormat,
     LabelSet,
     count_losses,
     files_at,
@@ -162,6 +161,3 @@ def _label_of(entry: JsonObject, t_us: int, context: ImportContext) -> Label:
     if isinstance(own, str):
         state = LabelState(own)
     return context.make(t_us, state, x - HALF_PIXEL, y - HALF_PIXEL, radius)
-
-
-COCO = LabelFormat("coco", "COCO keypoints JSON", write_coco, read_coco, pictures=True)

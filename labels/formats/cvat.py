@@ -14,7 +14,6 @@ from labels.formats.exchange import (
     ExportOptions,
     ImportContext,
     Imported,
-    LabelFormat,
     LabelSet,
     count_losses,
     files_at,
@@ -135,6 +134,3 @@ def _label_of(shape: XmlNode, t_us: int, context: ImportContext) -> Label:
     else:
         raise LabelError(f"<{shape.tag}> is not a ball", expected="points, box, ellipse, or a tag for a state")
     return context.make(t_us, state, x - HALF_PIXEL, y - HALF_PIXEL, radius)
-
-
-CVAT = LabelFormat("cvat", "CVAT XML 1.1 for images", write_cvat, read_cvat, pictures=True)

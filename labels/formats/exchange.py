@@ -9,14 +9,16 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 from urllib.parse import quote
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import LabelError
+from core.errors import LabelError, PluginError
 from core.events import SensorSize
 from core.files import replace_file
+from core.registry import Registry
 from labels.model import Label, LabelState, PositionSource, Provenance
 
 CLASS_NAME = "ball"
@@ -157,6 +159,37 @@ class LabelFormat:
     """From a folder or file."""
     pictures: bool = False
     """Whether its tools want the pictures beside it."""
+    label: str = ""
+    """What the app calls it; empty: it is for the command line only."""
+
+
+FORMATS: Final[Registry[LabelFormat]] = Registry("label format", "rallyscope.label_formats")
+"""Every format by name."""
+
+
+def register_label_format(
+    name: str, write: Writer, read: Reader, label: str, summary: str = "", *, pictures: bool = False
+) -> None:
+    """Add a format of labels: to `labels import` and `labels export`, and to the app's list of formats.
+
+    Args:
+        name: of the format, on the command line.
+        write: writes the labels of one camera into a folder, and says what the format cannot hold.
+        read: reads a file or a folder; what does not become a label is rejected, with its line.
+        label: what the app calls it; empty: it is for the command line only.
+        summary: a line of help; empty: the label.
+        pictures: whether its tools want the pictures beside it.
+
+    Raises:
+        PluginError: if the name is taken, or one of these does not fit.
+    """
+    where = f"label format {name}"
+    if not callable(write) or not callable(read):
+        expected = "write(labels, folder, options) and read(path, context)"
+        raise PluginError("no way to write and read it", expected=expected, where=where)
+    if not isinstance(label, str) or not (summary or label).strip():
+        raise PluginError("no label", expected="what the format is called", got=repr(label), where=where)
+    FORMATS.register(name, LabelFormat(name, summary or label, write, read, pictures, label))
 
 
 class Collector:

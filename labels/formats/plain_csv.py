@@ -13,7 +13,6 @@ from labels.formats.exchange import (
     ExportOptions,
     ImportContext,
     Imported,
-    LabelFormat,
     LabelSet,
     files_at,
     picture_name,
@@ -60,6 +59,3 @@ def _read_file(text: str, file: Path, context: ImportContext, collector: Collect
                 raise LabelError("wrong number of fields", expected=len(header), got=len(fields))
             row = dict(zip(header, (field.strip() for field in fields), strict=True))
             collector.add(label_of_row(row, context.origin), file, line)
-
-
-PLAIN_CSV = LabelFormat("csv", "plain CSV with every field", write_csv, read_csv)

@@ -14,7 +14,7 @@ import numpy as np
 
 from core.errors import LabelError
 from core.files import replacing
-from labels.formats.exchange import Collector, Exported, ExportOptions, ImportContext, Imported, LabelFormat, LabelSet
+from labels.formats.exchange import Collector, Exported, ExportOptions, ImportContext, Imported, LabelSet
 from labels.formats.flat import COLUMNS, REQUIRED, Value, flat_row, label_of_row
 
 VERSION = 1
@@ -117,6 +117,3 @@ def _text(value: object, kind: type) -> str:
     if kind is int:
         return "" if value == NO_NUMBER else str(value)
     return "" if np.isnan(value) else repr(float(value))  # pyright: ignore[reportCallIssue, reportArgumentType]
-
-
-HDF5 = LabelFormat("hdf5", "the group /labels/<camera> of a recording", write_hdf5, read_hdf5)

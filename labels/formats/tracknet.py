@@ -19,7 +19,6 @@ from labels.formats.exchange import (
     ExportOptions,
     ImportContext,
     Imported,
-    LabelFormat,
     LabelSet,
     count_losses,
     files_at,
@@ -139,6 +138,3 @@ def _read_times(file: Path, collector: Collector) -> dict[int, int]:
                 raise LabelError(f"frame {number} twice")
             times[number] = t_us
     return times
-
-
-TRACKNET = LabelFormat("tracknet", "TrackNetV2/V3 CSV", write_tracknet, read_tracknet, pictures=True)

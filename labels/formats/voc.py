@@ -19,7 +19,6 @@ from labels.formats.exchange import (
     ExportOptions,
     ImportContext,
     Imported,
-    LabelFormat,
     LabelSet,
     count_losses,
     files_at,
@@ -156,6 +155,3 @@ def _label_of_box(item: XmlNode, name: str, context: ImportContext) -> Label:
     state = LabelState.PARTLY_OCCLUDED if partly else LabelState.VISIBLE
     radius = (x1 - x0 + y1 - y0) / 4
     return context.make(context.time_of(name), state, (x0 + x1) / 2 - shift, (y0 + y1) / 2 - shift, radius)
-
-
-VOC = LabelFormat("voc", "Pascal VOC XML as LabelImg writes it", write_voc, read_voc, pictures=True)

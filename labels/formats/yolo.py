@@ -19,7 +19,6 @@ from labels.formats.exchange import (
     ExportOptions,
     ImportContext,
     Imported,
-    LabelFormat,
     LabelSet,
     count_losses,
     files_at,
@@ -164,7 +163,3 @@ def _yaml_names(file: Path, collector: Collector) -> list[str]:
 def _class_name(value: object) -> str:
     """A list is none: by anchors a few lines of YAML make lists of billions, which must not be written out."""
     return str(value) if isinstance(value, (str, int, float)) else ""
-
-
-YOLO = LabelFormat("yolo", "YOLO text files with boxes", write_yolo, read_yolo, pictures=True)
-YOLO_POSE = LabelFormat("yolo-pose", "YOLO text files with the centre as a keypoint", write_yolo_pose, read_yolo, True)

@@ -11,6 +11,7 @@ from typing import Final, Self
 
 from app.export.rrd.camera_picture import CameraPicture, PictureJob, make_picture
 from core.files import end_with_parent
+from core.registry import load_plugin_files
 
 WORKERS: Final = min(2, os.cpu_count() or 1)
 WORTH_PROCESSES: Final = 1000
@@ -28,7 +29,7 @@ class PicturePool:
         self._executor: Executor
         if expected >= WORTH_PROCESSES:
             context = multiprocessing.get_context("spawn")
-            self._executor = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=end_with_parent)
+            self._executor = ProcessPoolExecutor(WORKERS, mp_context=context, initializer=_start_process)
         else:
             self._executor = ThreadPoolExecutor(1, thread_name_prefix="export-picture")
         self._pending: deque[tuple[list[str], Future[list[CameraPicture]]]] = deque()
@@ -63,6 +64,11 @@ class PicturePool:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_process() -> None:
+    end_with_parent()
+    load_plugin_files()  # a job holds a config, which may have a plugin's section
 
 
 def _make(jobs: list[PictureJob]) -> list[CameraPicture]:

@@ -12,7 +12,7 @@ from app import theme
 from app.export.formats import FORMATS
 from app.formatting.text import html_text
 from app.state.settings_text import default_config
-from app.widgets import Choice, Listing, when_changed
+from app.widgets import Choice, Listing, titles_of, when_changed
 from core.detection.saved import SavedDetector
 
 VIEW_PICTURE, VIEW_FILM = "view-png", "view-mp4"
@@ -73,16 +73,6 @@ ALL, ROUND = "Everything", "2 s here"
 ROUND_US: Final = 1_000_000
 STRIDES_US: Final = {"2 ms": 2000, "4 ms": 4000, "10 ms": 10_000, "20 ms": 20_000, "40 ms": 40_000}
 NOBODY: Final = "nobody"
-TITLES: Final = {
-    "rrd": "Rerun (.rrd)",
-    "html": "3D scene as a web page (.html)",
-    "viser": "3D scene for viser (.viser)",
-    "mp4": "Film with both cameras, drawn here (.mp4)",
-    "png": "Picture with both cameras, of the end (.png)",
-    "dsec": "DSEC (HDF5 per camera)",
-    "evt3": "Prophesee RAW (EVT3)",
-    "csv": "CSV tables",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +107,10 @@ class ExportPlanPanel:
         self._here_us = here_us
         self._choice = Choice(gui, "What", WHATS, lambda what: later(lambda: self._choose(what)))
         self._run = Listing(gui, "Run", lambda _: None, hint="Trainings of the workspace")
-        self._titles = {**{name: TITLES[name] for name in FORMATS if name in TITLES}, **VIEWS}
+        self._titles = {
+            **titles_of({name: kind.label for name, kind in FORMATS.items() if kind.of_recordings}),
+            **VIEWS,
+        }
         self._title = gui.add_dropdown("Format", tuple(self._titles.values()))
         self._range = gui.add_folder("Part")
         with self._range:
@@ -202,15 +195,13 @@ class ExportPlanPanel:
         self._view.show(plan.format if plan.of_view else "")
 
 
-COMPUTED: Final = frozenset({"rrd", "html", "viser", "mp4", "png"})
-"""Formats with what the chain finds in the events; the others hold what was recorded."""
-
-
 def made_with_html(plan: ExportPlan, detector: SavedDetector, annotators: tuple[str, ...]) -> str:
     """Lines about an export of a recording; empty for a training run and for what the browser draws."""
     if plan.what != "Recording" or plan.of_view:
         return ""
-    lines = [detector_text(detector) if plan.format in COMPUTED else "As recorded: no detector is run for this format."]
+    lines = [
+        detector_text(detector) if FORMATS[plan.format].computed else "As recorded: no detector is run for this format."
+    ]
     left_out = labels_left_out(plan, annotators)
     if left_out:
         lines.append(f"Left out: the labels of {html_text(', '.join(left_out))}.")

@@ -17,21 +17,11 @@ from app.modes.label.editor import LabelEditor
 from app.modes.label.label_files import LabelFiles, LabelFilesRequest, zip_label_files
 from app.modes.mode import ModeHost, download_export
 from app.state.commands import AskForScore
-from app.widgets import when_clicked
+from app.widgets import titles_of, when_clicked
 from core.errors import CommandError
 from labels.formats import FORMATS, ExportOptions
 from labels.store import LabelStore, has_labels
 
-TITLES: Final = {
-    "voc": "Pascal VOC",
-    "yolo": "YOLO",
-    "yolo-pose": "YOLO pose",
-    "coco": "COCO",
-    "cvat": "CVAT",
-    "tracknet": "TrackNet",
-    "csv": "CSV, nothing is lost",
-}
-"""Format -> what it is called here; `hdf5` writes into a recording and is for the command line."""
 STYLE: Final = "padding:2px 12px;font-size:12.5px;line-height:1.45"
 
 
@@ -41,11 +31,12 @@ class LabelResultsPanel:
     def __init__(
         self, gui: viser.GuiApi, score: Callable[[], None], export: Callable[[], None], cancel: Callable[[], None]
     ) -> None:
+        self._titles = titles_of({name: kind.label for name, kind in FORMATS.items()})
         with gui.add_folder("With these labels"):
             scoring = gui.add_button(
                 "Score the detector", icon=viser.Icon.TARGET, hint="Tune's method and config against your labels here"
             )
-            self._format = gui.add_dropdown("Format", tuple(TITLES.values()))
+            self._format = gui.add_dropdown("Format", tuple(self._titles.values()))
             self._pictures = gui.add_checkbox(
                 "With pictures", False, hint="A PNG of the events of each label; CSV has none"
             )
@@ -59,7 +50,7 @@ class LabelResultsPanel:
     @property
     def format(self) -> str:
         """Name of the chosen format."""
-        return next((name for name, title in TITLES.items() if title == self._format.value), "voc")
+        return next((name for name, title in self._titles.items() if title == self._format.value), "voc")
 
     @property
     def pictures(self) -> bool:

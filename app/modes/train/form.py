@@ -163,7 +163,7 @@ def run_of_form(base: RunConfig, values: Mapping[Path, object]) -> RunConfig:
     for path, value in values.items():
         where: dict = mapping
         for name in path[:-1]:
-            where = where[name]
+            where = where.setdefault(name, {})  # of a registered section that is as it comes
         where[path[-1]] = _value(specs[path], value)
     curriculum = mapping["curriculum"]
     assert isinstance(curriculum, dict)

@@ -20,8 +20,8 @@ AXIS: Final = "#9aa0aa"
 GRID: Final = "#32363e"
 STEP_RANGE_MS: Final = (0.01, 30.0)
 """Of the logarithmic scale: from `auto` in a region to EBPP on the whole sensor."""
-WIDTHS_PX: Final = (5, 4, 3, 2, 1)
-"""The later ones are thinner: where curves are the same, all are seen."""
+WIDEST_PX: Final = 5
+"""Of the first curve; the later ones are thinner: where curves are the same, all are seen."""
 ERROR_TOPS_PX: Final = (1.0, 2.0, 4.0, 8.0)
 """The error's scale ends at one of these; the last is the match radius."""
 
@@ -97,8 +97,13 @@ def _scales(name: str, axis_s: Array, curves: list[Array]) -> dict[str, uplot.Sc
 
 def _series() -> tuple[uplot.Series, ...]:
     lines = (
-        uplot.Series(label=method, stroke=method_css(method), width=width, points={"show": True, "size": 3})
-        for method, width in zip(METHODS, WIDTHS_PX, strict=True)
+        uplot.Series(
+            label=method,
+            stroke=method_css(method),
+            width=max(1, WIDEST_PX - number),
+            points={"show": True, "size": 3},
+        )
+        for number, method in enumerate(METHODS)
     )
     return (uplot.Series(label="s"), *lines)
 

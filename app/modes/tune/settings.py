@@ -46,7 +46,6 @@ STAGE_OF: Final[dict[Overlay, str]] = {
     "result": "localise",
 }
 """The section whose sliders belong to what the picture shows: it comes first."""
-TITLES = {"ebpp": "EBPP", "fe_fusion": "F-E Fusion"}
 REST_S: Final = 1.0
 """A value that does not go with the others (a 3 on the way to 30) is judged when nothing was typed for so long."""
 
@@ -74,7 +73,7 @@ class SettingsPanel:
             )
             specs = field_specs(DetectorConfig)
             for stage in dict.fromkeys(spec.path[0] for spec in specs):
-                title = TITLES.get(stage) or section_title((stage,))
+                title = section_title((stage,))
                 self._sections[stage] = gui.add_folder(title, expand_by_default=stage not in FOLDED)
                 with self._sections[stage]:
                     gui.add_html(anchor_html(stage))

@@ -1,6 +1,7 @@
 """Event files of others: one file per format, all giving an `EventSource`; `open_sources` recognises which it is."""
 
+from core.recordings.sources.readers import register_reader
 from core.recordings.sources.recognise import open_sources
-from core.recordings.sources.source import EventSource
+from core.recordings.sources.source import DecodeReport, EventSource
 
-__all__ = ["EventSource", "open_sources"]
+__all__ = ["DecodeReport", "EventSource", "open_sources", "register_reader"]

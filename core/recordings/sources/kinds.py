@@ -10,9 +10,9 @@ import h5py
 from core.recordings import layout
 from core.recordings.log.growing import MAGIC
 from core.recordings.sources.prophesee_header import read_prophesee_header
+from core.recordings.sources.readers import HEAD_BYTES, recognised_by_plugin
 
 RECORDING: Final = "Rallyscope recording"
-_HEAD_BYTES: Final = 64
 _ZIP: Final = b"PK\x03\x04"
 _HDF5: Final = b"\x89HDF\r\n\x1a\n"
 _STARTS: Final = (
@@ -34,16 +34,22 @@ def kind_of(path: Path) -> str | None:
         if not path.is_file():  # a pipe would never answer
             return None
         with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-        for start, kind in _STARTS:
-            if head.startswith(start):
-                return kind
-        if head.startswith(b"%"):
-            return _prophesee_kind(path)
-        if head.startswith(_HDF5):
-            return _hdf5_kind(path)
+            head = file.read(HEAD_BYTES)
+        kind = _kind_of(path, head)
+        reader = recognised_by_plugin(path, head) if head and kind != RECORDING else None
+        return kind if reader is None else reader.label
     except (OSError, RuntimeError, KeyError, ValueError):
         return None
+
+
+def _kind_of(path: Path, head: bytes) -> str | None:
+    for start, kind in _STARTS:
+        if head.startswith(start):
+            return kind
+    if head.startswith(b"%"):
+        return _prophesee_kind(path)
+    if head.startswith(_HDF5):
+        return _hdf5_kind(path)
     if head.startswith(_ZIP):
         return "NumPy" if path.suffix.lower() == ".npz" else None
     return "CSV" if head and path.suffix.lower() == ".csv" and b"\x00" not in head else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -17,18 +16,12 @@ from core.recordings.sources.metavision_hdf5 import open_metavision_hdf5
 from core.recordings.sources.numpy_files import open_numpy
 from core.recordings.sources.prophesee_header import read_prophesee_header
 from core.recordings.sources.prophesee_raw import open_prophesee_raw
+from core.recordings.sources.readers import HEAD_BYTES, READERS, Recognise, register_reader
 from core.recordings.sources.source import EventSource
 from core.recordings.sources.text import open_text
 
 FORMATS: Final = (
     "Prophesee RAW and DAT, AEDAT4, Event Stream, HDF5 (Metavision, DSEC, MVSEC and others), npz, npy or CSV"
-)
-_Opener = Callable[[Path, SensorSize | None], list[EventSource]]
-_SIGNATURES: Final[tuple[tuple[bytes, _Opener], ...]] = (
-    (b"#!AER-DAT4", open_aedat4),
-    (b"Event Stream", open_es),
-    (b"PK\x03\x04", open_numpy),
-    (b"\x93NUMPY", open_numpy),
 )
 
 
@@ -40,28 +33,16 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
     """
     try:
         with path.open("rb") as file:
-            head = file.read(4096)
+            head = file.read(HEAD_BYTES)
     except OSError as error:
         raise RecordingError("the file cannot be opened", got=error.strerror, where=path) from error
     if not head:
         raise RecordingError("the file is empty", where=path)
-    for signature, opener in _SIGNATURES:
-        if head.startswith(signature):
-            return opener(path, sensor)
-    if head.startswith(b"#!AER-DAT"):
-        got = head.split(b"\n", 1)[0].decode("ascii", "replace").strip()
-        raise RecordingError("an older AEDAT version", expected="AEDAT4", got=got, where=path)
-    if head.startswith(b"%"):
-        header = read_prophesee_header(path)
-        if header.is_dat:
-            return open_dat(path, sensor)
-        if header.version is not None or header.sensor is not None:
-            return open_prophesee_raw(path, sensor)
-    if h5py.is_hdf5(path):
-        return _open_hdf5(path, sensor)
-    if _is_text(head):
-        return open_text(path, sensor)
-    raise RecordingError("the format is not recognised", expected=FORMATS, where=path)
+    for reader in reversed(list(READERS.values())):
+        if reader.recognises(path, head):
+            return reader.opens(path, sensor)
+    others = [reader.label for name, reader in READERS.items() if not READERS.is_built_in(name)]
+    raise RecordingError("the format is not recognised", expected=", ".join([*others, FORMATS]), where=path)
 
 
 def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
@@ -79,5 +60,39 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     return found
 
 
-def _is_text(head: bytes) -> bool:
+def _open_aedat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
+    with path.open("rb") as file:
+        got = file.readline(HEAD_BYTES).decode("ascii", "replace").strip()
+    if not got.startswith("#!AER-DAT4"):
+        raise RecordingError("an older AEDAT version", expected="AEDAT4", got=got, where=path)
+    return open_aedat4(path, sensor)
+
+
+def _is_dat(path: Path, head: bytes) -> bool:
+    return head.startswith(b"%") and read_prophesee_header(path).is_dat
+
+
+def _is_raw(path: Path, head: bytes) -> bool:
+    if not head.startswith(b"%"):
+        return False
+    header = read_prophesee_header(path)
+    return not header.is_dat and (header.version is not None or header.sensor is not None)
+
+
+def _is_text(path: Path, head: bytes) -> bool:
     return all(byte >= 32 or byte in b"\t\r\n\f" for byte in head) and 127 not in head
+
+
+def _starts_with(*starts: bytes) -> Recognise:
+    return lambda path, head: head.startswith(starts)
+
+
+# The last that recognises a file opens it: what can be anything stands first.
+register_reader("text", _is_text, open_text, "CSV", (".csv",))
+register_reader("hdf5", lambda path, head: h5py.is_hdf5(path), _open_hdf5, "HDF5", (".hdf5",))
+register_reader("prophesee-raw", _is_raw, open_prophesee_raw, "Prophesee RAW", (".raw",))
+register_reader("prophesee-dat", _is_dat, open_dat, "Prophesee DAT", (".dat",))
+register_reader("numpy", _starts_with(b"PK\x03\x04", b"\x93NUMPY"), open_numpy, "NumPy", (".npz", ".npy"))
+register_reader("event-stream", _starts_with(b"Event Stream"), open_es, "Event Stream", (".es",))
+register_reader("aedat4", _starts_with(b"#!AER-DAT"), _open_aedat, "AEDAT4", (".aedat4",))
+READERS.mark_built_in()

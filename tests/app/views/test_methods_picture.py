@@ -3,17 +3,19 @@
 import numpy as np
 import pytest
 
+from app.modes.tune.compare.report import method_css
 from app.pictures.canvas import Region
-from app.pictures.palette import METHOD_RGB, PaletteIndex, method_colour_index, palette
+from app.pictures.palette import METHOD_RGB, RAMP_COLOURS, PaletteIndex, method_colour_index, palette
 from app.state.client_state import RenderSettings, TuneView
 from app.views.answer_cache import KEPT, AnswerCache
-from app.views.methods_picture import MethodsRequest, answer_methods, verdict
-from core.detection import Detection
-from core.detection.methods import METHODS, method_config
+from app.views.methods_picture import MethodsRequest, answer_methods, columns_of, verdict
+from core.detection import Detection, FastDetector, register_detector
+from core.detection.methods import METHODS, SECTIONS, method_config
 from core.events import Events, SensorSize, Window
 from core.metrics.one_window import WindowAnswer
 from core.metrics.reference import PixelReference, truth_reference
 from core.recordings import PixelTruth, open_recording
+from core.registry import forgotten_afterwards, use_plugins
 
 BALL_US = 300_000
 EMPTY = Window(Events.empty(SensorSize(64, 64)), 0, 10_000)
@@ -22,7 +24,12 @@ EMPTY = Window(Events.empty(SensorSize(64, 64)), 0, 10_000)
 def test_every_method_has_a_colour_that_nothing_else_has() -> None:
     inks = [method_colour_index(method) for method in METHODS]
     others = {int(ink) for ink in PaletteIndex} - {PaletteIndex.METHOD}
-    assert len(set(inks)) == len(METHODS) and not others & set(inks) and max(inks) < PaletteIndex.RAMP
+    assert (
+        len(set(inks)) == len(METHODS)
+        and not others & set(inks)
+        and min(inks) >= PaletteIndex.RAMP + RAMP_COLOURS
+        and max(inks) < 256
+    )
     assert len(set(METHOD_RGB.values())) == len(METHODS)
     assert [tuple(palette("red / green")[ink]) for ink in inks] == [METHOD_RGB[method] for method in METHODS]
 
@@ -47,6 +54,23 @@ def test_all_tiles_show_the_same_part_of_the_sensor_round_the_ball(stream) -> No
     (region,) = {tile.region for tile in tiles}
     assert region == Region.around(float(there.u_px[0]), float(there.v_px[0]), stream.sensor, 8.0)
     assert len({tile.x for tile in tiles}) == 3 and len({tile.y for tile in tiles}) == 2
+
+
+def test_tiles_stand_in_as_many_rows_as_columns() -> None:
+    assert [columns_of(tiles) for tiles in (0, 1, 2, 3, 4, 5, 6, 9, 10)] == [1, 1, 2, 2, 2, 3, 3, 3, 4]
+
+
+def test_seven_methods_have_a_tile_and_a_colour_each(stream, plugins) -> None:
+    with forgotten_afterwards():
+        use_plugins([plugins / "median_detector.py"])
+        register_detector("third", FastDetector, None, "as auto", (12, 200, 90), stages=SECTIONS["auto"][1:])
+        assert len(METHODS) == 7
+        answer = answer_methods(request_for(stream, tuple(METHODS)))
+        tiles = answer.sheet.pictures
+        assert [one.method for one in answer.found] == list(METHODS) and all(one.detection for one in answer.found)
+        assert len({tile.x for tile in tiles}) == 3 and len({tile.y for tile in tiles}) == 3
+        assert tuple(palette("red / green")[method_colour_index("median")]) == (70, 160, 255)
+        assert method_css("median") == "rgb(70,160,255)" and METHOD_RGB["third"] == (12, 200, 90)
 
 
 def test_a_zoomed_view_stays_where_it_was_put(stream) -> None:

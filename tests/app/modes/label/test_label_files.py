@@ -10,7 +10,6 @@ import pytest
 
 from app.export.unfinished import ExportCancelledError
 from app.modes.label.label_files import LabelFilesRequest, write_label_files, zip_label_files
-from app.modes.label.results import TITLES
 from app.modes.label.sources import sources_of
 from core.errors import LabelError
 from core.recordings import open_recording
@@ -36,7 +35,7 @@ def ask(serve_recording: Path):
         yield make
 
 
-@pytest.mark.parametrize("name", TITLES)
+@pytest.mark.parametrize("name", [name for name, kind in FORMATS.items() if kind.label])
 def test_what_is_in_the_zip_is_what_the_command_line_writes_and_comes_back(
     ask: Callable[..., LabelFilesRequest], tmp_path: Path, name: str
 ) -> None:

@@ -1,13 +1,19 @@
 """The rewards against values worked out by hand."""
 
 import math
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from core.learning.config import RewardConfig
+from core.config import field_specs, load_config, replace_setting, save_config, setting
+from core.errors import ConfigError, PluginError
+from core.learning.config import RewardConfig, RunConfig
+from core.learning.rewards import StrokeResults, register_reward
 from core.learning.task.reward import Weights, distance_to_far_half, reward_weights, rewards_of
 from core.physics.episode import Case
+from core.registry import forgotten_afterwards
 
 GOAL = np.array([[0.8, 0.1]])
 
@@ -73,3 +79,47 @@ def test_only_returned_balls_reach_the_threshold_of_the_replay_rule() -> None:
 def test_the_distance_to_the_far_half_is_zero_on_it_and_goes_to_its_nearest_edge() -> None:
     points = [[0.5, 0.3], [-1.0, 0.0], [0.5, 1.7625], [1.67, 1.1625]]
     np.testing.assert_allclose(distance_to_far_half(points), [0, 1, 1, 0.5])
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlatConfig:
+    """Of a reward that is the same for every ball."""
+
+    value: float = setting(2.0, 0.0, 5.0)
+    """What a ball earns."""
+
+
+def flat(strokes: StrokeResults, weights: Weights, config: FlatConfig) -> np.ndarray:
+    return np.full(len(strokes.case), weights.w2 * config.value)
+
+
+def test_a_registered_reward_has_its_own_section_and_is_one_of_the_choices(tmp_path: Path) -> None:
+    with forgotten_afterwards():
+        register_reward("flat-one", flat, "always the same", config=FlatConfig)
+        (kind, *_, value) = field_specs(RewardConfig)
+        assert kind.choices == ("cdta", "case", "simple", "flat-one") and value.path == ("flat_one", "value")
+        run = RunConfig(reward=replace_setting(RewardConfig(kind="flat-one"), value.path, 3.5))
+        assert reward_weights(0, run.reward) == Weights(0.0, 1.0), "placing only, unless it says otherwise"
+        assert reward(Case.MISSED, (0.0, 0.0), 0.0, Weights(0.0, 0.5), run.reward) == 1.75
+        save_config(run, tmp_path / "config.toml")
+        assert "[reward.flat_one]\nvalue = 3.5\n" in (tmp_path / "config.toml").read_text()
+        assert load_config(RunConfig, tmp_path / "config.toml") == run
+    with pytest.raises(ConfigError, match=r"expected one of .*; if it comes with a plugin, name that with --plugin"):
+        load_config(RunConfig, tmp_path / "config.toml")
+    with pytest.raises(ConfigError, match=r"not one of the choices; expected cdta \| case \| simple, got 'flat-one'"):
+        RewardConfig(kind="flat-one")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"name": "cdta"}, "there is a reward 'cdta' already"),
+        ({"rewards": 3}, "no way to work it out"),
+        ({"label": ""}, "no label"),
+        ({"config": int}, "no config"),
+    ],
+)
+def test_a_reward_that_does_not_fit_is_refused(given: dict, said: str) -> None:
+    whole = {"name": "flat", "rewards": flat, "label": "always the same", "config": FlatConfig, **given}
+    with forgotten_afterwards(), pytest.raises((PluginError, ConfigError), match=said):
+        register_reward(whole.pop("name"), **whole)
