@@ -39,6 +39,8 @@ FORMATS: Final = {
     "png": ExportFormat("a picture of the end of the part: 3D drawing and event pictures", ".png"),
     "dsec": ExportFormat("event files in DSEC's HDF5 layout, one per camera", "", folder=True),
     "evt3": ExportFormat("Prophesee RAW files (EVT3), one per camera", "", folder=True),
+    "mcap": ExportFormat("an MCAP file for Foxglove: events, pictures, detections and 3D as ROS 2 messages", ".mcap"),
+    "rosbag": ExportFormat("a ROS 2 bag: events as EventPackets (EVT3) and calibration", "", folder=True),
     "csv": ExportFormat("events, truth and the chain's columns as tables", "", folder=True),
     "onnx": ExportFormat("the actor of a training run as an ONNX graph", ".onnx", of_runs=True, of_recordings=False),
 }
@@ -181,6 +183,25 @@ def _evt3(task: _Task) -> tuple[Path, ...]:
     )  # fmt: skip
 
 
+def _mcap(task: _Task) -> tuple[Path, ...]:
+    from app.export.ros.recording import export_mcap
+
+    made = export_mcap(
+        task.recording, task.path, task.span, task.order.chain, stride_us=task.order.stride_us or DEFAULT_STRIDE_US,
+        groups=task.groups, overwrite=task.order.overwrite, progress=task.progress, cancelled=task.cancelled,
+    )  # fmt: skip
+    return (made,)
+
+
+def _rosbag(task: _Task) -> tuple[Path, ...]:
+    from app.export.ros.recording import export_rosbag
+
+    return export_rosbag(
+        task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,
+        cancelled=task.cancelled,
+    )  # fmt: skip
+
+
 def _film(task: _Task) -> tuple[Path, ...]:
     from app.export.scenes.drawn_picture import STRIDE_US, export_mp4
 
@@ -220,5 +241,7 @@ _EXPORTS: Final[dict[str, Callable[[_Task], tuple[Path, ...]]]] = {
     "png": _still,
     "dsec": _dsec,
     "evt3": _evt3,
+    "mcap": _mcap,
+    "rosbag": _rosbag,
     "csv": _csv,
 }

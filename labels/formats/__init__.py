@@ -15,12 +15,13 @@ from labels.formats.exchange import (
 )
 from labels.formats.plain_csv import PLAIN_CSV
 from labels.formats.recording_group import HDF5
+from labels.formats.sony import SONY
 from labels.formats.tracknet import TRACKNET
 from labels.formats.voc import VOC
 from labels.formats.yolo import YOLO, YOLO_POSE
 
 FORMATS: Final[dict[str, LabelFormat]] = {
-    item.name: item for item in (VOC, YOLO, YOLO_POSE, COCO, TRACKNET, CVAT, PLAIN_CSV, HDF5)
+    item.name: item for item in (VOC, YOLO, YOLO_POSE, COCO, TRACKNET, CVAT, PLAIN_CSV, HDF5, SONY)
 }
 
 __all__ = [

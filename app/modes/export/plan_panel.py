@@ -26,6 +26,8 @@ TITLES: Final = {
     "png": "Picture with both cameras, of the end (.png)",
     "dsec": "DSEC (HDF5 per camera)",
     "evt3": "Prophesee RAW (EVT3)",
+    "mcap": "MCAP for Foxglove (.mcap)",
+    "rosbag": "ROS 2 bag of the events",
     "csv": "CSV tables",
 }
 

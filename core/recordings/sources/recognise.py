@@ -10,24 +10,45 @@ import h5py
 
 from core.errors import RecordingError
 from core.events import SensorSize
+from core.recordings.sources.aedat2 import open_aedat2
 from core.recordings.sources.faery_formats import open_aedat4, open_dat, open_es
+from core.recordings.sources.hdf5_data_sets import open_hdf5_data_set
 from core.recordings.sources.hdf5_errors import explain
 from core.recordings.sources.hdf5_tables import open_hdf5_table
 from core.recordings.sources.metavision_hdf5 import open_metavision_hdf5
+from core.recordings.sources.nmnist import open_nmnist
+from core.recordings.sources.numpy_data_sets import is_evimo_folder, open_evimo_folder, open_numpy_data_set, pickled
 from core.recordings.sources.numpy_files import open_numpy
 from core.recordings.sources.prophesee_header import read_prophesee_header
 from core.recordings.sources.prophesee_raw import open_prophesee_raw
+from core.recordings.sources.ros import open_bag
+from core.recordings.sources.ros.bags import MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC, is_bag_folder
+from core.recordings.sources.sony_rallies import is_sony_file, is_sony_folder, open_sony_file, open_sony_folder
 from core.recordings.sources.source import EventSource
 from core.recordings.sources.text import open_text
 
 FORMATS: Final = (
-    "Prophesee RAW and DAT, AEDAT4, Event Stream, HDF5 (Metavision, DSEC, MVSEC and others), npz, npy or CSV"
+    "Prophesee RAW and DAT, AEDAT4, Event Stream, HDF5 (Metavision, DSEC, MVSEC and others), npz, npy, CSV, bags of ROS"
+    " or MCAP"
 )
+FOLDERS: Final = "a bag of ROS 2, a rally of Sony's, or the arrays of EVIMO2"
+"""Folders that are one recording."""
 _Opener = Callable[[Path, SensorSize | None], list[EventSource]]
+
+
+def _open_archive(path: Path, sensor: SensorSize | None) -> list[EventSource]:
+    return open_numpy_data_set(path, sensor) or open_numpy(path, sensor)
+
+
 _SIGNATURES: Final[tuple[tuple[bytes, _Opener], ...]] = (
     (b"#!AER-DAT4", open_aedat4),
+    (b"#!AER-DAT2.0", open_aedat2),
+    (b"#!AER-DAT1.0", open_aedat2),
+    (ROS1_MAGIC, open_bag),
+    (MCAP_MAGIC, open_bag),
+    (SQLITE_MAGIC, open_bag),
     (b"Event Stream", open_es),
-    (b"PK\x03\x04", open_numpy),
+    (b"PK\x03\x04", _open_archive),
     (b"\x93NUMPY", open_numpy),
 )
 
@@ -38,6 +59,8 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
     Raises:
         RecordingError: if the file is missing, empty, of no known format, or damaged at its very beginning.
     """
+    if path.is_dir():
+        return _open_folder(path, sensor)
     try:
         with path.open("rb") as file:
             head = file.read(4096)
@@ -48,9 +71,11 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
     for signature, opener in _SIGNATURES:
         if head.startswith(signature):
             return opener(path, sensor)
+    if head[:1] == b"\x80" and head[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05"):
+        raise pickled(path)
     if head.startswith(b"#!AER-DAT"):
         got = head.split(b"\n", 1)[0].decode("ascii", "replace").strip()
-        raise RecordingError("an older AEDAT version", expected="AEDAT4", got=got, where=path)
+        raise RecordingError("an older AEDAT version", expected="AEDAT4 or AEDAT 2.0", got=got, where=path)
     if head.startswith(b"%"):
         header = read_prophesee_header(path)
         if header.is_dat:
@@ -61,7 +86,19 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
         return _open_hdf5(path, sensor)
     if _is_text(head):
         return open_text(path, sensor)
+    if (found := open_nmnist(path, sensor)) is not None:
+        return found
     raise RecordingError("the format is not recognised", expected=FORMATS, where=path)
+
+
+def _open_folder(path: Path, sensor: SensorSize | None) -> list[EventSource]:
+    if is_evimo_folder(path):
+        return open_evimo_folder(path, sensor)
+    if is_bag_folder(path):
+        return open_bag(path, sensor)
+    if is_sony_folder(path):
+        return open_sony_folder(path, sensor)
+    raise RecordingError("a folder without events", expected=FOLDERS, where=path, remedy="give the event file itself")
 
 
 def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
@@ -70,8 +107,13 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
             groups = ", ".join(map(str, file)) or "nothing"
             if "rallyscope" in str(file.attrs.get("format", "")):
                 raise RecordingError("it is a recording already", where=path, remedy="open it as it is")
-            metavision = "CD/events" in file
-        found = open_metavision_hdf5(path, sensor) if metavision else open_hdf5_table(path, sensor)
+            metavision, sony = "CD/events" in file, is_sony_file(file)
+        if metavision:
+            found = open_metavision_hdf5(path, sensor)
+        elif sony:
+            found = open_sony_file(path, sensor)
+        else:
+            found = open_hdf5_data_set(path, sensor) or open_hdf5_table(path, sensor)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise RecordingError("the HDF5 file cannot be read", got=explain(error), where=path) from error
     if found is None:
