@@ -20,10 +20,12 @@ DISTRIBUTIONS: Final = packages_distributions()
 EXTRAS_OF: Final = {
     "benchmarks/app/": ("bench", "dev"),
     "app/export/onnx_actor.py": ("onnx",),
+    "app/export/ros/": ("ros",),
     "benchmarks/": ("bench",),
     "core/jobs/cluster.py": ("cluster",),
     "core/metrics/charts.py": ("bench",),
     "core/learning/runs/sb3_baselines.py": ("baselines",),
+    "core/recordings/sources/ros/": ("ros",),
     "core/tuning/search.py": ("tune",),
 }
 """Files that may need more than a newcomer installs."""

@@ -1,4 +1,4 @@
-"""`rallyscope labels import|export|score|agree|merge`: exchange labels with other tools, and measure with them."""
+"""`rallyscope labels import|export|score|agree|merge|shift`: exchange labels with other tools, measure with them."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from app.cli.arguments import PositiveInt, flag, positional
 from app.cli.labels_layer import LayerArguments, read_layer
 from app.cli.labels_merge import run_merge
 from app.cli.labels_score import run_score
+from app.cli.labels_shift import run_shift
 from app.cli.progress import progress_bar
 from app.modes.label.label_files import LabelFilesRequest, write_label_files
 from app.modes.label.sources import LabelSource
@@ -73,7 +74,8 @@ def run_import(arguments: LabelImportArguments) -> None:
             raise CommandError("no such file or folder", where=arguments.source)
         annotator = layer.annotator or "imported"
         times = _frame_times(arguments.frame_times) if arguments.frame_times else None
-        context = ImportContext(stream.sensor, times, f"import {arguments.format}", stream.name)
+        clock_us = int(getattr(stream, "t_offset_us", 0))
+        context = ImportContext(stream.sensor, times, f"import {arguments.format}", stream.name, clock_us)
         found = FORMATS[arguments.format].read(arguments.source, context)
         tool = f"rallyscope {version('rallyscope')}"
         with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
@@ -150,7 +152,14 @@ def _agreement_lines(found: Agreement) -> list[str]:
     ]
 
 
-ACTS = {"import": run_import, "export": run_export, "score": run_score, "agree": run_agree, "merge": run_merge}
+ACTS = {
+    "import": run_import,
+    "export": run_export,
+    "score": run_score,
+    "agree": run_agree,
+    "merge": run_merge,
+    "shift": run_shift,
+}
 
 
 def _frame_times(path: Path) -> NDArray[np.int64]:

@@ -222,6 +222,25 @@ def _evt3(task: ExportTask) -> tuple[Path, ...]:
     )  # fmt: skip
 
 
+def _mcap(task: ExportTask) -> tuple[Path, ...]:
+    from app.export.ros.recording import export_mcap
+
+    made = export_mcap(
+        task.recording, task.path, task.span, task.order.chain, stride_us=task.order.stride_us or DEFAULT_STRIDE_US,
+        groups=task.groups, overwrite=task.order.overwrite, progress=task.progress, cancelled=task.cancelled,
+    )  # fmt: skip
+    return (made,)
+
+
+def _rosbag(task: ExportTask) -> tuple[Path, ...]:
+    from app.export.ros.recording import export_rosbag
+
+    return export_rosbag(
+        task.recording, task.path, task.span, overwrite=task.order.overwrite, progress=task.progress,
+        cancelled=task.cancelled,
+    )  # fmt: skip
+
+
 def _film(task: ExportTask) -> tuple[Path, ...]:
     from app.export.scenes.drawn_picture import STRIDE_US, export_mp4
 
@@ -304,6 +323,13 @@ register_exporter(
 )  # fmt: skip
 register_exporter("dsec", _dsec, "DSEC (HDF5 per camera)", what="event files in DSEC's HDF5 layout, one per camera")
 register_exporter("evt3", _evt3, "Prophesee RAW (EVT3)", what="Prophesee RAW files (EVT3), one per camera")
+register_exporter(
+    "mcap", _mcap, "MCAP for Foxglove (.mcap)", ".mcap", computed=True,
+    what="an MCAP file for Foxglove: events, pictures, detections and 3D as ROS 2 messages",
+)  # fmt: skip
+register_exporter(
+    "rosbag", _rosbag, "ROS 2 bag of the events", what="a ROS 2 bag: events as EventPackets (EVT3) and calibration"
+)
 register_exporter("csv", _csv, "CSV tables", what="events, truth and the chain's columns as tables")
 register_exporter(
     "onnx", None, "", ".onnx", export_run=_actor_of_run, what="the actor of a training run as an ONNX graph"

@@ -124,7 +124,7 @@ def _cost(runs: Sequence[SeedRun]) -> ReportSection:
 
 
 def _methods() -> str:
-    said = METHOD_WORDS | FRAME_METHOD_WORDS
+    said = {**METHOD_WORDS, **FRAME_METHOD_WORDS}
     return "; ".join(f"`{method}`: {said[method]}" for method in ROWS) + "."
 
 

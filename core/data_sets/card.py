@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
+from core.data_sets.croissant import write_croissant
 from core.data_sets.facts import RecordingFacts
 from core.data_sets.index import write_index
 from core.data_sets.plan import DataSetPlan, PlannedRecording
@@ -82,11 +83,12 @@ Json = dict[str, object]
 
 
 def write_card(folder: Path, plan: DataSetPlan, facts: Mapping[str, RecordingFacts]) -> Json:
-    """Write manifest, card and index of the recordings that are there; returns the manifest."""
+    """Write manifest, cards and index of the recordings that are there; returns the manifest."""
     manifest = make_manifest(plan, facts)
     for name, text in ((MANIFEST, json.dumps(manifest, indent=2) + "\n"), (CARD, make_card(manifest))):
         replace_file(folder / name, text.encode(), durable=True)
     write_index(folder, manifest)
+    write_croissant(folder, manifest)
     return manifest
 
 

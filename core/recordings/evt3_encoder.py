@@ -40,6 +40,12 @@ class Evt3Encoder:
         self._state[:2] = coarse, NONE
         return (TIME_HIGH | (np.arange(first, coarse + 1) & 0xFFF)).astype(np.uint16)
 
+    def begin_packet(self) -> NDArray[np.uint16]:
+        """The words that begin a packet which can be read without the one before it: the coarse time again."""
+        self._state[1:] = NONE
+        coarse = self.coarse
+        return np.array([TIME_HIGH | (coarse & 0xFFF)] if coarse >= 0 else [], np.uint16)
+
     def encode(self, events: Events) -> NDArray[np.uint16]:
         """The words of the next events, whose times continue those before."""
         if not len(events):

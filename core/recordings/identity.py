@@ -16,10 +16,15 @@ _SAMPLES: Final = 64
 _SAMPLE_BYTES: Final = 64 << 10
 
 
+def files_of(path: Path) -> list[Path]:
+    """The files of a source, which may be a folder."""
+    return [path] if not path.is_dir() else sorted(item for item in path.rglob("*") if item.is_file())
+
+
 def source_uuid(paths: Sequence[Path], *choices: object) -> str:
     """From the size and 64 samples of each file, and from the choices that change what is made of them."""
     digest = hashlib.sha256(repr(choices).encode())
-    for path in paths:
+    for path in [file for source in paths for file in files_of(source)]:
         size = path.stat().st_size
         digest.update(size.to_bytes(8, "little"))
         with path.open("rb") as file:

@@ -16,10 +16,10 @@ from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.events.clock_table import ClockTable
 from core.recordings.frame_import import FRAME_CAMERA, FrameInput, first_image_size, read_frame_times, read_images
-from core.recordings.identity import source_uuid
+from core.recordings.identity import files_of, source_uuid
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
-from core.recordings.sources.source import DecodeReport
+from core.recordings.sources.source import DecodeReport, PictureTrack
 from core.recordings.writer import RecordingWriter
 
 _FLUSH_S: Final = 1.0
@@ -100,9 +100,12 @@ def import_recording(
     feeds = _open_feeds(sources, names, sensor, offset_us, clock)
     zero_us = _common_zero(feeds)
     sensors = {feed.name: feed.source.sensor for feed in feeds}
+    matched = {name: camera for name, camera in _own_calibration(feeds).items() if name not in (calibration or {})}
+    matched |= _match_calibration(calibration or {}, list(sensors))
+    for name, pictures in _pictures_of(feeds):
+        sensors.setdefault(name, pictures.sensor)
     if frames is not None:
         sensors[FRAME_CAMERA] = first_image_size(frames.images)
-    matched = _match_calibration(calibration or {}, list(sensors))
     uuid = source_uuid(sources, list(sensors), str(sensor) + (clock.digest if clock is not None else ""), offset_us)
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
@@ -119,6 +122,8 @@ def import_recording(
             overwrite=overwrite,
         )
         done = _copy_events(writer, feeds, zero_us, progress, cancelled)
+        if done:
+            _copy_pictures(writer, feeds, zero_us)
         if done and frames is not None:
             _copy_frames(writer, frames, zero_us)
         if not done:
@@ -155,7 +160,7 @@ def _open_feeds(
         names = ("left", "right") if len(paths) == len(opened) == 2 else [source.name for _, source in opened]
     if len(names) != len(opened) or len(set(names)) != len(names):
         raise RecordingError("the names do not fit", expected=f"{len(opened)} different ones", got=",".join(names))
-    weights = [paths[number].stat().st_size for number, _ in opened]
+    weights = [sum(file.stat().st_size for file in files_of(paths[number])) for number, _ in opened]
     return [
         _Feed(name, source, offset_us if number else 0, weight / max(1, sum(weights)), clock if number else None)
         for name, (number, source), weight in zip(names, opened, weights, strict=True)
@@ -179,6 +184,16 @@ def _match_calibration(calibration: Mapping[str, Camera], names: list[str]) -> d
     if len(calibration) == 1 and len(names) == 1:
         return {names[0]: next(iter(calibration.values()))}
     return dict(calibration)
+
+
+def _own_calibration(feeds: list[_Feed]) -> dict[str, Camera]:
+    """What the files themselves say of their cameras."""
+    return {feed.name: feed.source.calibration for feed in feeds if feed.source.calibration is not None}
+
+
+def _pictures_of(feeds: list[_Feed]) -> list[tuple[str, PictureTrack]]:
+    """The pictures in the files, with the name of their camera in the recording."""
+    return [(pictures.name or feed.name, pictures) for feed in feeds for pictures in feed.source.pictures]
 
 
 def _copy_events(
@@ -229,6 +244,14 @@ def _copy_triggers(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) ->
         writer.write_triggers(feed.name, Triggers(t_us, rising, channel))
         feed.last_trigger_us = int(t_us[-1])
         feed.triggers += len(t_us)
+
+
+def _copy_pictures(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) -> None:
+    for feed in feeds:
+        for name, pictures in _pictures_of([feed]):
+            for picture in pictures.read(feed.report):
+                t_us = feed.common_us(np.array([picture.t_us], np.int64)) - zero_us
+                writer.write_frames(name, t_us, np.array([picture.exposure_us]), picture.image[None])
 
 
 def _copy_frames(writer: RecordingWriter, frames: FrameInput, zero_us: int) -> None:

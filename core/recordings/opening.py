@@ -31,10 +31,10 @@ def open_recording(
         RecordingError: if it cannot be read.
     """
     path = Path(path)
-    if not path.is_file():
+    if not path.is_file() and not path.is_dir():
         raise RecordingError("no such file", where=path)
     try:
-        if is_growing(path):
+        if path.is_file() and is_growing(path):
             return _open_abandoned(path)
         if is_recording(path):
             return FileRecording(path)
@@ -52,7 +52,7 @@ def open_recording(
 
 def is_recording(path: Path) -> bool:
     """Whether it is a finished recording of ours."""
-    if not h5py.is_hdf5(path):
+    if not path.is_file() or not h5py.is_hdf5(path):
         return False
     try:
         with h5py.File(path, "r") as file:

@@ -15,6 +15,7 @@ from labels.formats.exchange import (
 )
 from labels.formats.plain_csv import read_csv, write_csv
 from labels.formats.recording_group import read_hdf5, write_hdf5
+from labels.formats.sony import read_sony, write_sony
 from labels.formats.tracknet import read_tracknet, write_tracknet
 from labels.formats.voc import read_voc, write_voc
 from labels.formats.yolo import read_yolo, write_yolo, write_yolo_pose
@@ -29,6 +30,7 @@ register_label_format("tracknet", write_tracknet, read_tracknet, "TrackNet", "Tr
 register_label_format("cvat", write_cvat, read_cvat, "CVAT", "CVAT XML 1.1 for images", pictures=True)
 register_label_format("csv", write_csv, read_csv, "CSV, nothing is lost", "plain CSV with every field")
 register_label_format("hdf5", write_hdf5, read_hdf5, "", "the group /labels/<camera> of a recording")
+register_label_format("sony", write_sony, read_sony, "", "Sony's rallies: HDF5 with a label each millisecond")
 FORMATS.mark_built_in()
 
 __all__ = [

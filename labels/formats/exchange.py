@@ -100,6 +100,8 @@ class ImportContext:
     """Noted as the source of the labels."""
     camera: str = ""
     """Which camera, for files that hold several."""
+    clock_us: int = 0
+    """The camera's own time at the start of the recording, for files that count on it."""
 
     def time_of(self, picture: str) -> int:
         """The time of a picture from its name: ours hold it, others end with a number into `frame_times_us`.

@@ -33,13 +33,14 @@ def write_hdf5(labels: LabelSet, path: Path, options: ExportOptions) -> Exported
             if path.exists():
                 shutil.copyfile(path, partial)
             with h5py.File(partial, "a") as file:
-                _write_group(file, labels, path)
+                write_group(file, labels, path)
     except OSError as error:
         raise LabelError("cannot write labels into it", got=error.strerror or error, where=path) from error
     return Exported((path,), ())
 
 
-def _write_group(file: h5py.File, labels: LabelSet, path: Path) -> None:
+def write_group(file: h5py.File, labels: LabelSet, path: Path) -> None:
+    """Put the labels into `/labels/<camera>` of an open file, in place of those that are there."""
     uuid = file.attrs.get("uuid", labels.recording_uuid)
     if uuid != labels.recording_uuid:
         raise LabelError("labels of another recording", expected=labels.recording_uuid, got=uuid, where=path)
@@ -75,13 +76,14 @@ def read_hdf5(path: Path, context: ImportContext) -> Imported:
         return collector.done()
     try:
         with h5py.File(path, "r") as file:
-            _read_file(file, path, context, collector)
+            read_labels(file, path, context, collector)
     except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # what h5py raises for damaged files
         collector.reject(path, 1, f"not a readable HDF5 file: {error}")
     return collector.done()
 
 
-def _read_file(file: h5py.File, path: Path, context: ImportContext, collector: Collector) -> None:
+def read_labels(file: h5py.File, path: Path, context: ImportContext, collector: Collector) -> None:
+    """Read those of the context's camera, or of the only one in an open file."""
     groups = file.get("labels")
     names = sorted(groups) if isinstance(groups, h5py.Group) else []
     chosen = _group_name(context.camera) if context.camera else (names[0] if len(names) == 1 else "")

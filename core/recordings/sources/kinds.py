@@ -20,6 +20,8 @@ _STARTS: Final = (
     (b"#!AER-DAT4", "AEDAT4"),
     (b"Event Stream", "Event Stream"),
     (b"\x93NUMPY", "NumPy"),
+    (b"#ROSBAG V", "ROS 1 bag"),
+    (b"\x89MCAP0\r\n", "MCAP"),
 )
 _HDF5_ENDS: Final = (".h5", ".hdf5")
 
@@ -50,6 +52,8 @@ def _kind_of(path: Path, head: bytes) -> str | None:
         return _prophesee_kind(path)
     if head.startswith(_HDF5):
         return _hdf5_kind(path)
+    if head.startswith(b"SQLite format 3") and path.suffix.lower() == ".db3":
+        return "ROS 2 bag"
     if head.startswith(_ZIP):
         return "NumPy" if path.suffix.lower() == ".npz" else None
     return "CSV" if head and path.suffix.lower() == ".csv" and b"\x00" not in head else None

@@ -1,4 +1,4 @@
-"""Prophesee RAW files: EVT2, EVT2.1 and EVT3, decoded here.
+"""Prophesee RAW files: EVT2, EVT2.1 and EVT3, decoded here; EVT4 in `evt4`.
 
 faery reads them too (the tests compare the two), but it gives up a whole packet where a file is damaged, without saying
 at which byte, and it builds records that have to be taken apart into columns again.
@@ -20,6 +20,8 @@ from core.events import Events, SensorSize
 from core.recordings.hdf5 import read_only
 from core.recordings.sources.evt2 import decode_evt2, decode_evt21, start_state_evt2, start_state_evt21
 from core.recordings.sources.evt3 import IGNORED, decode_evt3, start_state
+from core.recordings.sources.evt4 import VERSIONS as EVT4_VERSIONS
+from core.recordings.sources.evt4 import open_evt4
 from core.recordings.sources.evt_time import BAD_COLUMN, BAD_ROW, BAD_TIME, BAD_WORD, Decoded
 from core.recordings.sources.prophesee_header import PropheseeHeader, read_prophesee_header
 from core.recordings.sources.source import DecodeReport, EventSource
@@ -59,10 +61,12 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
     version = header.version
     if version is None and sensor is None and header.sensor == SensorSize(640, 480):
         version = "EVT2"  # the first generation that wrote RAW files knew no other
+    if version in EVT4_VERSIONS:
+        return [open_evt4(path, header, sensor)]
     if version not in _FORMATS:
         raise RecordingError(
             "the RAW header names no version this reader knows",
-            expected=" or ".join(_FORMATS),
+            expected=" or ".join([*_FORMATS, "EVT4"]),
             got=version or "none",
             where=path,
         )

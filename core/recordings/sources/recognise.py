@@ -9,20 +9,30 @@ import h5py
 
 from core.errors import RecordingError
 from core.events import SensorSize
+from core.recordings.sources.aedat2 import open_aedat2
 from core.recordings.sources.faery_formats import open_aedat4, open_dat, open_es
+from core.recordings.sources.hdf5_data_sets import open_hdf5_data_set
 from core.recordings.sources.hdf5_errors import explain
 from core.recordings.sources.hdf5_tables import open_hdf5_table
 from core.recordings.sources.metavision_hdf5 import open_metavision_hdf5
+from core.recordings.sources.nmnist import open_nmnist
+from core.recordings.sources.numpy_data_sets import is_evimo_folder, open_evimo_folder, open_numpy_data_set, pickled
 from core.recordings.sources.numpy_files import open_numpy
 from core.recordings.sources.prophesee_header import read_prophesee_header
 from core.recordings.sources.prophesee_raw import open_prophesee_raw
 from core.recordings.sources.readers import HEAD_BYTES, READERS, Recognise, register_reader
+from core.recordings.sources.ros import open_bag
+from core.recordings.sources.ros.bags import MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC, is_bag_folder
+from core.recordings.sources.sony_rallies import is_sony_file, is_sony_folder, open_sony_file, open_sony_folder
 from core.recordings.sources.source import EventSource
 from core.recordings.sources.text import open_text
 
 FORMATS: Final = (
-    "Prophesee RAW and DAT, AEDAT4, Event Stream, HDF5 (Metavision, DSEC, MVSEC and others), npz, npy or CSV"
+    "Prophesee RAW and DAT, AEDAT4, Event Stream, HDF5 (Metavision, DSEC, MVSEC and others), npz, npy, CSV, bags of ROS"
+    " or MCAP"
 )
+FOLDERS: Final = "a bag of ROS 2, a rally of Sony's, or the arrays of EVIMO2"
+"""Folders that are one recording."""
 
 
 def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSource]:
@@ -31,6 +41,8 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
     Raises:
         RecordingError: if the file is missing, empty, of no known format, or damaged at its very beginning.
     """
+    if path.is_dir():
+        return _open_folder(path, sensor)
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
@@ -41,8 +53,22 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
     for reader in reversed(list(READERS.values())):
         if reader.recognises(path, head):
             return reader.opens(path, sensor)
+    if head[:1] == b"\x80" and head[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05"):
+        raise pickled(path)
+    if (found := open_nmnist(path, sensor)) is not None:
+        return found
     others = [reader.label for name, reader in READERS.items() if not READERS.is_built_in(name)]
     raise RecordingError("the format is not recognised", expected=", ".join([*others, FORMATS]), where=path)
+
+
+def _open_folder(path: Path, sensor: SensorSize | None) -> list[EventSource]:
+    if is_evimo_folder(path):
+        return open_evimo_folder(path, sensor)
+    if is_bag_folder(path):
+        return open_bag(path, sensor)
+    if is_sony_folder(path):
+        return open_sony_folder(path, sensor)
+    raise RecordingError("a folder without events", expected=FOLDERS, where=path, remedy="give the event file itself")
 
 
 def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
@@ -51,8 +77,13 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
             groups = ", ".join(map(str, file)) or "nothing"
             if "rallyscope" in str(file.attrs.get("format", "")):
                 raise RecordingError("it is a recording already", where=path, remedy="open it as it is")
-            metavision = "CD/events" in file
-        found = open_metavision_hdf5(path, sensor) if metavision else open_hdf5_table(path, sensor)
+            metavision, sony = "CD/events" in file, is_sony_file(file)
+        if metavision:
+            found = open_metavision_hdf5(path, sensor)
+        elif sony:
+            found = open_sony_file(path, sensor)
+        else:
+            found = open_hdf5_data_set(path, sensor) or open_hdf5_table(path, sensor)
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise RecordingError("the HDF5 file cannot be read", got=explain(error), where=path) from error
     if found is None:
@@ -63,9 +94,15 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
 def _open_aedat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     with path.open("rb") as file:
         got = file.readline(HEAD_BYTES).decode("ascii", "replace").strip()
+    if got.startswith(("#!AER-DAT2.0", "#!AER-DAT1.0")):
+        return open_aedat2(path, sensor)
     if not got.startswith("#!AER-DAT4"):
-        raise RecordingError("an older AEDAT version", expected="AEDAT4", got=got, where=path)
+        raise RecordingError("an older AEDAT version", expected="AEDAT4 or AEDAT 2.0", got=got, where=path)
     return open_aedat4(path, sensor)
+
+
+def _open_archive(path: Path, sensor: SensorSize | None) -> list[EventSource]:
+    return open_numpy_data_set(path, sensor) or open_numpy(path, sensor)
 
 
 def _is_dat(path: Path, head: bytes) -> bool:
@@ -92,7 +129,11 @@ register_reader("text", _is_text, open_text, "CSV", (".csv",))
 register_reader("hdf5", lambda path, head: h5py.is_hdf5(path), _open_hdf5, "HDF5", (".hdf5",))
 register_reader("prophesee-raw", _is_raw, open_prophesee_raw, "Prophesee RAW", (".raw",))
 register_reader("prophesee-dat", _is_dat, open_dat, "Prophesee DAT", (".dat",))
-register_reader("numpy", _starts_with(b"PK\x03\x04", b"\x93NUMPY"), open_numpy, "NumPy", (".npz", ".npy"))
+register_reader("numpy", _starts_with(b"\x93NUMPY"), open_numpy, "NumPy", (".npy",))
+register_reader("numpy-archive", _starts_with(b"PK\x03\x04"), _open_archive, "NumPy", (".npz",))
+register_reader(
+    "bag", _starts_with(ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC), open_bag, "bag of ROS", (".bag", ".mcap", ".db3")
+)
 register_reader("event-stream", _starts_with(b"Event Stream"), open_es, "Event Stream", (".es",))
-register_reader("aedat4", _starts_with(b"#!AER-DAT"), _open_aedat, "AEDAT4", (".aedat4",))
+register_reader("aedat4", _starts_with(b"#!AER-DAT"), _open_aedat, "AEDAT", (".aedat4", ".aedat"))
 READERS.mark_built_in()

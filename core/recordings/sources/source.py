@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from core.cameras import Camera
 from core.events import Events, SensorSize
 from core.recordings.recording import Triggers
 
@@ -37,6 +38,26 @@ class DecodeReport:
             self.triggers.append(Triggers(t_us.astype(np.int64), rising.astype(np.bool_), channel.astype(np.int16)))
 
 
+class TimedPicture(NamedTuple):
+    """A picture of an ordinary camera: (height, width) or (height, width, 3 = RGB)."""
+
+    t_us: int
+    """Mid exposure where that is known, on the source's own clock."""
+    exposure_us: int
+    """0 where the file does not tell."""
+    image: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class PictureTrack:
+    """The pictures in a foreign file, all of one size, in order of time."""
+
+    name: str | None
+    """Of the camera; None for the event camera itself, which takes pictures too."""
+    sensor: SensorSize
+    read: Callable[[DecodeReport], Iterator[TimedPicture]]
+
+
 @dataclass(frozen=True, slots=True)
 class EventSource:
     """The events of one camera in a foreign file. They can be read once."""
@@ -49,3 +70,7 @@ class EventSource:
     read: Callable[[DecodeReport], Iterator[Events]]
     """Sorted events in consecutive parts on the source's own clock. It tells the report how far it is, and if it has
     to stop early, why."""
+    calibration: Camera | None = None
+    """As the file itself tells."""
+    pictures: tuple[PictureTrack, ...] = ()
+    """Of this camera and of ordinary cameras on the same clock."""

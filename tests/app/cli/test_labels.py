@@ -9,10 +9,10 @@ import pytest
 from app.cli.main import main
 from benchmarks.labels.clips import MIDDLE_US, SENSOR, draw_clip
 from core.events import Events
-from core.recordings import RecordingWriter
+from core.recordings import RecordingWriter, open_recording
 from labels.conflicts import settlement
 from labels.model import Label, LabelState, PositionSource, Provenance
-from labels.store import LabelStore
+from labels.store import LabelStore, find_layers
 from labels.store_contents import read_store
 
 UUID = "11111111-2222-4333-8444-555555555555"
@@ -54,7 +54,7 @@ def common(recording: Path, data: Path) -> list[object]:
     return [recording, "--camera", "left", "--data", data]
 
 
-@pytest.mark.parametrize("name", ["voc", "yolo", "yolo-pose", "coco", "tracknet", "cvat", "csv", "hdf5"])
+@pytest.mark.parametrize("name", ["voc", "yolo", "yolo-pose", "coco", "tracknet", "cvat", "csv", "hdf5", "sony"])
 def test_labels_go_out_and_come_back(
     capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path, name: str
 ) -> None:
@@ -273,3 +273,38 @@ def test_a_conflict_that_was_settled_is_merged_and_left_out_of_the_agreement(
     assert MIDDLE_US in layers["bea"] and MIDDLE_US not in layers["anna"] and len(layers["anna"]) == 8
     code, text, _ = call(capsys, "agree", *common(recording, data), "--annotator", "anna", "--with", "bea")
     assert code == 0 and "1 labels left out: they settle conflicts" in text and "0 common" in text
+
+
+def test_a_shift_of_labels_against_the_events_is_measured_and_applied(
+    capsys: pytest.CaptureFixture[str], serve_recording: Path, tmp_path: Path
+) -> None:
+    with open_recording(serve_recording) as recording:
+        truth = recording.cameras["left"].truth
+        assert truth is not None
+        rows = np.flatnonzero(truth.visible)
+        columns = (column[rows].tolist() for column in (truth.t_us, truth.u_px, truth.v_px, truth.r_px))
+        labels = [
+            Label(t_us=t - 6000, state=LabelState.VISIBLE, x_px=u - 3.0, y_px=v + 5.0, r_px=r)
+            for t, u, v, r in zip(*columns, strict=True)
+            if t >= 6000
+        ]
+        with LabelStore.open(tmp_path / "labels", recording.uuid, "left", "anna") as store:
+            store.edit(put=labels)
+        uuid = recording.uuid
+    words = [serve_recording, "--camera", "left", "--data", tmp_path, "--method", "refined", "--json"]
+    code, text, _ = call(capsys, "shift", *words, "--apply")
+    assert code == 0
+    found = json.loads(text)
+    assert found["found"] and not found["is_zero"]
+    assert found["dt_us"] == pytest.approx(6000, abs=300)
+    assert (found["du_px"], found["dv_px"]) == (pytest.approx(3.0, abs=0.3), pytest.approx(-5.0, abs=0.3))
+    assert found["applied_as"] == "anna-shifted"
+    code, text, _ = call(capsys, "shift", *words, "--annotator", "anna-shifted")
+    assert json.loads(text)["is_zero"]
+    (layer,) = (layer for layer in find_layers(tmp_path / "labels", uuid) if layer.annotator == "anna-shifted")
+    moved = LabelStore.read(tmp_path / "labels", layer).all()
+    assert len(moved) == len(labels)
+    assert moved[0].x_px == pytest.approx(labels[0].x_px + found["du_px"])
+    code, _, err = call(capsys, "shift", *words, "--annotator", "anna", "--apply")
+    assert code == 2
+    assert "there are moved labels already" in err

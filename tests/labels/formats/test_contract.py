@@ -23,9 +23,10 @@ WORST_ERROR_PX = {
     "cvat": 0.01,
     "csv": 0.0,
     "hdf5": 0.0,
+    "sony": 0.0,
 }
 EXACT = ("csv", "hdf5")
-KEEPS_STATES = ("voc", "coco", "cvat", "csv", "hdf5")
+KEEPS_STATES = ("voc", "coco", "cvat", "csv", "hdf5", "sony")
 
 
 @pytest.fixture(params=sorted(FORMATS))

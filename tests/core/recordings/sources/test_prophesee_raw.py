@@ -89,7 +89,7 @@ def test_headers_of_every_age_are_understood(tmp_path, header, version, sensor):
 @pytest.mark.parametrize(
     ("header", "message"),
     [
-        (b"% evt 4.0\n% geometry 640x480\n", "expected EVT2 or EVT2.1 or EVT3, got EVT4.0"),
+        (b"% evt 5.0\n% geometry 640x480\n", "expected EVT2 or EVT2.1 or EVT3 or EVT4, got EVT5.0"),
         (b"% evt 3.0\n", "does not say how large the sensor is; give --width and --height"),
         (b"% geometry 1280x720\n", "names no version"),
     ],

@@ -1,0 +1,161 @@
+"""AEDAT 2.0 and 1.0 of jAER: big-endian pairs of an address and a time in us, after header lines that begin with #.
+
+What the bits of an address mean depends on the camera, which the header names (AEChip).
+    DVS128   x: bits 1-7, y: bits 8-14, OFF: bit 0; any higher bit: an external event
+    DAVIS    x: bits 12-21, y: bits 22-30, ON: bit 11; bit 10: an external event; bit 31: a picture or the IMU
+Sources: iniVation's description of the format; jAER's extractors of DVS128 and DAVIS, where the column counts from the
+right and the row from the bottom.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import RecordingError
+from core.events import SensorSize
+from core.recordings.sources.checking import check_stream
+from core.recordings.sources.making import make_source
+from core.recordings.sources.source import Columns, DecodeReport, EventSource
+
+_VERSION_1: Final = b"#!AER-DAT1.0"
+_MAX_HEADER: Final = 16 << 20
+"""jAER writes all its preferences into it."""
+_ROWS: Final = 1 << 17
+_WRAP: Final = 1 << 32
+_DVS128: Final = SensorSize(128, 128)
+_DAVIS: Final = {"240": SensorSize(240, 180), "346": SensorSize(346, 260)}
+
+
+@dataclass(frozen=True, slots=True)
+class _Camera:
+    name: str
+    sensor: SensorSize
+    davis: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    size_bytes: int
+    chip: str | None
+    row: np.dtype
+
+
+def open_aedat2(path: Path, sensor: SensorSize | None) -> list[EventSource]:
+    """The one camera of the file.
+
+    Raises:
+        RecordingError: if neither the header nor `sensor` tells which camera it was.
+    """
+    header = _read_header(path)
+    camera = _camera_of(header.chip, sensor, path)
+    label = f"AEDAT {'2.0' if header.row.itemsize == 8 else '1.0'}, {camera.name}"
+
+    def decode(report: DecodeReport) -> Iterator[Columns]:
+        if header.chip is None:
+            report.notes.append(f"{path.name} does not name its camera; by its size it is taken for a {camera.name}.")
+        if not camera.davis:
+            report.notes.append(f"{path.name}: bit 0 of an address is OFF, as in jAER, not as iniVation describes it.")
+        yield from _decode(path, header, camera, report)
+
+    return [make_source(path, "camera", label, camera.sensor, decode, check_stream)]
+
+
+def _read_header(path: Path) -> _Header:
+    with path.open("rb") as file:
+        head = file.read(_MAX_HEADER)
+    size, chip = 0, None
+    while head[size : size + 1] == b"#":
+        end = head.find(b"\n", size)
+        if end < 0:
+            break
+        line = head[size:end].decode("latin-1").strip("# \r")
+        size = end + 1
+        if line.startswith("AEChip:"):
+            chip = line.partition(":")[2].strip()
+        if line.lower() == "end of ascii header":  # the first address may begin like a line of the header
+            break
+    wide = ">u2" if head.startswith(_VERSION_1) else ">u4"
+    return _Header(size, chip, np.dtype([("address", wide), ("t", ">u4")]))
+
+
+def _camera_of(chip: str | None, sensor: SensorSize | None, path: Path) -> _Camera:
+    known = "DVS128, DAVIS240 or DAVIS346"
+    if chip is None:
+        if sensor is None:
+            remedy = "give --width and --height: 128 128, 240 180 or 346 260"
+            raise RecordingError("the header does not name the camera (AEChip)", where=path, remedy=remedy)
+        if sensor == _DVS128:
+            return _Camera("DVS128", sensor, davis=False)
+        name = next((name for name, size in _DAVIS.items() if size == sensor), None)
+        if name is None:
+            raise RecordingError("no camera of this size is known", expected=known, got=sensor, where=path)
+        return _Camera(f"DAVIS{name}", sensor, davis=True)
+    short = chip.rsplit(".", 1)[-1].lower()
+    if short.startswith(("dvs128", "tmpdiff128")):
+        found = _Camera("DVS128", _DVS128, davis=False)
+    else:
+        name = next((name for name in _DAVIS if short.startswith(f"davis{name}")), None)
+        if name is None:
+            raise RecordingError("the addresses of this camera are not known", expected=known, got=chip, where=path)
+        found = _Camera(f"DAVIS{name}", _DAVIS[name], davis=True)
+    if sensor is not None and sensor != found.sensor:
+        got = f"{sensor} for a {found.name} of {found.sensor}"
+        remedy = "leave out --width and --height"
+        raise RecordingError("the size contradicts the header", got=got, where=path, remedy=remedy)
+    return found
+
+
+def _decode(path: Path, header: _Header, camera: _Camera, report: DecodeReport) -> Iterator[Columns]:
+    epoch, latest, skipped = 0, None, 0
+    with path.open("rb") as file:
+        end = os.fstat(file.fileno()).st_size
+        done = file.seek(header.size_bytes)
+        while data := file.read(_ROWS * header.row.itemsize):
+            done += len(data)
+            rows = np.frombuffer(data[: len(data) - len(data) % header.row.itemsize], header.row)
+            t = rows["t"].astype(np.int64)
+            wraps = np.cumsum(np.diff(t, prepend=t[:1] if latest is None else latest) < -(_WRAP // 2))
+            t_us = t + epoch + wraps * _WRAP
+            if len(t):
+                epoch, latest = epoch + int(wraps[-1]) * _WRAP, int(t[-1])
+            address = rows["address"].astype(np.int64)
+            pixels, external = _kinds(address, camera)
+            skipped += len(rows) - int(pixels.sum()) - int(external.sum())
+            _add_triggers(t_us[external], address[external], camera, report)
+            yield _pixels(t_us[pixels], address[pixels], camera)
+            report.share = (done - header.size_bytes) / max(1, end - header.size_bytes)
+    if (end - header.size_bytes) % header.row.itemsize:
+        report.notes.append(f"{path.name}: the last bytes are no whole event; the file was cut short.")
+    if skipped:
+        report.notes.append(f"{path.name}: {skipped:,} samples of pictures and of the IMU were left out.")
+
+
+def _kinds(address: NDArray[np.int64], camera: _Camera) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which rows are events of pixels, and which external ones."""
+    if not camera.davis:
+        return address >> 15 == 0, address >> 15 != 0
+    dvs = address >> 31 == 0
+    external = dvs & ((address >> 10) & 1 == 1)
+    return dvs & ~external, external
+
+
+def _add_triggers(t_us: NDArray[np.int64], address: NDArray[np.int64], camera: _Camera, report: DecodeReport) -> None:
+    """Edges at the input of the camera; a DAVIS tells by the lowest bits which: 2 is a falling one."""
+    rising = (address & 0x3FF) != 2 if camera.davis else np.ones(len(t_us), np.bool_)
+    report.add_triggers(t_us, rising, np.zeros(len(t_us), np.int16))
+
+
+def _pixels(t_us: NDArray[np.int64], address: NDArray[np.int64], camera: _Camera) -> Columns:
+    """Events with the column from the left and the row from the top, as everywhere here."""
+    if camera.davis:
+        x, y, on = (address >> 12) & 0x3FF, (address >> 22) & 0x1FF, (address >> 11) & 1 == 1
+    else:
+        x, y, on = (address >> 1) & 0x7F, (address >> 8) & 0x7F, address & 1 == 0
+    return Columns(t_us, camera.sensor.width_px - 1 - x, camera.sensor.height_px - 1 - y, on)

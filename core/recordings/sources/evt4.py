@@ -1,0 +1,169 @@
+"""Prophesee EVT4: 32-bit words of one event, or pairs of words of up to 32 pixels of a row.
+
+Source: the word layout of OpenEB (decoders/evt4). The type is in the upper four bits:
+    A, B  an event, OFF or ON: time (6 bits), x (11), y (11)
+    C, D  the same for up to 32 pixels from x on; the next word, whatever it looks like, is the mask of them
+    E     the coarse time, 28 bits, in steps of 64 us
+    9     an external trigger: time (6), unused (9), channel (5), count (7), value (1)
+    6, 7  monitoring and what continues it;  F  padding;  others are reserved
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import RecordingError
+from core.events import SensorSize
+from core.jit import njit
+from core.recordings.sources.checking import check_stream
+from core.recordings.sources.evt_time import Decoded
+from core.recordings.sources.making import make_source
+from core.recordings.sources.prophesee_header import PropheseeHeader
+from core.recordings.sources.source import Columns, DecodeReport, EventSource
+
+VERSIONS: Final = ("EVT4", "EVT4.0")
+"""As headers spell it."""
+OTHERS, CONTINUED, TRIGGER = 0x6, 0x7, 0x9
+EVENT_OFF, EVENT_ON, VECTOR_OFF, VECTOR_ON, TIME_HIGH, PADDING = range(0xA, 0x10)
+
+_BLOCK_BYTES: Final = 1 << 20
+_HEAD_BYTES: Final = 64 << 10
+_ROOM_EVENTS: Final = 1 << 18
+_ROOM_TRIGGERS: Final = 1 << 14
+_MAX_RESERVED: Final = 0.01
+"""Of the first words: in a stream of this format there are none."""
+_MASK: Final = 0xFFFFFFF
+_SECOND: Final = 1_000_000 // 64
+HIGH, EPOCH, RESERVED, DAMAGED_TIMES = range(4)
+
+
+def open_evt4(path: Path, header: PropheseeHeader, sensor: SensorSize | None) -> EventSource:
+    """The one camera of a RAW file of EVT4 words.
+
+    Raises:
+        RecordingError: if the size of the sensor is not told, or the words are of another format.
+    """
+    size = sensor or header.sensor
+    if size is None:
+        raise RecordingError(
+            "the RAW header does not say how large the sensor is", where=path, remedy="give --width and --height"
+        )
+    with path.open("rb") as file:
+        file.seek(header.size_bytes)
+        head = file.read(_HEAD_BYTES)
+    words = np.frombuffer(head[: len(head) - len(head) % 4], "<u4")
+    state = _start(words)
+    _decode_words(words, state, Decoded.empty(32 * len(words) + 32, len(words) + 1))
+    if state[RESERVED] > _MAX_RESERVED * max(1, len(words)):
+        got = f"{state[RESERVED]:,} reserved words among the first {len(words):,}"
+        raise RecordingError("the words are not those of EVT4, which the header names", got=got, where=path)
+    return make_source(
+        path, "camera", "Prophesee EVT4", size, lambda report: _decode(path, header.size_bytes, report), check_stream
+    )
+
+
+def _start(words: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """The state in front of the first word: what stands before the first coarse time has that same time."""
+    state = np.zeros(4, np.int64)
+    first = int(_next_high(words, 0))
+    state[HIGH] = first if first > 1 else 0
+    return state
+
+
+def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
+    rest = b""
+    state: NDArray[np.int64] | None = None
+    with path.open("rb") as file:
+        end = os.fstat(file.fileno()).st_size
+        done = file.seek(start)
+        while data := file.read(_BLOCK_BYTES):
+            done += len(data)
+            data = rest + data
+            words = np.frombuffer(data[: len(data) - len(data) % 4], "<u4")
+            if state is None:
+                state = _start(words)
+            used, last = 0, 1
+            while last and used < len(words):
+                out = Decoded.empty(_ROOM_EVENTS, _ROOM_TRIGGERS)
+                last, events, triggers = _decode_words(words[used:], state, out)
+                used += last
+                report.add_triggers(out.trigger_t_us[:triggers], out.trigger_on[:triggers], out.trigger_id[:triggers])
+                yield Columns(out.t_us[:events], out.x_px[:events], out.y_px[:events], out.on[:events])
+            rest = data[4 * used :]
+            report.share = (done - start) / max(1, end - start)
+    if rest:
+        report.notes.append(f"{path.name}: the last {len(rest)} bytes are no whole event; the file was cut short.")
+    if state is not None and state[RESERVED]:
+        report.notes.append(f"{path.name}: {state[RESERVED]:,} words of a reserved type were left out.")
+    if state is not None and state[DAMAGED_TIMES]:
+        report.notes.append(f"{path.name}: {state[DAMAGED_TIMES]:,} damaged time words were ignored.")
+
+
+@njit
+def _next_high(words, start):
+    """The next coarse time from word `start` on, or -1; the masks of vectors are passed over."""
+    i = start
+    while i < len(words):
+        kind = np.int64(words[i]) >> 28
+        if kind == TIME_HIGH:
+            return np.int64(words[i]) & _MASK
+        i += 2 if kind in (VECTOR_OFF, VECTOR_ON) else 1
+    return np.int64(-1)
+
+
+@njit
+def _is_damaged_time(words, i, value, high):
+    """Whether a coarse time that jumps is contradicted by the next one, which goes on from the time before."""
+    if ((value - high) & _MASK) <= _SECOND:
+        return False
+    following = _next_high(words, i + 1)
+    return following >= 0 and ((following - high) & _MASK) <= _SECOND
+
+
+@njit
+def _decode_words(words, state, out):
+    """Fill `out`, a `Decoded`; returns (words used, events, triggers). A vector without its mask is not used."""
+    t, x, y, on, trigger_t, trigger_on, trigger_id = out
+    base = state[EPOCH] + (state[HIGH] << 6)
+    events, triggers = 0, 0
+    i = 0
+    while i < len(words) and events <= len(t) - 32 and triggers < len(trigger_t):
+        word = np.int64(words[i])
+        kind = word >> 28
+        if kind in (EVENT_OFF, EVENT_ON):
+            t[events], on[events] = base + ((word >> 22) & 0x3F), kind & 1
+            x[events], y[events] = (word >> 11) & 0x7FF, word & 0x7FF
+            events += 1
+        elif kind in (VECTOR_OFF, VECTOR_ON):
+            if i + 1 == len(words):
+                break
+            i += 1
+            mask = np.int64(words[i])
+            for bit in range(32):
+                if (mask >> bit) & 1:
+                    t[events], on[events] = base + ((word >> 22) & 0x3F), kind & 1
+                    x[events], y[events] = ((word >> 11) & 0x7FF) + bit, word & 0x7FF
+                    events += 1
+        elif kind == TIME_HIGH:
+            value = word & _MASK
+            if _is_damaged_time(words, i, value, state[HIGH]):
+                state[DAMAGED_TIMES] += 1
+            else:
+                if state[HIGH] - value > _MASK // 2:
+                    state[EPOCH] += 1 << 34
+                state[HIGH] = value
+                base = state[EPOCH] + (value << 6)
+        elif kind == TRIGGER:
+            trigger_t[triggers] = base + ((word >> 22) & 0x3F)
+            trigger_on[triggers], trigger_id[triggers] = word & 1, (word >> 8) & 0x1F
+            triggers += 1
+        elif kind not in (OTHERS, CONTINUED, PADDING):
+            state[RESERVED] += 1
+        i += 1
+    return i, events, triggers

@@ -1,0 +1,147 @@
+"""The label files of Sony's rallies: seq_<NNN>_<name>_label.h5 beside the events, one label a millisecond.
+
+/points (M, 2), /radius (M,), /velocities (M, 2) in px/s, /timestamps in s on the clock of the reference, /points_orig
+and /radius_orig before smoothing. Label k belongs to the events of millisecond k after t0, which the events file beside
+it tells; which instant within it is not said: it is taken for the middle. The authors warn that labels may be shifted
+against the events. What these columns cannot hold is in our own group /labels, which other readers pass over.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import LabelError, RecordingError
+from core.files import replacing
+from core.recordings.sources.sony_rallies import LABEL_SUFFIX, read_t0_us
+from labels.formats.exchange import (
+    Collector,
+    Exported,
+    ExportOptions,
+    ImportContext,
+    Imported,
+    LabelFormat,
+    LabelSet,
+    picture_name,
+)
+from labels.formats.recording_group import read_labels, write_group
+from labels.model import LabelState
+
+INSTANT_US: Final = 500
+"""Of a label within its millisecond."""
+LATEST_US: Final = 7_200_000_000
+"""A row for every millisecond has to fit into memory."""
+_MS: Final = 1000
+
+
+def write_sony(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
+    """`<camera>/seq_000_rally_label.h5`: a row for each millisecond up to the last label; without a ball it is nan.
+
+    Raises:
+        LabelError: if it cannot be written.
+    """
+    seen = [label for label in labels.labels if label.state.seen and label.x_px is not None]
+    shown = [label for label in seen if label.t_us < LATEST_US]
+    count = 1 + max((label.t_us // _MS for label in shown), default=-1)
+    points, radius = np.full((count, 2), np.nan), np.full(count, np.nan)
+    seconds = (np.arange(count) * _MS + INSTANT_US) / 1e6
+    for label in shown:
+        row = label.t_us // _MS
+        points[row] = label.x_px, label.y_px
+        radius[row] = np.nan if label.r_px is None else label.r_px
+        seconds[row] = label.t_us / 1e6
+    path = folder / _folder_name(labels.camera) / f"seq_000_rally{LABEL_SUFFIX}"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(path, durable=True) as partial, h5py.File(partial, "w") as file:
+            for name, values in (("points", points), ("points_orig", points)):
+                file[name] = values
+            for name, values in (("radius", radius), ("radius_orig", radius), ("timestamps", seconds)):
+                file[name] = values
+            file["velocities"] = _velocities(points, seconds)
+            write_group(file, labels, path)
+    except OSError as error:
+        raise LabelError("cannot write the labels", got=error.strerror or error, where=path) from error
+    late = len(seen) - len(shown)
+    losses = (f"{late} x later than two hours: no row of its millisecond, only in our own group",) if late else ()
+    return Exported((path,), losses)
+
+
+def _folder_name(camera: str) -> str:
+    """The folder of a camera, whatever its name is."""
+    return picture_name(camera, 0).rsplit("_t", 1)[0]
+
+
+def _velocities(points: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Finite differences, px/s; nan beside a gap."""
+    if len(points) < 2:
+        return np.full_like(points, np.nan)
+    return np.gradient(points, seconds, axis=0)
+
+
+def read_sony(path: Path, context: ImportContext) -> Imported:
+    """The labels of a file, or of the only label file of the camera in a folder; rejections count rows from 1."""
+    collector = Collector()
+    file = _label_file(path, context.camera, collector)
+    if file is not None:
+        try:
+            _read_file(file, context, collector)
+        except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:  # what h5py raises for damaged files
+            collector.reject(file, 1, f"not a readable label file: {error}")
+    return collector.done()
+
+
+def _label_file(path: Path, camera: str, collector: Collector) -> Path | None:
+    if path.is_file():
+        return path
+    own = path / _folder_name(camera)
+    folder = own if camera and own.is_dir() else path
+    files = sorted(folder.glob(f"*{LABEL_SUFFIX}")) or sorted(folder.glob(f"*/*{LABEL_SUFFIX}"))
+    if len(files) != 1:
+        collector.reject(path, 1, f"{len(files)} label files (*{LABEL_SUFFIX}) here, not one; give the file itself")
+        return None
+    return files[0]
+
+
+def _read_file(path: Path, context: ImportContext, collector: Collector) -> None:
+    with h5py.File(path, "r") as file:
+        if "labels" in file:  # our own, with every field
+            read_labels(file, path, context, collector)
+            return
+        points, radius = (np.asarray(file[name]) for name in ("points", "radius"))
+    if points.ndim != 2 or points.shape[1] != 2 or len(radius) != len(points):
+        collector.reject(path, 1, f"points {points.shape} and radius {radius.shape} do not fit together")
+        return
+    start_us = _start_us(path, context, collector)
+    if start_us is None:
+        return
+    for row, ((x, y), r) in enumerate(zip(points.tolist(), radius.tolist(), strict=True)):
+        if np.isnan(x) and np.isnan(y):
+            continue  # a millisecond without a label
+        with collector.entry(path, row + 1):
+            inside = 0 <= x < context.sensor.width_px and 0 <= y < context.sensor.height_px
+            state = LabelState.VISIBLE if inside else LabelState.OUT_OF_FRAME
+            known = None if np.isnan(r) else r
+            collector.add(context.make(start_us + row * _MS + INSTANT_US, state, x, y, known), path, row + 1)
+
+
+def _start_us(path: Path, context: ImportContext, collector: Collector) -> int | None:
+    """The recording's time of t0: 0 of the events file beside the labels, on the recording's clock."""
+    events = path.with_name(path.name.removesuffix(LABEL_SUFFIX) + ".h5")
+    if not events.is_file():
+        if context.clock_us:
+            collector.reject(path, 1, f"the events file {events.name}, which tells t0, is not beside it")
+            return None
+        return 0
+    try:
+        return read_t0_us(events) - context.clock_us
+    except RecordingError as error:
+        collector.reject(path, 1, error)
+        return None
+
+
+SONY = LabelFormat("sony", "Sony's rallies: HDF5 with a label each millisecond", write_sony, read_sony)
