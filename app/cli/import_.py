@@ -11,7 +11,9 @@ from typing import ClassVar
 from app.cli.arguments import Names, PositiveInt, flag, positional
 from app.cli.progress import progress_bar
 from app.cli.terminal import say
-from core.cameras import load_calibration
+from core.cameras.calibration_file import read_calibration_file
+from core.cameras.distortion import COEFFICIENTS, LensModel
+from core.cameras.units import METRES, Unit
 from core.errors import CommandError
 from core.events import SensorSize
 from core.events.clock_table import read_clock_table
@@ -33,6 +35,10 @@ class ImportArguments:
     )
     names: Names | None = flag("what to call the cameras", "left,right")
     calibration: Path | None = flag("calibration of the cameras, to be kept along", "FILE")
+    calibration_unit: Unit = flag("of the lengths in a calibration file", "m|mm", "m", choices=METRES)
+    calibration_model: LensModel | None = flag(
+        "lens model of a calibration file that names none", "|".join(COEFFICIENTS), "what the file says"
+    )
     offset_us: int = flag("add N to SRC2's times to get SRC's clock", "N", 0)
     clock: Path | None = flag("how SRC2's clock drifted from SRC's, as `rallyscope record` wrote it", "FILE.csv")
     width: PositiveInt | None = flag("sensor width, overrides what the file says", "W")
@@ -49,14 +55,19 @@ def run(arguments: ImportArguments) -> None:
     if not 2 <= len(arguments.paths) <= 3:
         raise CommandError("wrong number of files", expected="SRC [SRC2] DST.h5", got=len(arguments.paths))
     *sources, destination = arguments.paths
-    calibration = load_calibration(arguments.calibration) if arguments.calibration is not None else None
+    calibration = None
+    if arguments.calibration is not None:
+        calibration = read_calibration_file(
+            arguments.calibration, unit=arguments.calibration_unit, model=arguments.calibration_model
+        )
     with progress_bar(f"Importing {destination.name}") as progress:
         summary = import_recording(
             sources,
             destination,
             names=arguments.names,
             sensor=_sensor(arguments.width, arguments.height),
-            calibration=calibration,
+            calibration=None if calibration is None else calibration.cameras,
+            remarks=() if calibration is None else calibration.notes,
             offset_us=arguments.offset_us,
             clock=read_clock_table(arguments.clock) if arguments.clock is not None else None,
             frames=_frames(arguments.frames, arguments.frame_times, arguments.exposure_us),

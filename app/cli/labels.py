@@ -24,10 +24,12 @@ from app.modes.label.sources import LabelSource
 from core.errors import CommandError, LabelError
 from labels.agreement import Agreement, made_independently, measure_agreement
 from labels.formats import FORMATS, ExportOptions, ImportContext
+from labels.formats.import_report import ImportReport, describe_label, report_of
+from labels.formats.picture_names import stem_of
 from labels.store import LabelStore, Layer
 
-MAX_SHOWN = 20
-"""Rejections printed one by one; `--json` has them all."""
+NAME_COLUMNS = ("name", "file_name", "filename", "file", "picture", "image")
+"""Of a table of frame times: what pictures are called."""
 
 
 FORMAT_HELP = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
@@ -40,7 +42,11 @@ class LabelImportArguments:
     source: Path = positional("a file, or a folder of files", "SRC")
     layer: LayerArguments
     format: str = flag(FORMAT_HELP, "|".join(FORMATS), choices=FORMATS)
-    frame_times: Path | None = flag("column t_us: the time of each picture, by its number from 0", "CSV")
+    frame_times: Path | None = flag(
+        "column t_us: the time of each picture, by its number from 0, or by its name in a column name", "CSV"
+    )
+    ball_class: str | None = flag("the class that is the ball, where it has another name or no list", "NAME|N", "ball")
+    scale_pictures: bool = flag("scale labels if all pictures have one size, another than the sensor's")
     replace: bool = flag("replace labels that are there already")
 
 
@@ -73,21 +79,59 @@ def run_import(arguments: LabelImportArguments) -> None:
         if not arguments.source.exists():
             raise CommandError("no such file or folder", where=arguments.source)
         annotator = layer.annotator or "imported"
-        times = _frame_times(arguments.frame_times) if arguments.frame_times else None
-        clock_us = int(getattr(stream, "t_offset_us", 0))
-        context = ImportContext(stream.sensor, times, f"import {arguments.format}", stream.name, clock_us)
+        times, by_name = _frame_times(arguments.frame_times) if arguments.frame_times else (None, None)
+        context = ImportContext(
+            stream.sensor,
+            times,
+            f"import {arguments.format}",
+            stream.name,
+            clock_us=int(getattr(stream, "t_offset_us", 0)),
+            times_by_name=by_name,
+            ball_class=arguments.ball_class,
+            scale_pictures=arguments.scale_pictures,
+        )
         found = FORMATS[arguments.format].read(arguments.source, context)
         tool = f"rallyscope {version('rallyscope')}"
         with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
             new = [label for label in found.labels if arguments.replace or store.at(label.t_us) is None]
             store.edit(put=new)  # one step: one undo takes the whole import back
     there, rejections = len(found.labels) - len(new), [str(rejection) for rejection in found.rejections]
-    lines = [f"{len(new)} labels imported for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
-    lines += rejections[:MAX_SHOWN]
-    lines += [f"... and {len(rejections) - MAX_SHOWN} more, see --json"] if len(rejections) > MAX_SHOWN else []
     if not found.labels and rejections:
         raise LabelError(f"nothing could be imported, {len(rejections)} rejected", got=rejections[0])
-    layer.tell({"annotator": annotator, "imported": len(new), "already_there": there, "rejected": rejections}, lines)
+    report = report_of(found)
+    lines = [f"{len(new)} labels imported for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
+    layer.tell(
+        {
+            "annotator": annotator,
+            "imported": len(new),
+            "already_there": there,
+            "rejected": rejections,
+            **_report_json(report),
+        },
+        [*lines, *_report_lines(report)],
+    )
+
+
+def _report_json(report: ImportReport) -> dict[str, object]:
+    return {
+        "files": report.files,
+        "taken": report.taken,
+        "rejected_by_reason": [asdict(item) for item in report.rejected],
+        "examples": [
+            {"t_us": one.t_us, "state": str(one.state), "x_px": one.x_px, "y_px": one.y_px, "r_px": one.r_px}
+            for one in report.examples
+        ],
+        "notes": list(report.notes),
+    }
+
+
+def _report_lines(report: ImportReport) -> list[str]:
+    """What was rejected, with examples; what was taken, with examples; and the table of it all."""
+    lines = [example for item in report.rejected for example in item.examples]
+    lines += [f"for example {describe_label(label)}" for label in report.examples]
+    lines += list(report.notes)
+    width = max(len(number) for _, number in report.rows)
+    return [*lines, *(f"{number:>{width}}  {what}" for what, number in report.rows)]
 
 
 def run_export(arguments: LabelExportArguments) -> None:
@@ -162,11 +206,20 @@ ACTS = {
 }
 
 
-def _frame_times(path: Path) -> NDArray[np.int64]:
+def _frame_times(path: Path) -> tuple[NDArray[np.int64], dict[str, int] | None]:
+    """The times by number, and by name where the table has names."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            return np.array([int(row["t_us"]) for row in csv.DictReader(file)], np.int64)
+            rows = [{(key or "").strip(): value for key, value in row.items()} for row in csv.DictReader(file)]
+        times = np.array([int(row["t_us"]) for row in rows], np.int64)
     except OSError as error:
         raise CommandError("cannot read the frame times", got=error.strerror, where=path) from error
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, csv.Error) as error:
         raise CommandError("not frame times", expected="a column t_us of whole numbers", where=path) from error
+    column = next((name for name in NAME_COLUMNS if rows and name in rows[0]), None)
+    if column is None:
+        return times, None
+    names = [stem_of(row[column] or "") for row in rows]
+    if len(set(names)) != len(names):
+        raise CommandError("frame times with a name twice", expected="each picture once", where=path)
+    return times, dict(zip(names, times.tolist(), strict=True))

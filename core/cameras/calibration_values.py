@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from reprlib import Repr
 from typing import Final
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras.camera import Camera
+from core.cameras.distortion import LensModel
 from core.errors import CalibrationError, EventsError
 from core.events import SensorSize
 
@@ -20,11 +22,33 @@ LONGEST_LIST: Final = 64
 billions of numbers by anchors, which must not be counted, copied or printed."""
 
 
+WIDTHS: Final = ("image_width", "width", "img_width")
+HEIGHTS: Final = ("image_height", "height", "img_height")
+SIZES: Final = ("resolution", "image_size", "img_size", "size", "camera_resolution", "sensor_size")
+"""Names of a picture's size."""
+
+
 def short_repr(value: object) -> str:
     """A value from a file as a person wants to see it in a message."""
     shortener = Repr()
     shortener.maxlevel = 2
     return shortener.repr(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Unreadable:
+    """Stands for a value that the parser could not make; only who asks for it complains."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class FileMatrix:
+    """A matrix as OpenCV and ROS write it: its shape, and its numbers in one row. Checked when it is asked for."""
+
+    rows: object
+    columns: object
+    data: object
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,17 +67,36 @@ class CalibrationNode:
         return CalibrationNode(value, where)
 
     def get(self, key: str) -> object:
-        """Raises CalibrationError if the key is absent."""
+        """Raises CalibrationError if the key is absent, or its value could not be read."""
         if key not in self.values:
             raise CalibrationError(f"no {key!r}", expected=f"{key} among the keys", where=self.where)
-        return self.values[key]
+        value = self.values[key]
+        if isinstance(value, Unreadable):
+            raise CalibrationError(f"{key} cannot be read", got=value.reason, where=self.where)
+        return value
 
-    def first(self, *keys: str) -> str:
-        """The first of the keys that is there; raises CalibrationError if none is."""
+    def find(self, *keys: str) -> str | None:
+        """The first of the keys that is there, None if none is. `cameraMatrix` is also `Camera_Matrix`."""
         for key in keys:
             if key in self.values:
                 return key
-        raise CalibrationError("incomplete", expected=f"one of the keys {', '.join(keys)}", where=self.where)
+        plain = {_plain_key(key): key for key in reversed(self.values) if len(key) > 2}
+        return next((plain[_plain_key(key)] for key in keys if len(key) > 2 and _plain_key(key) in plain), None)
+
+    def first(self, *keys: str) -> str:
+        """The first of the keys that is there; raises CalibrationError if none is."""
+        found = self.find(*keys)
+        if found is None:
+            raise CalibrationError("incomplete", expected=f"one of the keys {', '.join(keys)}", where=self.where)
+        return found
+
+    def child(self, key: str) -> CalibrationNode:
+        """The mapping under a key; raises CalibrationError if there is none."""
+        return CalibrationNode.of(self.get(key), f"{self.where}: {key}")
+
+
+def _plain_key(key: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", key.lower())
 
 
 def read_matrix(node: CalibrationNode, key: str, shape: tuple[int, ...]) -> Array:
@@ -74,7 +117,7 @@ def read_numbers(node: CalibrationNode, key: str) -> Array:
     Raises:
         CalibrationError: if it is absent or anything else.
     """
-    raw = node.get(key)
+    raw = _rows_of(node.get(key), key, node.where)
     if not _is_matrix_of_numbers(raw):
         raise CalibrationError(f"{key} is not a list of finite numbers", got=short_repr(raw), where=node.where)
     try:
@@ -84,6 +127,23 @@ def read_numbers(node: CalibrationNode, key: str) -> Array:
     if not np.isfinite(values).all():
         raise CalibrationError(f"{key} is not a list of finite numbers", got=short_repr(raw), where=node.where)
     return values
+
+
+def _rows_of(raw: object, key: str, where: str) -> object:
+    """The nested lists of a matrix that states its shape; anything else as it is."""
+    if isinstance(raw, dict) and "data" in raw:
+        rows = raw.get("rows", raw.get("row"))
+        columns = next((raw[name] for name in ("cols", "columns", "col") if name in raw), None)
+        raw = FileMatrix(rows, columns, raw["data"])
+    if not isinstance(raw, FileMatrix):
+        return raw
+    rows, columns, data = raw.rows, raw.columns, raw.data
+    if not (isinstance(rows, int) and isinstance(columns, int) and isinstance(data, list)):
+        raise CalibrationError(f"{key}: opencv-matrix without rows, cols and data", where=where)
+    if rows < 0 or columns < 0 or rows * columns != len(data):
+        got = f"opencv-matrix of {short_repr(rows)} x {short_repr(columns)} with {len(data)} numbers"
+        raise CalibrationError(f"{key} is no matrix", got=got, where=where)
+    return [data[row * columns : (row + 1) * columns] for row in range(rows)] if data else []
 
 
 def _is_matrix_of_numbers(raw: object) -> bool:
@@ -117,30 +177,35 @@ def read_sensor(node: CalibrationNode, width_key: str, height_key: str) -> Senso
         raise CalibrationError("impossible sensor size", got=got, where=node.where) from error
 
 
-def five_coefficients(coefficients: Array, where: str) -> Array:
-    """OpenCV's k1 k2 p1 p2 k3 from any of OpenCV's lengths.
+def read_size(node: CalibrationNode) -> SensorSize:
+    """The picture's size, by any of the names that tools give it.
 
     Raises:
-        CalibrationError: for a model that has more than these five.
+        CalibrationError: if it is absent or impossible.
     """
-    flat = coefficients.ravel()
-    if flat.size not in (0, 4, 5, 8, 12, 14):
-        raise CalibrationError("wrong number of distortion coefficients", expected="4 or 5", got=flat.size, where=where)
-    if flat[5:].any():
-        remedy = "calibrate again without the rational, thin prism or tilted model"
-        raise CalibrationError("unsupported distortion", expected="k1 k2 p1 p2 k3", where=where, remedy=remedy)
-    five = np.zeros(5)
-    five[: min(5, flat.size)] = flat[:5]
-    return five
+    pair = node.find(*SIZES)
+    if node.find(*WIDTHS) is not None or pair is None:
+        return read_sensor(node, node.first(*WIDTHS), node.first(*HEIGHTS))
+    if isinstance(node.get(pair), dict):
+        return read_size(node.child(pair))
+    width, height = read_matrix(node, pair, (2,))
+    if width % 1 or height % 1:
+        raise CalibrationError(f"{pair} is not whole", got=f"{width:g}, {height:g}", where=node.where)
+    try:
+        return SensorSize(int(width), int(height))
+    except EventsError as error:
+        raise CalibrationError(f"impossible {pair}", got=f"{width:g}x{height:g}", where=node.where) from error
 
 
-def make_camera(sensor: SensorSize, K: Array, distortion: Array, T_world_camera: Array, where: str) -> Camera:
+def make_camera(
+    sensor: SensorSize, K: Array, distortion: Array, T_world_camera: Array, where: str, model: LensModel = "pinhole"
+) -> Camera:
     """A camera; what is impossible about it is reported with its place in the file.
 
     Raises:
         CalibrationError: if the values do not make a camera.
     """
     try:
-        return Camera(sensor, K, distortion, T_world_camera)
+        return Camera(sensor, K, distortion, T_world_camera, model)
     except CalibrationError as error:
         raise CalibrationError(str(error), where=where) from error

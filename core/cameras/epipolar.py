@@ -98,8 +98,8 @@ class EpipolarPair:
         x2 = _rays(self._second, second_px)
         y2 = x2 @ self._R.T
         values = np.einsum("ij,ij->i", x1, np.cross(self._t, y2))
-        line1 = np.cross(self._t, y2)[:, :2] / np.diag(self._first.K)[:2]
-        line2 = (np.cross(x1, self._t) @ self._R)[:, :2] / np.diag(self._second.K)[:2]
+        line1 = _per_pixel(np.cross(self._t, y2)[:, :2], self._first, x1)
+        line2 = _per_pixel((np.cross(x1, self._t) @ self._R)[:, :2], self._second, x2)
         scale = np.sqrt((np.square(line1).sum(axis=1) + np.square(line2).sum(axis=1)) / 2)
         turned = x1 * (y2 @ self._t)[:, None] - self._t * np.einsum("ij,ij->i", x1, y2)[:, None]
         shifted = np.cross(y2, x1) @ self._across.T
@@ -129,6 +129,21 @@ def _explain(residuals: Array, slopes: Array, precision: float) -> tuple[Array, 
 
 def _squares(slopes: Array, weights: Array) -> Array:
     return np.asarray(slopes.T @ (slopes * weights[:, None]), np.float64)
+
+
+def _per_pixel(slopes: Array, camera: Camera, rays: Array) -> Array:
+    """(N, 2) slopes along the pinhole coordinates of rays (N, 3), along the pixels.
+
+    A pinhole's distortion, of some percent, changes nothing that a drift is judged by; a fisheye lens squeezes the rim
+    of its picture several times.
+    """
+    if camera.model == "pinhole":
+        return slopes / np.diag(camera.K)[:2]
+    moved = camera.pixel_slopes(rays[:, :2])
+    (xx, xy), (yx, yy) = moved.transpose(1, 2, 0)
+    x, y = slopes.T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.column_stack([x * yy - y * yx, y * xx - x * xy]) / (xx * yy - xy * yx)[:, None]
 
 
 def _rays(camera: Camera, uvs_px: ArrayLike) -> Array:

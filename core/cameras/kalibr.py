@@ -1,4 +1,4 @@
-"""Kalibr's camchain YAML: cam0, cam1, ..., each posed against the one before it."""
+"""Kalibr's camchain YAML (cam0, cam1, ..., each posed against the one before it), and DSEC's `cam_to_cam.yaml`."""
 
 from __future__ import annotations
 
@@ -7,17 +7,22 @@ import re
 import numpy as np
 
 from core.cameras.calibration_values import (
+    Array,
     CalibrationNode,
-    five_coefficients,
     make_camera,
-    read_matrix,
     read_numbers,
+    read_size,
     short_repr,
 )
 from core.cameras.camera import Camera
-from core.errors import CalibrationError, EventsError
-from core.events import SensorSize
-from core.geometry import check_transform, invert_transform
+from core.cameras.distortion import LensModel
+from core.cameras.lens_names import SUPPORTED, find_lens
+from core.cameras.opencv_yaml import read_camera_matrix, read_pose
+from core.errors import CalibrationError
+from core.geometry import invert_transform
+
+DSEC_EVENTS = {"left": 0, "right": 3}
+"""Our name -> number of DSEC's event cameras; cam1 and cam2 take ordinary pictures."""
 
 
 def looks_like_kalibr(tree: CalibrationNode) -> bool:
@@ -26,37 +31,69 @@ def looks_like_kalibr(tree: CalibrationNode) -> bool:
     return isinstance(first, dict) and ("camera_model" in first or "intrinsics" in first)
 
 
-def cameras_from_kalibr(tree: CalibrationNode, where: str) -> dict[str, Camera]:
+def looks_like_dsec(tree: CalibrationNode) -> bool:
+    """Whether the file has DSEC's intrinsics and extrinsics of four cameras."""
+    lenses, poses = tree.values.get("intrinsics"), tree.values.get("extrinsics")
+    return isinstance(lenses, dict) and isinstance(poses, dict) and "cam0" in lenses and "T_10" in poses
+
+
+def cameras_from_kalibr(tree: CalibrationNode, asked: LensModel | None = None) -> dict[str, Camera]:
     """The cameras cam0, cam1, ...; the world is cam0's frame.
 
     Raises:
-        CalibrationError: if a key is missing or a model is not pinhole with radtan.
+        CalibrationError: if a key is missing, or a model is not ours.
     """
-    names = sorted((name for name in tree.values if re.fullmatch(r"cam\d+", name)), key=lambda name: int(name[3:]))
+    names = sorted((name for name in tree.values if re.fullmatch(r"cam\d{1,4}", name)), key=lambda name: int(name[3:]))
     cameras: dict[str, Camera] = {}
     T_world_camera = np.eye(4)
     for index, name in enumerate(names):
-        node = CalibrationNode.of(tree.values[name], f"{where}: {name}")
+        node = tree.child(name)
         if index:
-            T_camera_before = read_matrix(node, "T_cn_cnm1", (4, 4))
-            T_world_camera = T_world_camera @ invert_transform(check_transform(T_camera_before, where=node.where))
-        cameras[name] = _camera(node, T_world_camera)
+            T_world_camera = T_world_camera @ invert_transform(read_pose(node, "T_cn_cnm1"))
+        cameras[name] = _camera(node, T_world_camera, "intrinsics", asked)
     return cameras
 
 
-def _camera(node: CalibrationNode, T_world_camera: np.ndarray) -> Camera:
-    model = (node.get("camera_model"), node.values.get("distortion_model", "none"))
-    if model not in (("pinhole", "radtan"), ("pinhole", "none")):
-        got = " with ".join(part[:40] if isinstance(part, str) else short_repr(part) for part in model)
-        raise CalibrationError("unsupported camera model", expected="pinhole with radtan", got=got, where=node.where)
-    fx, fy, cx, cy = read_matrix(node, "intrinsics", (4,))
-    width, height = read_matrix(node, "resolution", (2,))
-    if width % 1 or height % 1:
-        raise CalibrationError("resolution is not whole", got=f"{width}, {height}", where=node.where)
-    try:
-        sensor = SensorSize(int(width), int(height))
-    except EventsError as error:
-        raise CalibrationError("impossible resolution", got=f"{width:g}x{height:g}", where=node.where) from error
-    coefficients = read_numbers(node, "distortion_coeffs") if model[1] == "radtan" else np.zeros(0)
-    K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-    return make_camera(sensor, K, five_coefficients(coefficients, node.where), T_world_camera, node.where)
+def cameras_from_dsec(tree: CalibrationNode, notes: list[str], asked: LensModel | None = None) -> dict[str, Camera]:
+    """DSEC's two event cameras, `left` (cam0) and `right` (cam3); the world is the left one's frame.
+
+    Raises:
+        CalibrationError: if a key is missing, or a model is not ours.
+    """
+    lenses, poses = tree.child("intrinsics"), tree.child("extrinsics")
+    T_right_left = np.eye(4)
+    for step in ("T_10", "T_21", "T_32"):  # T_ba takes coordinates of camera a to camera b
+        T_right_left = read_pose(poses, step) @ T_right_left
+    T_world = {"left": np.eye(4), "right": invert_transform(T_right_left)}
+    notes.append(f"{tree.where}: cam0 and cam3, the event cameras, are left and right; cam1 and cam2 are left out")
+    return {
+        name: _camera(lenses.child(f"cam{number}"), T_world[name], "camera_matrix", asked)
+        for name, number in DSEC_EVENTS.items()
+    }
+
+
+def _camera(node: CalibrationNode, T_world_camera: Array, intrinsics: str, asked: LensModel | None) -> Camera:
+    model = node.values.get("camera_model", "pinhole")
+    if not isinstance(model, str) or model.lower() not in ("pinhole", "none"):
+        got = model[:40] if isinstance(model, str) else short_repr(model)
+        raise CalibrationError("unsupported camera model", expected=SUPPORTED, got=got, where=node.where)
+    if read_numbers(node, intrinsics).size not in (4, 9):
+        what, got = f"{intrinsics} has the wrong shape", read_numbers(node, intrinsics).shape
+        raise CalibrationError(what, expected="fx, fy, cx, cy", got=got, where=node.where)
+    stated = node.values.get("distortion_model", "none")
+    key = node.find("distortion_coeffs", "distortion_coefficients")
+    if key is None and stated not in ("none", None):
+        key = "distortion_coeffs"
+    coefficients = np.zeros(0) if key is None or stated in ("none", None) else read_numbers(node, key)
+    lens = find_lens(node, coefficients, asked=asked, default="none")
+    K = read_camera_matrix(node, intrinsics)
+    return make_camera(read_size(node), K, lens.distortion, T_world_camera, node.where, lens.model)
+
+
+def camera_from_euroc(tree: CalibrationNode, asked: LensModel | None = None) -> dict[str, Camera]:
+    """`camera` of a file that describes one camera with Kalibr's keys, as EuRoC's `sensor.yaml` does.
+
+    Raises:
+        CalibrationError: if a key is missing, or a model is not ours.
+    """
+    return {"camera": _camera(tree, np.eye(4), "intrinsics", asked)}

@@ -1,75 +1,212 @@
-"""OpenCV's FileStorage YAML: one camera, or the pair that `stereoCalibrate` leaves behind."""
+"""OpenCV's FileStorage (YAML, XML or JSON) and ROS's camera_info: one camera, or the pair of `stereoCalibrate`.
+
+Only what a camera needs is looked at: image points, errors, flags and whatever else is in the file may be anything.
+"""
 
 from __future__ import annotations
 
+import re
+from typing import Final
+from xml.etree.ElementTree import Element, ParseError
+
 import numpy as np
 import yaml
+from defusedxml import DefusedXmlException
+from defusedxml.ElementTree import fromstring
 
 from core.cameras.calibration_values import (
+    Array,
     CalibrationNode,
-    five_coefficients,
+    FileMatrix,
+    Unreadable,
     make_camera,
     read_matrix,
     read_numbers,
-    read_sensor,
+    read_size,
 )
 from core.cameras.camera import Camera
+from core.cameras.distortion import LensModel
+from core.cameras.lens_names import find_lens
+from core.errors import CalibrationError
 from core.events import SensorSize
 from core.geometry import check_transform, invert_transform, make_transform
 
-SINGLE_K = ("camera_matrix", "cameraMatrix", "K")
-SINGLE_DISTORTION = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "D")
-LEFT_K, RIGHT_K = ("M1", "K1", "cameraMatrix1"), ("M2", "K2", "cameraMatrix2")
-LEFT_DISTORTION, RIGHT_DISTORTION = ("D1", "distCoeffs1"), ("D2", "distCoeffs2")
-WIDTH, HEIGHT = ("image_width", "width"), ("image_height", "height")
+SINGLE_K: Final = ("camera_matrix", "cameraMatrix", "intrinsic_matrix", "intrinsics", "mtx", "K", "k")
+SINGLE_DISTORTION: Final = (
+    "distortion_coefficients",
+    "distCoeffs",
+    "dist_coeffs",
+    "distortion_coeffs",
+    "distortion_coefficents",
+    "distortion",
+    "dist",
+    "D",
+    "d",
+)
+LEFT_K: Final = ("M1", "K1", "cameraMatrix1", "left_camera_matrix", "camera_matrix_left", "cameraMatrixL", "mtx_l")
+RIGHT_K: Final = ("M2", "K2", "cameraMatrix2", "right_camera_matrix", "camera_matrix_right", "cameraMatrixR", "mtx_r")
+LEFT_DISTORTION: Final = (
+    "D1",
+    "distCoeffs1",
+    "left_distortion_coefficients",
+    "distortion_coefficients_left",
+    "dist_coeffs_left",
+    "distCoeffsL",
+    "dist_l",
+)
+RIGHT_DISTORTION: Final = (
+    "D2",
+    "distCoeffs2",
+    "right_distortion_coefficients",
+    "distortion_coefficients_right",
+    "dist_coeffs_right",
+    "distCoeffsR",
+    "dist_r",
+)
+BROKEN_VALUE: Final = (yaml.YAMLError, ValueError, LookupError, AttributeError, TypeError)
+ROUGH: Final = 1e-3
+"""A rotation that was written with few digits is made whole; one that is farther off is none."""
 
 
 class OpenCVLoader(yaml.SafeLoader):
-    """PyYAML's safe loader that also knows `!!opencv-matrix`: a mapping of rows, cols, dt and data."""
+    """PyYAML's safe loader that knows `!!opencv-matrix`, and leaves values that it cannot make to who asks for them."""
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> object:
+        """The value of a node, or `Unreadable`."""
+        try:
+            return super().construct_object(node, deep)
+        except BROKEN_VALUE as error:
+            return Unreadable(f"{node.tag.rpartition(':')[2]}: {' '.join(str(error).split())[:120]}")
 
 
-def _construct_matrix(loader: yaml.SafeLoader, node: yaml.Node) -> list[object]:
+def _construct_matrix(loader: yaml.SafeLoader, node: yaml.Node) -> object:
     if not isinstance(node, yaml.MappingNode):
-        raise yaml.YAMLError("opencv-matrix without rows, cols and data")
+        return Unreadable("opencv-matrix without rows, cols and data")
     values = loader.construct_mapping(node, deep=True)
-    rows, columns, data = values.get("rows"), values.get("cols"), values.get("data")
-    if not (isinstance(rows, int) and isinstance(columns, int) and isinstance(data, list)):
-        raise yaml.YAMLError("opencv-matrix without rows, cols and data")
-    if rows < 1 or columns < 1 or rows * columns != len(data):
-        raise yaml.YAMLError(f"opencv-matrix of {rows} x {columns} with {len(data)} numbers")
-    return [data[row * columns : (row + 1) * columns] for row in range(rows)]
+    sizes = values.get("sizes")
+    if isinstance(sizes, list) and len(sizes) == 2:
+        return FileMatrix(sizes[0], sizes[1], values.get("data"))
+    return FileMatrix(values.get("rows"), values.get("cols"), values.get("data"))
 
 
 OpenCVLoader.add_constructor("tag:yaml.org,2002:opencv-matrix", _construct_matrix)
+OpenCVLoader.add_constructor("tag:yaml.org,2002:opencv-nd-matrix", _construct_matrix)
 
 
-def cameras_from_opencv(tree: CalibrationNode, where: str) -> dict[str, Camera]:
+def tree_from_xml(text: str, where: str) -> CalibrationNode:
+    """The values of OpenCV's `<opencv_storage>`.
+
+    Raises:
+        CalibrationError: if the text is no such XML.
+    """
+    try:
+        root = fromstring(re.sub(r"\A\s*<\?xml[^>]*\?>", "", text), forbid_dtd=True)
+    except (ParseError, DefusedXmlException, ValueError) as error:
+        raise CalibrationError("not XML that can be read", got=str(error)[:200], where=where) from error
+    if root.tag != "opencv_storage":
+        raise CalibrationError("not OpenCV's XML", expected="<opencv_storage>", got=f"<{root.tag}>", where=where)
+    return CalibrationNode({child.tag: _value_of(child) for child in root}, where)
+
+
+def _value_of(element: Element) -> object:
+    if element.get("type_id") in ("opencv-matrix", "opencv-nd-matrix"):
+        parts = {child.tag: (child.text or "").split() for child in element}
+        sizes = parts.get("sizes") or [*parts.get("rows", []), *parts.get("cols", [])]
+        if len(sizes) != 2 or not all(size.isdecimal() and len(size) < 10 for size in sizes):
+            return Unreadable("opencv-matrix without rows, cols and data")
+        return FileMatrix(int(sizes[0]), int(sizes[1]), parts.get("data", []))
+    if len(element):
+        return {child.tag: _value_of(child) for child in element}
+    text = (element.text or "").strip().strip('"')
+    words = text.split()
+    numbers = [_number(word) for word in words]
+    if not words or not all(isinstance(number, (int, float)) for number in numbers):
+        return text
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _number(word: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            continue
+    return word
+
+
+def cameras_from_opencv(
+    tree: CalibrationNode, where: str, notes: list[str], asked: LensModel | None = None
+) -> dict[str, Camera]:
     """`camera`, posed by `T_world_camera` if the file has one; or `left` and `right`, posed by R and T.
 
     R and T map left camera coordinates to right ones, as `stereoCalibrate` returns them; the world is the left camera.
+    What was taken for granted is added to `notes`.
 
     Raises:
         CalibrationError: if a key is missing or does not fit.
     """
-    sensor = read_sensor(tree, tree.first(*WIDTH), tree.first(*HEIGHT))
-    T_world_left = read_matrix(tree, "T_world_camera", (4, 4)) if "T_world_camera" in tree.values else np.eye(4)
-    if not any(key in tree.values for key in LEFT_K):
-        return {"camera": _camera(tree, sensor, SINGLE_K, SINGLE_DISTORTION, T_world_left)}
-    R = read_matrix(tree, "R", (3, 3))
-    T_right_left = check_transform(make_transform(R, read_matrix(tree, "T", (3,))), where=f"{where}: R, T")
-    T_world_right = T_world_left @ invert_transform(T_right_left)
+    sensor = read_size(tree)
+    T_world_left = read_pose(tree, "T_world_camera") if "T_world_camera" in tree.values else np.eye(4)
+    reader = _LensReader(tree, sensor, notes, asked)
+    if tree.find(*LEFT_K) is None or tree.find(*RIGHT_K) is None:
+        return {"camera": reader.camera(SINGLE_K, SINGLE_DISTORTION, T_world_left)}
+    R, T = tree.first("R", "rotation_matrix"), tree.first("T", "translation_vector", "translation")
+    T_right_left = rigid(read_matrix(tree, R, (3, 3)), read_matrix(tree, T, (3,)), f"{where}: R, T")
     return {
-        "left": _camera(tree, sensor, LEFT_K, LEFT_DISTORTION, T_world_left),
-        "right": _camera(tree, sensor, RIGHT_K, RIGHT_DISTORTION, T_world_right),
+        "left": reader.camera(LEFT_K, LEFT_DISTORTION, T_world_left),
+        "right": reader.camera(RIGHT_K, RIGHT_DISTORTION, T_world_left @ invert_transform(T_right_left)),
     }
 
 
-def _camera(
-    tree: CalibrationNode,
-    sensor: SensorSize,
-    K: tuple[str, ...],
-    distortion: tuple[str, ...],
-    T_world_camera: np.ndarray,
-) -> Camera:
-    coefficients = five_coefficients(read_numbers(tree, tree.first(*distortion)), tree.where)
-    return make_camera(sensor, read_matrix(tree, tree.first(*K), (3, 3)), coefficients, T_world_camera, tree.where)
+class _LensReader:
+    """Reads the cameras of one file."""
+
+    def __init__(self, tree: CalibrationNode, sensor: SensorSize, notes: list[str], asked: LensModel | None) -> None:
+        self._tree, self._sensor, self._notes = tree, sensor, notes
+        self._asked: LensModel | None = asked
+
+    def camera(self, K: tuple[str, ...], distortion: tuple[str, ...], T_world_camera: Array) -> Camera:
+        """One of the cameras."""
+        tree = self._tree
+        values = read_camera_matrix(tree, tree.first(*K))
+        lens = find_lens(tree, read_numbers(tree, tree.first(*distortion)), asked=self._asked)
+        if lens.assumed and lens.assumed not in self._notes:
+            self._notes.append(lens.assumed)
+        return make_camera(self._sensor, values, lens.distortion, T_world_camera, tree.where, lens.model)
+
+
+def read_camera_matrix(node: CalibrationNode, key: str) -> Array:
+    """K (3, 3) from a matrix, or from fx, fy, cx, cy in a list.
+
+    Raises:
+        CalibrationError: if it is neither.
+    """
+    values = read_numbers(node, key)
+    if values.shape != (4,):
+        return read_matrix(node, key, (3, 3))
+    fx, fy, cx, cy = values.ravel()
+    return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+
+def read_pose(node: CalibrationNode, key: str) -> Array:
+    """A rigid transform (4, 4) under a key.
+
+    Raises:
+        CalibrationError: if it is none.
+    """
+    T, where = read_matrix(node, key, (4, 4)), f"{node.where}: {key}"
+    if not np.array_equal(T[3], (0, 0, 0, 1)):
+        return check_transform(T, where=where)
+    return rigid(T[:3, :3], T[:3, 3], where)
+
+
+def rigid(R: Array, t: Array, where: str) -> Array:
+    """(4, 4) from a rotation, which may have been written with few digits, and a translation.
+
+    Raises:
+        CalibrationError: if it is no rotation.
+    """
+    if np.abs(R).max() < 2 and 1e-9 < np.abs(R @ R.T - np.eye(3)).max() < ROUGH:
+        u, _, v = np.linalg.svd(R)
+        R = np.asarray(u @ v, np.float64)
+    return check_transform(make_transform(R, t), where=where)

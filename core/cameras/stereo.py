@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from core.cameras.camera import Camera
-from core.cameras.distortion import fold_radius
 from core.cameras.stereo_kernel import triangulate_rows
 from core.config import check_settings, setting
 from core.errors import CalibrationError
@@ -71,7 +70,7 @@ class StereoRig:
         if np.ptp(self._centres, axis=0).max() < 1e-6:
             raise CalibrationError("the cameras stand in one place: no depth", got=self._centres[0].round(4).tolist())
         self._Rs = np.array([view.T_world_camera[:3, :3] for view in views])
-        self._lenses = np.array([_lens_row(view) for view in views])
+        self._lenses = np.array([view.lens_row() for view in views])
 
     def triangulate(self, uvs_px: ArrayLike, covariances_px2: ArrayLike | None = None) -> TriangulatedPoints:
         """The points of simultaneous pixels (N, C, 2), C in the order of `names`; nan: not seen by that camera.
@@ -143,8 +142,3 @@ def _spreads(covariances_px2: Array, default: Array) -> Array:
     roots[:, 0, 0], roots[:, 1, 0], roots[:, 1, 1] = first, b / first, np.sqrt(np.maximum(c - b * b / a, 0.0))
     spreads[known] = roots
     return spreads
-
-
-def _lens_row(camera: Camera) -> Array:
-    K = camera.K
-    return np.array([K[0, 0], K[1, 1], K[0, 2], K[1, 2], *camera.distortion, fold_radius(camera.distortion)])

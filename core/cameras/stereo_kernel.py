@@ -8,64 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from core.cameras.lens_kernel import CX, CY, FOLD, FX, FY, distort_point, slopes_at, undistort_point
 from core.jit import njit
 
 Array = NDArray[np.float64]
 
-NEWTON_ROUNDS: Final = 20
-CONVERGED: Final = 1e-12
-WRONG: Final = 1e-7
-"""Of a pinhole coordinate: no ray leads to a pixel that the lens model misses by more."""
 PARALLEL: Final = 1e-8
 """Determinant of the normal equations (sin^2 of the angle between two rays) below which rays do not meet."""
-
-FX, FY, CX, CY, K1, K2, P1, P2, K3, FOLD = range(10)
-"""Columns of the lens parameters."""
-
-
-@njit
-def _distort(x: float, y: float, lens: Array) -> tuple[float, float]:
-    r2 = x * x + y * y
-    radial = 1 + r2 * (lens[K1] + r2 * (lens[K2] + r2 * lens[K3]))
-    return (
-        x * radial + 2 * lens[P1] * x * y + lens[P2] * (r2 + 2 * x * x),
-        y * radial + lens[P1] * (r2 + 2 * y * y) + 2 * lens[P2] * x * y,
-    )
-
-
-@njit
-def _slopes(x: float, y: float, lens: Array) -> tuple[float, float, float]:
-    """Derivatives of `_distort`: dx/dx, dx/dy (= dy/dx), dy/dy."""
-    r2 = x * x + y * y
-    radial = 1 + r2 * (lens[K1] + r2 * (lens[K2] + r2 * lens[K3]))
-    slope = 2 * (lens[K1] + r2 * (2 * lens[K2] + r2 * 3 * lens[K3]))
-    return (
-        radial + slope * x * x + 2 * lens[P1] * y + 6 * lens[P2] * x,
-        slope * x * y + 2 * lens[P1] * x + 2 * lens[P2] * y,
-        radial + slope * y * y + 6 * lens[P1] * y + 2 * lens[P2] * x,
-    )
-
-
-@njit
-def _undistort(u: float, v: float, lens: Array) -> tuple[float, float]:
-    """Pinhole coordinates of a pixel by Newton's method; nan where no ray leads there."""
-    x_lens, y_lens = (u - lens[CX]) / lens[FX], (v - lens[CY]) / lens[FY]
-    x, y = x_lens, y_lens
-    for _ in range(NEWTON_ROUNDS):
-        x_here, y_here = _distort(x, y, lens)
-        xx, xy, yy = _slopes(x, y, lens)
-        determinant = xx * yy - xy * xy
-        if determinant == 0:
-            return math.nan, math.nan
-        step_x = (yy * (x_here - x_lens) - xy * (y_here - y_lens)) / determinant
-        step_y = (xx * (y_here - y_lens) - xy * (x_here - x_lens)) / determinant
-        x, y = x - step_x, y - step_y
-        if not (abs(step_x) > CONVERGED or abs(step_y) > CONVERGED):
-            break
-    x_here, y_here = _distort(x, y, lens)
-    if not (abs(x_here - x_lens) < WRONG and abs(y_here - y_lens) < WRONG and math.hypot(x, y) < lens[FOLD]):
-        return math.nan, math.nan
-    return x, y
 
 
 @njit
@@ -94,10 +43,10 @@ def _add_noise(x: float, y: float, depth: float, R: Array, lens: Array, spread_p
     `spread_px` (2, 2) is a root of the noise's covariance: each column a step of the pixel.
     """
     norm = math.sqrt(x * x + y * y + 1)
-    xx, xy, yy = _slopes(x, y, lens)
-    determinant = xx * yy - xy * xy
+    xx, xy, yx, yy = slopes_at(x, y, lens)
+    determinant = xx * yy - xy * yx
     # Derivative of the pinhole coordinates by the pixel, then of the unit direction by the pinhole coordinates.
-    by_u = (yy / determinant / lens[FX], -xy / determinant / lens[FX])
+    by_u = (yy / determinant / lens[FX], -yx / determinant / lens[FX])
     by_v = (-xy / determinant / lens[FY], xx / determinant / lens[FY])
     for step in range(2):
         du, dv = spread_px[0, step], spread_px[1, step]
@@ -122,7 +71,7 @@ def _reprojection_px2(p: Array, u: float, v: float, centre: Array, R: Array, len
     yc = (R[0, 1] * x + R[1, 1] * y + R[2, 1] * z) / zc
     if not math.hypot(xc, yc) < lens[FOLD]:
         return math.nan
-    xd, yd = _distort(xc, yc, lens)
+    xd, yd = distort_point(xc, yc, lens)
     return (xd * lens[FX] + lens[CX] - u) ** 2 + (yd * lens[FY] + lens[CY] - v) ** 2
 
 
@@ -142,7 +91,7 @@ def triangulate_rows(
         normal, right, noise = np.zeros((3, 3)), np.zeros(3), np.zeros((3, 3))
         seen = 0
         for c in range(cameras):
-            x, y = _undistort(uvs[row, c, 0], uvs[row, c, 1], lenses[c])
+            x, y = undistort_point(uvs[row, c, 0], uvs[row, c, 1], lenses[c])
             xys[c, 0], xys[c, 1] = x, y
             if math.isnan(x):
                 continue

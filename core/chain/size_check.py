@@ -44,8 +44,7 @@ class SizeCheck:
         names = []
         for name, radius in radii_px.items():
             camera = self._cameras[name]
-            depth_m = float(camera.T_world_camera[:3, 2] @ (p_world_m - camera.position_world_m))
-            ratio = radius * depth_m / (camera.K[0, 0] * BALL_RADIUS_M)
+            ratio = radius / _expected_radius_px(camera, p_world_m)
             if not self._config.smallest <= ratio <= self._config.largest:
                 names.append(name)
         return names
@@ -101,3 +100,16 @@ def _circles(window: Window, detector: Detector) -> list[Detection]:
     trace = trace_window(window, around, detector.config, label_clusters=grid_labels)
     circles = [one.circle for one in trace.candidates if one.rejected is None and one.circle is not None]
     return [Detection(window.end_us, circle.u_px, circle.v_px, circle.r_px) for circle in circles]
+
+
+def _expected_radius_px(camera: Camera, p_world_m: Array) -> float:
+    """About the radius of a ball at a point in the camera's picture."""
+    p_camera = camera.to_camera(p_world_m)[0]
+    depth_m = max(float(p_camera[2]), 1e-9)
+    pinhole = BALL_RADIUS_M / depth_m
+    if camera.model == "pinhole":
+        return float(camera.K[0, 0]) * pinhole
+    # A sphere's picture is longer away from the axis by 1 / cos; the lens squeezes it again.
+    stretch = float(np.linalg.norm(p_camera)) / depth_m
+    slopes = camera.pixel_slopes(p_camera[None, :2] / depth_m)[0]
+    return pinhole * float(np.sqrt(stretch * np.linalg.det(slopes)))

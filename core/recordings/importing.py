@@ -180,10 +180,11 @@ def _common_zero(feeds: list[_Feed]) -> int:
 
 
 def _match_calibration(calibration: Mapping[str, Camera], names: list[str]) -> dict[str, Camera]:
-    """A calibration of one camera is for the only camera, whatever it is called."""
+    """A calibration of one camera is for the only camera, whatever it is called; one of more may be of more cameras."""
     if len(calibration) == 1 and len(names) == 1:
         return {names[0]: next(iter(calibration.values()))}
-    return dict(calibration)
+    wanted = {name: camera for name, camera in calibration.items() if name in names}
+    return wanted if len(wanted) == len(names) else dict(calibration)
 
 
 def _own_calibration(feeds: list[_Feed]) -> dict[str, Camera]:

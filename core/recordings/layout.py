@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
+from core.cameras.distortion import LensModel
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, kind_at, names_in, place_of, read_whole
+from core.recordings.log.growing import Json
 from core.recordings.ms_index import MAX_TIME_US as MAX_TIME_US
 from core.recordings.recording import Triggers
 from core.recordings.truth import BallTruth, PixelTruth
@@ -22,6 +24,10 @@ FORMAT: Final = "rallyscope-recording"
 VERSION: Final = 1
 LARGEST_CALIBRATED: Final = 1e9
 """Of any number of a calibration."""
+FISHEYE_DISTORTION: Final = "fisheye_distortion"
+"""Dataset of the four coefficients of a fisheye lens, instead of `distortion`."""
+LENS_MODEL: Final = "lens_model"
+"""Attribute of a calibration group; absent for a pinhole."""
 
 Rows = dict[str, NDArray]
 """Equally long columns of one group; the first axis is the row."""
@@ -127,18 +133,34 @@ def read_rows(group: h5py.Group) -> Rows:
     return rows
 
 
+def calibration_values(camera: Camera) -> Json:
+    """The datasets of `/cameras/<name>/calibration`.
+
+    A fisheye lens has its coefficients in a dataset of another name: who knows only the pinhole, finds no distortion
+    and does not take them for that of one. The group's attribute `lens_model` says the same.
+    """
+    distortion = FISHEYE_DISTORTION if camera.model == "fisheye" else "distortion"
+    return {
+        "K": camera.K.tolist(),
+        distortion: camera.distortion.tolist(),
+        "T_world_camera": camera.T_world_camera.tolist(),
+    }
+
+
 def read_calibration(group: h5py.Group, sensor: SensorSize) -> Camera:
     """The camera of `/cameras/<name>/calibration`.
 
     Raises:
         RallyscopeError: if it is not one.
     """
-    columns = [read_whole(dataset_at(group, name)) for name in ("K", "distortion", "T_world_camera")]
+    model: LensModel = "fisheye" if FISHEYE_DISTORTION in names_in(group) else "pinhole"
+    distortion_name = FISHEYE_DISTORTION if model == "fisheye" else "distortion"
+    columns = [read_whole(dataset_at(group, name)) for name in ("K", distortion_name, "T_world_camera")]
     for column in columns:
         if column.dtype.kind not in "fiu" or not (np.abs(column) < LARGEST_CALIBRATED).all():
             raise RecordingError("the calibration is no numbers of a camera", got=column.dtype, where=place_of(group))
     K, distortion, T_world_camera = (_column(column, np.float64) for column in columns)
-    return Camera(sensor, K, distortion, T_world_camera)
+    return Camera(sensor, K, distortion, T_world_camera, model)
 
 
 def _column(values: NDArray, dtype: type) -> NDArray:

@@ -80,7 +80,7 @@ class RecordingWriter:
             "seed": seed,
             "config": None if config is None else json.dumps(config),
             "cameras": {name: [sensor.width_px, sensor.height_px] for name, sensor in cameras.items()},
-            "calibration": {name: _camera_values(camera) for name, camera in (calibration or {}).items()},
+            "calibration": {name: layout.calibration_values(camera) for name, camera in (calibration or {}).items()},
             "time_offsets_us": {name: int(offset) for name, offset in (time_offsets_us or {}).items()},
         }
         self._flushes = 0
@@ -269,11 +269,3 @@ def _check_names(cameras: Mapping[str, SensorSize], calibration: Mapping[str, Ca
             raise RecordingError(
                 f"the calibration of camera {name} is for another sensor", expected=cameras[name], got=camera.sensor
             )
-
-
-def _camera_values(camera: Camera) -> Json:
-    return {
-        "K": camera.K.tolist(),
-        "distortion": camera.distortion.tolist(),
-        "T_world_camera": camera.T_world_camera.tolist(),
-    }

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from core.events import SensorSize
+from labels.formats.exchange import HALF_PIXEL
 from labels.model import Label
-
-HALF_PIXEL = 0.5
-"""From our pixel-centre convention to formats in which 0 is the outer edge of the first pixel."""
 
 
 @dataclass(frozen=True, slots=True)

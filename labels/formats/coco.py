@@ -9,23 +9,28 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 from core.errors import LabelError
-from labels.formats.boxes import HALF_PIXEL, Box, box_of, losses_of_box
+from labels.formats.boxes import Box, box_of, losses_of_box
 from labels.formats.exchange import (
     CLASS_NAME,
+    HALF_PIXEL,
     Collector,
     Exported,
     ExportOptions,
     ImportContext,
     Imported,
     LabelSet,
+    PictureScaling,
+    PictureTimes,
     count_losses,
     files_at,
     finite,
     picture_name,
     read_text,
+    stated_size,
     write_text,
 )
 from labels.formats.json_lines import JsonError, JsonObject, parse_json
@@ -83,6 +88,7 @@ def _annotation(number: int, image_id: int, label: Label, box: Box) -> dict[str,
 def read_coco(path: Path, context: ImportContext) -> Imported:
     """Every JSON file of a folder, or one."""
     collector = Collector()
+    documents: list[_Document] = []
     for file in files_at(path, ".json", collector):
         text = read_text(file, collector)
         if text is None:
@@ -96,36 +102,99 @@ def read_coco(path: Path, context: ImportContext) -> Imported:
         if not isinstance(document, dict) or not all(isinstance(items, list) for items in lists):
             collector.reject(file, 1, "not a COCO file; expected lists of images and annotations")
             continue
-        _read_document(document, file, context, collector)
+        documents.append(_document_of(document, file, context, collector))
+    images = [image for document in documents for image in document.images.values()]
+    times = context.pictures(str(image.get("file_name", "")) for image in images)
+    scaling = context.scaling(map(_size_of, images), collector)
+    for document in documents:
+        _read_document(document, times, scaling, context, collector)
     return collector.done()
 
 
-def _read_document(document: dict, file: Path, context: ImportContext, collector: Collector) -> None:
-    balls: set[object] = set()
+@dataclass(frozen=True, slots=True, eq=False)
+class _Document:
+    """One file; ids may be numbers or text, and `1`, `1.0` and `"1"` are the same."""
+
+    file: Path
+    images: dict[str, JsonObject]
+    balls: frozenset[str]
+    """Ids of the categories that are the ball."""
+    annotations: list[JsonObject]
+
+
+def _document_of(document: dict, file: Path, context: ImportContext, collector: Collector) -> _Document:
+    categories: dict[str, object] = {}
     for entry in _objects(document.get("categories", []), "category", file, collector):
-        if entry.get("name") == CLASS_NAME and isinstance(entry.get("id"), (int, str)):
-            balls.add(entry["id"])
-    images: dict[object, JsonObject] = {}
+        with collector.entry(file, entry.line):
+            categories[_id_of(entry, "id")] = entry.get("name")
+    wanted = context.ball_class
+    balls = {number for number, name in categories.items() if isinstance(name, str) and context.is_ball(name)}
+    if wanted is not None and wanted.strip().isdecimal() and not balls:
+        balls = {str(int(wanted))}
+    if not balls and document["annotations"]:
+        known = [str(name) for name in categories.values()][:20]
+        what = f"no category {wanted or CLASS_NAME!r} among {known}"
+        collector.reject(file, 1, LabelError(what, remedy="give --ball-class NAME|N"))
+    images: dict[str, JsonObject] = {}
     for image in _objects(document["images"], "image", file, collector):
         with collector.entry(file, image.line):
-            if not isinstance(image["id"], (int, str)) or image["id"] in images:
-                raise LabelError("an image id that is missing, odd or used twice", got=image["id"])
-            images[image["id"]] = image
-    used: set[object] = set()
-    for entry in _objects(document["annotations"], "annotation", file, collector):
+            image_id = _id_of(image, "id")
+            if image_id in images:
+                raise LabelError("an image id that is used twice", got=image_id)
+            images[image_id] = image
+    return _Document(file, images, frozenset(balls), _objects(document["annotations"], "annotation", file, collector))
+
+
+def _id_of(entry: JsonObject, key: str) -> str:
+    value = entry[key]
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    if isinstance(value, bool) or not isinstance(value, (int, str)):
+        raise LabelError(f"an {key.replace('_', ' ')} that is missing or odd", got=repr(value)[:80])
+    return str(value).strip()
+
+
+def _size_of(image: JsonObject) -> tuple[float, float] | None:
+    """The stated size; None also if it is none, which is said when the picture is read."""
+    try:
+        return stated_size(image.get("width"), image.get("height"))
+    except LabelError:
+        return None
+
+
+def _read_document(
+    document: _Document,
+    times: PictureTimes,
+    scaling: PictureScaling,
+    context: ImportContext,
+    collector: Collector,
+) -> None:
+    file, images = document.file, document.images
+    used: set[str] = set()
+    lost = 0
+    for entry in document.annotations:
         with collector.entry(file, entry.line):
-            image_id = entry["image_id"]
+            lost += 1  # until it is known whose it is
+            image_id = _id_of(entry, "image_id")
+            lost -= 1
             if image_id not in images:
                 raise LabelError("an annotation of an image that is not listed", got=image_id)
             used.add(image_id)
-            if entry["category_id"] not in balls:
-                raise LabelError(f"category {entry['category_id']!r} is not {CLASS_NAME!r}")
-            collector.add(_label_of(entry, _time_of(images[image_id], context), context), file, entry.line)
+            category = _id_of(entry, "category_id")
+            if category not in document.balls:
+                raise LabelError(f"category {category} is not {context.ball_class or CLASS_NAME!r}")
+            image = images[image_id]
+            factors = scaling.of(stated_size(image.get("width"), image.get("height")))
+            collector.add(_label_of(entry, _time_of(image, times), factors, context), file, entry.line)
     for image_id, image in images.items():
         if image_id not in used:
             with collector.entry(file, image.line):
+                if lost:
+                    what = "a picture without annotation, in a file with annotations that belong to no picture"
+                    raise LabelError(what, got=f"{lost} of them")
+                scaling.of(stated_size(image.get("width"), image.get("height")))
                 state = LabelState(str(image.get("state", LabelState.NO_BALL)))
-                collector.add(context.make(_time_of(image, context), state), file, image.line)
+                collector.add(context.make(_time_of(image, times), state), file, image.line)
 
 
 def _objects(items: object, kind: str, file: Path, collector: Collector) -> list[JsonObject]:
@@ -138,12 +207,13 @@ def _objects(items: object, kind: str, file: Path, collector: Collector) -> list
     return found
 
 
-def _time_of(image: JsonObject, context: ImportContext) -> int:
+def _time_of(image: JsonObject, times: PictureTimes) -> int:
     t_us = image.get("t_us")
-    return t_us if isinstance(t_us, int) else context.time_of(str(image["file_name"]))
+    return t_us if isinstance(t_us, int) and not isinstance(t_us, bool) else times.time_of(str(image["file_name"]))
 
 
-def _label_of(entry: JsonObject, t_us: int, context: ImportContext) -> Label:
+def _label_of(entry: JsonObject, t_us: int, factors: tuple[float, float], context: ImportContext) -> Label:
+    across, down = factors
     keypoints, box = entry.get("keypoints"), entry.get("bbox")
     radius = finite(entry["r_px"], "r_px") if "r_px" in entry else None
     own = entry.get("state")
@@ -152,12 +222,16 @@ def _label_of(entry: JsonObject, t_us: int, context: ImportContext) -> Label:
         state = LabelState.VISIBLE if keypoints[2] == VISIBLE else LabelState.PARTLY_OCCLUDED
         if radius is None and own is None and isinstance(box, list) and len(box) == 4:
             width, height = finite(box[2], "width"), finite(box[3], "height")
-            radius = None if width == height == 0 else max(width, height) / 2  # a point says nothing of its size
+            # A point says nothing of its size.
+            radius = None if width == height == 0 else max(width * across, height * down) / 2
     elif isinstance(box, list) and len(box) == 4:
         left, top, width, height = (finite(number, "a number of the box") for number in box)
-        x, y, radius, state = left + width / 2, top + height / 2, (width + height) / 4, LabelState.VISIBLE
+        if width <= 0 or height <= 0:
+            raise LabelError("the box is empty", got=(left, top, width, height))
+        x, y, radius = left + width / 2, top + height / 2, (width * across + height * down) / 4
+        state = LabelState.VISIBLE
     else:
         raise LabelError("an annotation with neither a keypoint nor a box")
     if isinstance(own, str):
         state = LabelState(own)
-    return context.make(t_us, state, x - HALF_PIXEL, y - HALF_PIXEL, radius)
+    return context.ball(t_us, state, x * across - HALF_PIXEL, y * down - HALF_PIXEL, radius)

@@ -6,23 +6,27 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from core.errors import LabelError
-from labels.formats.boxes import HALF_PIXEL
 from labels.formats.exchange import (
     CLASS_NAME,
+    HALF_PIXEL,
     Collector,
     Exported,
     ExportOptions,
     ImportContext,
     Imported,
     LabelSet,
+    PictureScaling,
+    PictureTimes,
     count_losses,
     files_at,
     finite,
     picture_name,
     read_text,
+    stated_size,
+    whole_number,
     write_text,
 )
-from labels.formats.safe_xml import XmlError, XmlNode, parse_xml
+from labels.formats.xml_nodes import XmlError, XmlNode, parse_xml
 from labels.model import Label, LabelState
 
 FILE = "annotations.xml"
@@ -80,6 +84,7 @@ def _points(label: Label) -> list[str]:
 def read_cvat(path: Path, context: ImportContext) -> Imported:
     """Every XML file of a folder, or one."""
     collector = Collector()
+    images: list[tuple[XmlNode, Path]] = []
     for file in files_at(path, ".xml", collector):
         text = read_text(file, collector)
         if text is None:
@@ -94,32 +99,55 @@ def read_cvat(path: Path, context: ImportContext) -> Imported:
             continue
         for item in root.children:
             if item.tag == "image":
-                _read_image(item, file, context, collector)
+                images.append((item, file))
             elif item.tag not in ("version", "meta"):
                 collector.reject(file, item.line, f"<{item.tag}> is not read; export CVAT for images, not for video")
+    times = context.pictures(image.attributes.get("name", "") for image, _ in images)
+    scaling = context.scaling((_size_of(image) for image, _ in images), collector)
+    for image, file in images:
+        _read_image(image, file, times, scaling, context, collector)
     return collector.done()
 
 
-def _read_image(image: XmlNode, file: Path, context: ImportContext, collector: Collector) -> None:
+def _size_of(image: XmlNode) -> tuple[float, float] | None:
+    """The stated size; None also if it is none, which is said when the picture is read."""
+    try:
+        return stated_size(image.attributes.get("width"), image.attributes.get("height"))
+    except LabelError:
+        return None
+
+
+def _read_image(
+    image: XmlNode,
+    file: Path,
+    times: PictureTimes,
+    scaling: PictureScaling,
+    context: ImportContext,
+    collector: Collector,
+) -> None:
     with collector.entry(file, image.line):
-        t_us = context.time_of(image.attribute("name"))
+        factors = scaling.of(stated_size(image.attributes.get("width"), image.attributes.get("height")))
+        index = whole_number(image.attributes["id"], "the image's id") if image.attributes.get("id") else None
+        t_us = times.time_of(image.attribute("name"), index)
         if not image.children:
             collector.add(context.make(t_us, LabelState.NO_BALL), file, image.line)
         for shape in image.children:
             with collector.entry(file, shape.line):
-                collector.add(_label_of(shape, t_us, context), file, shape.line)
+                collector.add(_label_of(shape, t_us, factors, context), file, shape.line)
 
 
-def _label_of(shape: XmlNode, t_us: int, context: ImportContext) -> Label:
+def _label_of(shape: XmlNode, t_us: int, factors: tuple[float, float], context: ImportContext) -> Label:
     name = shape.attribute("label")
     if shape.tag == "tag" and name in _TAGS:
         return context.make(t_us, _TAGS[name])
-    if name != CLASS_NAME:
-        raise LabelError(f"label {name!r} is not {CLASS_NAME!r}")
+    if not context.is_ball(name):
+        raise LabelError(f"label {name!r} is not {context.ball_class or CLASS_NAME!r}")
     attributes = {item.attribute("name"): item.text.strip() for item in shape.all("attribute")}
     state = LabelState.PARTLY_OCCLUDED if shape.attributes.get("occluded", "0") != "0" else LabelState.VISIBLE
     state = LabelState(attributes[STATE]) if STATE in attributes else state
     radius = finite(attributes[RADIUS], RADIUS) if attributes.get(RADIUS) else None
+    across, down = factors
+    radius = None if radius is None else radius * (across + down) / 2
     if shape.tag == "points":
         places = shape.attribute("points").split(";")
         if len(places) != 1 or places[0].count(",") != 1:
@@ -127,10 +155,15 @@ def _label_of(shape: XmlNode, t_us: int, context: ImportContext) -> Label:
         x, y = (finite(text, "a coordinate") for text in places[0].split(","))
     elif shape.tag == "box":
         x0, y0, x1, y1 = (finite(shape.attribute(edge), edge) for edge in ("xtl", "ytl", "xbr", "ybr"))
-        x, y, radius = (x0 + x1) / 2, (y0 + y1) / 2, (x1 - x0 + y1 - y0) / 4
+        if x1 <= x0 or y1 <= y0:
+            raise LabelError("the box is empty", got=(x0, y0, x1, y1))
+        x, y, radius = (x0 + x1) / 2, (y0 + y1) / 2, ((x1 - x0) * across + (y1 - y0) * down) / 4
     elif shape.tag == "ellipse":
         x, y = (finite(shape.attribute(edge), edge) for edge in ("cx", "cy"))
-        radius = sum(finite(shape.attribute(edge), edge) for edge in ("rx", "ry")) / 2
+        rx, ry = (finite(shape.attribute(edge), edge) for edge in ("rx", "ry"))
+        if rx <= 0 or ry <= 0:
+            raise LabelError("the ellipse is empty", got=(rx, ry))
+        radius = (rx * across + ry * down) / 2
     else:
         raise LabelError(f"<{shape.tag}> is not a ball", expected="points, box, ellipse, or a tag for a state")
-    return context.make(t_us, state, x - HALF_PIXEL, y - HALF_PIXEL, radius)
+    return context.ball(t_us, state, x * across - HALF_PIXEL, y * down - HALF_PIXEL, radius)

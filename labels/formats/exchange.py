@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,16 +15,18 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from core.errors import LabelError, PluginError
+from core.errors import LabelError, PluginError, RallyscopeError
 from core.events import SensorSize
 from core.files import replace_file
 from core.registry import Registry
+from labels.formats.picture_names import PictureNumbers, own_time, stem_of
 from labels.model import Label, LabelState, PositionSource, Provenance
 
 CLASS_NAME = "ball"
+HALF_PIXEL = 0.5
+"""From our pixel-centre convention to formats in which 0 is the outer edge of the first pixel."""
 MAX_FILE_BYTES = 1 << 30
-_OURS = re.compile(r"_t(\d{12,19})us$")
-_NUMBER = re.compile(r"(\d{1,18})(?!.*\d)")
+_VALUES = re.compile(r"'[^']*'|\"[^\"]*\"|[-+]?\d+(\.\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,8 @@ class Rejection:
     file: Path
     line: int
     reason: str
+    kind: str = ""
+    """The reason without the values of this entry: rejections are counted by it."""
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}: {self.reason}"
@@ -87,6 +91,10 @@ class Imported:
 
     labels: tuple[Label, ...]
     rejections: tuple[Rejection, ...]
+    files: int = 0
+    """How many were looked into."""
+    notes: tuple[str, ...] = ()
+    """What was found elsewhere, or scaled: a line each."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,21 +111,28 @@ class ImportContext:
     clock_us: int = 0
     """The camera's own time at the start of the recording, for files that count on it."""
 
+    times_by_name: Mapping[str, int] | None = None
+    """Time of each picture by its name, as `stem_of` makes it."""
+    ball_class: str | None = None
+    """Name or number of the class that is the ball; None: the one that is called so."""
+    scale_pictures: bool = False
+    """Whether labels on pictures of another size than the sensor's are scaled, if all have the same."""
+
+    def is_ball(self, name: str) -> bool:
+        """Whether a class of this name is the ball."""
+        return name.strip().casefold() == (self.ball_class or CLASS_NAME).strip().casefold()
+
+    def pictures(self, names: Iterable[str]) -> PictureTimes:
+        """The times of pictures, from all their names together."""
+        return PictureTimes(self, PictureNumbers(names))
+
     def time_of(self, picture: str) -> int:
-        """The time of a picture from its name: ours hold it, others end with a number into `frame_times_us`.
+        """The time of a picture from its name alone.
 
         Raises:
             LabelError: if the name does not tell.
         """
-        stem = picture.replace("\\", "/").rsplit("/", 1)[-1]
-        stem = stem[: stem.rindex(".")] if "." in stem else stem
-        ours = _OURS.search(stem)
-        if ours:
-            return int(ours[1])
-        number = _NUMBER.search(stem)
-        if number is None:
-            raise LabelError("a picture without a number in its name", got=repr(picture[:200]))
-        return self.time_of_frame(int(number[1]))
+        return self.pictures([picture]).time_of(picture)
 
     def time_of_frame(self, number: int) -> int:
         """The time of the picture with this number, from 0.
@@ -143,6 +158,112 @@ class ImportContext:
         """A label with the provenance of an import."""
         origin = Provenance(source=PositionSource.IMPORTED, detector=self.origin)
         return Label(t_us=t_us, state=state, x_px=x_px, y_px=y_px, r_px=r_px, provenance=origin)
+
+    def ball(self, t_us: int, state: LabelState, x_px: float | None, y_px: float | None, r_px: float | None) -> Label:
+        """Like `make`, of another tool's ball: one whose centre or size no picture of this sensor can hold is refused.
+
+        Raises:
+            LabelError: if it is impossible.
+        """
+        width, height = self.sensor.width_px, self.sensor.height_px
+        if x_px is not None and y_px is not None and state in (LabelState.VISIBLE, LabelState.PARTLY_OCCLUDED):
+            if not (-HALF_PIXEL <= x_px <= width - HALF_PIXEL and -HALF_PIXEL <= y_px <= height - HALF_PIXEL):
+                got = f"({x_px:.1f}, {y_px:.1f})"
+                raise LabelError("the centre is outside the picture", expected=f"within {self.sensor}", got=got)
+            if r_px is not None and 2 * r_px > max(width, height):
+                got = f"radius {r_px:.1f} px"
+                raise LabelError("the ball is larger than the picture", expected=f"within {self.sensor}", got=got)
+        return self.make(t_us, state, x_px, y_px, r_px)
+
+    def scaling(self, sizes: Iterable[tuple[float, float] | None], collector: Collector) -> PictureScaling:
+        """How pictures of the stated sizes (width, height; None: not stated) become the sensor's."""
+        stated = {size for size in sizes if size is not None}
+        other = [size for size in stated if size != (self.sensor.width_px, self.sensor.height_px)]
+        if not other or len(stated) > 1 or not self.scale_pictures:
+            return PictureScaling(self.sensor, None)
+        ((width, height),) = stated
+        collector.note(f"all pictures are {width:g}x{height:g}: scaled to the sensor's {self.sensor}")
+        return PictureScaling(self.sensor, (width, height))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PictureTimes:
+    """The times of the pictures of one import."""
+
+    context: ImportContext
+    numbers: PictureNumbers
+
+    def time_of(self, picture: str, index: int | None = None) -> int:
+        """By our own time in the name, by the table of names, by the tool's own index, or by a number in the name.
+
+        Raises:
+            LabelError: if nothing tells, or the tool's index and the name contradict each other.
+        """
+        stem = stem_of(picture)
+        ours = own_time(stem)
+        if ours is not None:
+            return ours
+        by_name = self.context.times_by_name
+        if by_name is not None:
+            if stem not in by_name:
+                raise LabelError("a picture that is not in --frame-times", got=repr(picture[:200]))
+            return by_name[stem]
+        try:
+            number = self.numbers.number_of(picture)
+        except LabelError:
+            if index is None:
+                raise
+            return self.context.time_of_frame(index)
+        if index is not None and index != number:
+            raise LabelError(
+                "the tool's index of a picture is not the number in its name",
+                expected=index,
+                got=repr(picture[:200]),
+                remedy="--frame-times with the columns name,t_us tells",
+            )
+        return self.context.time_of_frame(number)
+
+
+@dataclass(frozen=True, slots=True)
+class PictureScaling:
+    """From the pictures that were labelled to the sensor."""
+
+    sensor: SensorSize
+    scaled_from: tuple[float, float] | None
+    """The size that all pictures have, if they are scaled."""
+
+    def of(self, size: tuple[float, float] | None) -> tuple[float, float]:
+        """The factors (x, y) of a picture of this size.
+
+        Raises:
+            LabelError: if it has another size than the sensor and is not scaled.
+        """
+        if size is None or size == (self.sensor.width_px, self.sensor.height_px):
+            return 1.0, 1.0
+        if size != self.scaled_from:
+            raise LabelError(
+                "the picture has another size than the sensor",
+                expected=str(self.sensor),
+                got=f"{size[0]:g}x{size[1]:g}",
+                remedy="is it this camera's? --scale-pictures scales labels if all pictures have one size",
+            )
+        return self.sensor.width_px / size[0], self.sensor.height_px / size[1]
+
+
+def stated_size(width: object, height: object) -> tuple[float, float] | None:
+    """A picture's size as a file states it; None where it states none, or 0 as LabelImg does of unknown pictures.
+
+    Raises:
+        LabelError: if it is no size.
+    """
+    if width in (None, "") or height in (None, ""):
+        return None
+    size = finite(width, "a picture's width"), finite(height, "a picture's height")
+    if size == (0.0, 0.0):
+        return None
+    if not min(size) > 0:
+        raise LabelError("an impossible picture size", got=f"{size[0]:g}x{size[1]:g}")
+    return size
 
 
 Writer = Callable[[LabelSet, Path, ExportOptions], Exported]
@@ -200,10 +321,20 @@ class Collector:
     def __init__(self) -> None:
         self._labels: dict[int, Label] = {}
         self._rejections: list[Rejection] = []
+        self._notes: list[str] = []
+        self.files = 0
+        """How many were opened."""
 
     def reject(self, file: Path, line: int, reason: object) -> None:
-        """Note that something was not taken."""
-        self._rejections.append(Rejection(file, line, " ".join(str(reason).split())[:500]))
+        """Say that something was not taken."""
+        text = " ".join(str(reason).split())[:500]
+        kind = reason.what if isinstance(reason, RallyscopeError) else text
+        self._rejections.append(Rejection(file, line, text, _VALUES.sub("...", kind)[:120]))
+
+    def note(self, text: str) -> None:
+        """Say what was found or done for all entries."""
+        if text not in self._notes:
+            self._notes.append(text)
 
     @contextmanager
     def entry(self, file: Path, line: int) -> Iterator[None]:
@@ -211,19 +342,22 @@ class Collector:
         try:
             yield
         except (LabelError, ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
-            text = f"missing {error}" if isinstance(error, KeyError) else error
+            text = LabelError(f"missing {error}") if isinstance(error, KeyError) else error
             self.reject(file, line, text)
 
     def add(self, label: Label, file: Path, line: int) -> None:
         """Take a label; a second one of the same time is rejected."""
         if label.t_us in self._labels:
-            self.reject(file, line, f"a second label at {label.t_us} us; the first one is kept")
+            self.reject(file, line, LabelError(f"a second label at {label.t_us} us; the first one is kept"))
         else:
             self._labels[label.t_us] = label
 
     def done(self) -> Imported:
         """Give back what was gathered."""
-        return Imported(tuple(label for _, label in sorted(self._labels.items())), tuple(self._rejections))
+        labels = tuple(label for _, label in sorted(self._labels.items()))
+        order = {file: number for number, file in enumerate(dict.fromkeys(item.file for item in self._rejections))}
+        rejections = sorted(self._rejections, key=lambda item: (order[item.file], item.line))
+        return Imported(labels, tuple(rejections), self.files, tuple(self._notes))
 
 
 def picture_name(camera: str, t_us: int) -> str:
@@ -246,6 +380,18 @@ def finite(text: object, what: str) -> float:
     return value
 
 
+def whole_number(value: object, what: str) -> int:
+    """Read a whole number; `1.0` and `"1"` are 1.
+
+    Raises:
+        LabelError: if it is none.
+    """
+    number = finite(value, what)
+    if not number.is_integer() or abs(number) > 2**53:
+        raise LabelError(f"{what} is not a whole number", got=repr(value)[:80])
+    return int(number)
+
+
 def read_text(file: Path, collector: Collector) -> str | None:
     """The text of a file, or None after a rejection."""
     try:
@@ -253,6 +399,7 @@ def read_text(file: Path, collector: Collector) -> str | None:
             collector.reject(file, 1, f"larger than {MAX_FILE_BYTES >> 20} MiB")
             return None
         content = file.read_bytes()
+        collector.files += 1
     except OSError as error:
         collector.reject(file, 1, error.strerror or error)
         return None
@@ -276,13 +423,20 @@ def table_rows(text: str, file: Path, collector: Collector) -> Iterator[tuple[in
 
 
 def files_at(path: Path, suffix: str, collector: Collector) -> list[Path]:
-    """The file itself, or all files with this suffix in a folder; rejects a path where there is nothing."""
+    """The file itself, or all files with this suffix in a folder, else in the folders below; rejects an empty place."""
     if path.is_file():
         return [path]
-    found = sorted(file for file in path.glob(f"*{suffix}") if file.is_file()) if path.is_dir() else []
+    found = _visible(path.glob(f"*{suffix}")) if path.is_dir() else []
+    if not found and path.is_dir():
+        found = _visible(path.rglob(f"*{suffix}"))
     if not found:
         collector.reject(path, 1, f"no {suffix} files here")
     return found
+
+
+def _visible(files: Iterable[Path]) -> list[Path]:
+    """The files among them, without the hidden ones that systems leave beside others."""
+    return sorted(file for file in files if not file.name.startswith(".") and file.is_file())
 
 
 def write_text(file: Path, text: str) -> Path:

@@ -8,6 +8,7 @@ these pictures. `frames.csv` beside it holds the time of each number.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from labels.formats.exchange import (
     picture_name,
     read_text,
     table_rows,
+    whole_number,
     write_text,
 )
 from labels.model import Label, LabelState
@@ -82,27 +84,68 @@ def read_tracknet(path: Path, context: ImportContext) -> Imported:
     return collector.done()
 
 
+@dataclass(frozen=True, slots=True)
+class _Columns:
+    """Where a table has what, and how it counts."""
+
+    picture: int
+    visibility: int
+    x: int
+    y: int
+    shares: bool
+    """Of the picture, instead of pixels."""
+    named: bool
+    """Pictures by their names, instead of numbers."""
+
+
+def _columns_of(header: list[str]) -> _Columns | None:
+    """None if these are not the columns of a TrackNet table; further columns may be anything."""
+    for names, shares, named in ((HEADER, False, False), (IMGLABEL_HEADER, True, False), (TENNIS_START, False, True)):
+        if all(header.count(name) == 1 for name in names):
+            return _Columns(*(header.index(name) for name in names), shares=shares, named=named)
+    return None
+
+
 def _read_file(
     text: str, file: Path, times: dict[int, int] | None, context: ImportContext, collector: Collector
 ) -> None:
     rows = list(table_rows(text, file, collector))
     header = [name.strip() for name in rows[0][1]] if rows else []
-    if header != HEADER and header != IMGLABEL_HEADER and header[:4] != TENNIS_START:
-        expected = f"{','.join(HEADER)} or {','.join(IMGLABEL_HEADER)} or {','.join(TENNIS_START)},..."
-        collector.reject(file, 1, f"not a TrackNet file; expected {expected}")
+    columns = _columns_of(header)
+    if columns is None:
+        expected = f"{','.join(HEADER)} or {','.join(IMGLABEL_HEADER)} or {','.join(TENNIS_START)}, and others"
+        collector.reject(file, 1, f"not a TrackNet file; expected the columns {expected}")
+        return
+    names = [fields[columns.picture] for _, fields in rows[1:] if columns.named and len(fields) == len(header)]
+    pictures = context.pictures(names)
+    if not columns.shares and _looks_like_shares(rows[1:], columns):
+        what = "all positions are below 1: shares of the picture where pixels belong"
+        remedy = f"name the columns {','.join(IMGLABEL_HEADER)} if they are shares"
+        collector.reject(file, 1, LabelError(what, remedy=remedy))
         return
     for line, fields in rows[1:]:
         with collector.entry(file, line):
             if len(fields) != len(header):
                 raise LabelError("wrong number of fields", expected=len(header), got=len(fields))
-            t_us = _time_of(fields[0].strip(), header, times, context)
-            collector.add(_label_of(fields, header, t_us, context), file, line)
+            picture = fields[columns.picture].strip()
+            t_us = pictures.time_of(picture) if columns.named else _time_of(picture, times, context)
+            collector.add(_label_of(fields, columns, t_us, context), file, line)
 
 
-def _time_of(text: str, header: list[str], times: dict[int, int] | None, context: ImportContext) -> int:
-    if header[:1] == TENNIS_START[:1]:
-        return context.time_of(text)
-    number = int(text)
+def _looks_like_shares(rows: list[tuple[int, list[str]]], columns: _Columns) -> bool:
+    """Whether there are balls with a broken position, and none of them is farther than a pixel from the corner."""
+    positions: list[float] = []
+    for _, fields in rows:
+        try:
+            if float(fields[columns.visibility]) != 0:
+                positions += [float(fields[columns.x]), float(fields[columns.y])]
+        except (ValueError, IndexError):
+            continue
+    return len(positions) > 0 and all(0 <= value <= 1 for value in positions) and any(value % 1 for value in positions)
+
+
+def _time_of(text: str, times: dict[int, int] | None, context: ImportContext) -> int:
+    number = whole_number(text, "the frame")
     if times is None:
         return context.time_of_frame(number)
     if number not in times:
@@ -110,18 +153,20 @@ def _time_of(text: str, header: list[str], times: dict[int, int] | None, context
     return times[number]
 
 
-def _label_of(fields: list[str], header: list[str], t_us: int, context: ImportContext) -> Label:
-    visibility = int(fields[1])
+def _label_of(fields: list[str], columns: _Columns, t_us: int, context: ImportContext) -> Label:
+    visibility = whole_number(fields[columns.visibility].strip(), "the visibility")
     if visibility == 0:
         return context.make(t_us, LabelState.NO_BALL)
     if visibility not in (1, 2, 3):
         raise LabelError("unknown visibility", expected="0 to 3", got=visibility)
-    x, y = finite(fields[2], "x"), finite(fields[3], "y")
-    if header == IMGLABEL_HEADER:
+    x, y = finite(fields[columns.x], "x"), finite(fields[columns.y], "y")
+    if columns.shares:
+        if not (0 <= x <= 1 and 0 <= y <= 1):
+            raise LabelError("outside the picture", expected="shares of it, 0 to 1", got=(x, y))
         # Qt counts from the corner of the picture.
         x, y = x * context.sensor.width_px - 0.5, y * context.sensor.height_px - 0.5
     hidden = {1: LabelState.VISIBLE, 2: LabelState.PARTLY_OCCLUDED, 3: LabelState.OCCLUDED}
-    return context.make(t_us, hidden[visibility], x, y)
+    return context.ball(t_us, hidden[visibility], x, y, None)
 
 
 def _read_times(file: Path, collector: Collector) -> dict[int, int]:

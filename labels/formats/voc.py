@@ -7,27 +7,33 @@ its edges and our pixel centres: on average the truncation has taken it off alre
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
 from core.errors import LabelError
-from labels.formats.boxes import HALF_PIXEL, Box, box_of, losses_of_box
+from labels.formats.boxes import Box, box_of, losses_of_box
 from labels.formats.exchange import (
     CLASS_NAME,
+    HALF_PIXEL,
     Collector,
     Exported,
     ExportOptions,
     ImportContext,
     Imported,
     LabelSet,
+    PictureScaling,
+    PictureTimes,
     count_losses,
     files_at,
     finite,
     picture_name,
     read_text,
+    stated_size,
     write_text,
 )
-from labels.formats.safe_xml import XmlError, XmlNode, parse_xml
+from labels.formats.picture_names import stem_of
+from labels.formats.xml_nodes import XmlError, XmlNode, parse_xml
 from labels.model import Label, LabelState
 
 EXTRA = "ballcentre"
@@ -99,9 +105,21 @@ def _extra(label: Label) -> str:
     return f"<{EXTRA} {known}/>"
 
 
+@dataclass(frozen=True, slots=True)
+class _Annotation:
+    """One file."""
+
+    file: Path
+    root: XmlNode
+    names: tuple[str, ...]
+    """The picture's, as the file says it, and the file's own."""
+    size: tuple[float, float] | None
+
+
 def read_voc(path: Path, context: ImportContext) -> Imported:
     """Every XML file of a folder, or one."""
     collector = Collector()
+    annotations: list[_Annotation] = []
     for file in files_at(path, ".xml", collector):
         text = read_text(file, collector)
         if text is None:
@@ -111,28 +129,65 @@ def read_voc(path: Path, context: ImportContext) -> Imported:
         except XmlError as error:
             collector.reject(file, error.line, error)
             continue
-        _read_annotation(root, file, context, collector)
+        with collector.entry(file, root.line):
+            annotations.append(_annotation_of(root, file))
+    # Names and sizes of all files are looked at together: a number or a size means something only among the others.
+    by_name = [context.pictures(names) for names in zip(*(one.names for one in annotations), strict=True)]
+    scaling = context.scaling((one.size for one in annotations), collector)
+    for one in annotations:
+        _read_annotation(one, by_name, scaling, context, collector)
     return collector.done()
 
 
-def _read_annotation(root: XmlNode, file: Path, context: ImportContext, collector: Collector) -> None:
+def _annotation_of(root: XmlNode, file: Path) -> _Annotation:
+    if root.tag != "annotation":
+        raise LabelError("not a Pascal VOC file", expected="<annotation>", got=f"<{root.tag}>")
+    picture, size = root.child("filename"), root.child("size")
+    name = picture.text.strip() if picture is not None and picture.text.strip() else file.name
+    edges = [None if size is None else size.child(tag) for tag in ("width", "height")]
+    width, height = (None if edge is None else edge.text.strip() for edge in edges)
+    return _Annotation(file, root, (name, file.name), stated_size(width, height))
+
+
+def _time_of(one: _Annotation, by_name: list[PictureTimes]) -> int:
+    """By the picture's name, else by the file's."""
+    try:
+        return by_name[0].time_of(one.names[0])
+    except LabelError:
+        if stem_of(one.names[1]) == stem_of(one.names[0]):
+            raise
+        try:
+            return by_name[1].time_of(one.names[1])
+        except LabelError:
+            pass
+        raise
+
+
+def _read_annotation(
+    one: _Annotation,
+    by_name: list[PictureTimes],
+    scaling: PictureScaling,
+    context: ImportContext,
+    collector: Collector,
+) -> None:
+    file, root = one.file, one.root
     with collector.entry(file, root.line):
-        if root.tag != "annotation":
-            raise LabelError("not a Pascal VOC file", expected="<annotation>", got=f"<{root.tag}>")
-        picture = root.child("filename")
-        name = picture.text.strip() if picture is not None and picture.text.strip() else file.name
+        factors = scaling.of(one.size)
         objects = list(root.all("object"))
         extra = root.child(EXTRA)
         if extra is not None and not objects:
             collector.add(_label_of_extra(extra, context), file, extra.line)
         elif not objects:
-            collector.add(context.make(context.time_of(name), LabelState.NO_BALL), file, root.line)
+            collector.add(context.make(_time_of(one, by_name), LabelState.NO_BALL), file, root.line)
         for item in objects:
             with collector.entry(file, item.line):
-                if item.value("name") != CLASS_NAME:
-                    raise LabelError(f"class {item.value('name')!r} is not {CLASS_NAME!r}")
+                if not context.is_ball(item.value("name")):
+                    raise LabelError(f"class {item.value('name')!r} is not {context.ball_class or CLASS_NAME!r}")
                 extra = item.child(EXTRA)
-                label = _label_of_box(item, name, context) if extra is None else _label_of_extra(extra, context)
+                if extra is None or factors != (1.0, 1.0):
+                    label = _label_of_box(item, _time_of(one, by_name), factors, context)
+                else:
+                    label = _label_of_extra(extra, context)
                 collector.add(label, file, item.line)
 
 
@@ -141,7 +196,7 @@ def _label_of_extra(extra: XmlNode, context: ImportContext) -> Label:
     return context.make(int(extra.attribute("t_us")), LabelState(extra.attribute("state")), x, y, r)
 
 
-def _label_of_box(item: XmlNode, name: str, context: ImportContext) -> Label:
+def _label_of_box(item: XmlNode, t_us: int, factors: tuple[float, float], context: ImportContext) -> Label:
     bounds = item.child("bndbox")
     if bounds is None:
         raise LabelError("<object> has no <bndbox>")
@@ -153,5 +208,7 @@ def _label_of_box(item: XmlNode, name: str, context: ImportContext) -> Label:
     difficult = item.child("difficult")
     partly = difficult is not None and difficult.text.strip() not in ("", "0")
     state = LabelState.PARTLY_OCCLUDED if partly else LabelState.VISIBLE
-    radius = (x1 - x0 + y1 - y0) / 4
-    return context.make(context.time_of(name), state, (x0 + x1) / 2 - shift, (y0 + y1) / 2 - shift, radius)
+    across, down = factors
+    x, y = ((x0 + x1) / 2 - shift + HALF_PIXEL) * across, ((y0 + y1) / 2 - shift + HALF_PIXEL) * down
+    radius = ((x1 - x0) * across + (y1 - y0) * down) / 4
+    return context.ball(t_us, state, x - HALF_PIXEL, y - HALF_PIXEL, radius)

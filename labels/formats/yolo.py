@@ -1,36 +1,42 @@
 """YOLO text files, for detection (a box) and for pose (a box and the centre as its one keypoint).
 
 One file a picture: empty where a person saw no ball, absent where nobody looked. Numbers are shares of the picture,
-counted from its corner. `classes.txt` is LabelImg's list of names, `data.yaml` that of Ultralytics.
+counted from its corner. What number means a ball is read from the list of names, see `labels.formats.class_names`.
 """
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
-import yaml
-
 from core.errors import LabelError
-from labels.formats.boxes import HALF_PIXEL, Box, box_of, losses_of_box
+from labels.formats.boxes import Box, box_of, losses_of_box
+from labels.formats.class_names import find_ball_number
 from labels.formats.exchange import (
     CLASS_NAME,
+    HALF_PIXEL,
     Collector,
     Exported,
     ExportOptions,
     ImportContext,
     Imported,
     LabelSet,
+    PictureTimes,
     count_losses,
-    files_at,
     finite,
     picture_name,
     read_text,
+    whole_number,
     write_text,
 )
 from labels.model import Label, LabelState
 
 CLASSES = "classes.txt"
-MAX_CLASSES = 10_000
+NO_LABELS = re.compile(
+    r"\.|(classes|labels|predefined_classes|train|val|valid|test|autosplit_.*|readme.*|requirements)\.txt$",
+    re.IGNORECASE,
+)
+"""Texts that stand beside those of the pictures, and hidden files."""
 PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
 """Visibility of a keypoint: occluded, visible."""
 
@@ -84,32 +90,49 @@ def _yaml_text(pose: bool) -> str:
 
 
 def read_yolo(path: Path, context: ImportContext) -> Imported:
-    """Every text file of a folder, of boxes or of poses."""
+    """Every text file of a folder, of boxes or of poses; without any there, those of the folders below."""
     collector = Collector()
-    folder = path if path.is_dir() else path.parent
-    ball = _ball_class(folder, collector)
-    for file in files_at(path, ".txt", collector):
-        if file.name == CLASSES:
-            continue
-        text = read_text(file, collector)
+    files = _texts_at(path, collector)
+    times = context.pictures(file.name for file in files)
+    balls: dict[Path, int | None] = {}
+    for file in files:
+        if file.parent not in balls:
+            balls[file.parent] = find_ball_number(file.parent, context, collector)
+        text = None if balls[file.parent] is None else read_text(file, collector)
         if text is not None:
-            _read_file(text, file, ball, context, collector)
+            _read_file(text, file, balls[file.parent], times, context, collector)
     return collector.done()
 
 
-def _read_file(text: str, file: Path, ball: int | None, context: ImportContext, collector: Collector) -> None:
+def _texts_at(path: Path, collector: Collector) -> list[Path]:
+    """The texts with labels, not those with lists of names or of pictures."""
+    if path.is_file():
+        return [path]
+    places = (path.glob("*.txt"), path.rglob("*.txt")) if path.is_dir() else ()
+    for place in places:
+        found = sorted(file for file in place if file.is_file() and not NO_LABELS.match(file.name))
+        if found:
+            return found
+    if not any((path / name).is_file() for name in (CLASSES, "data.yaml")):
+        collector.reject(path, 1, "no .txt files here")
+    return []
+
+
+def _read_file(
+    text: str, file: Path, ball: int | None, times: PictureTimes, context: ImportContext, collector: Collector
+) -> None:
     lines = [(number, line.split()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if not lines:
         with collector.entry(file, 1):
-            collector.add(context.make(context.time_of(file.name), LabelState.NO_BALL), file, 1)
+            collector.add(context.make(times.time_of(file.name), LabelState.NO_BALL), file, 1)
     for number, fields in lines:
         with collector.entry(file, number):
             if len(fields) not in (5, 6, 8):
                 expected = "5 fields (6 with a confidence, 8 with a keypoint)"
                 raise LabelError("not a line of YOLO", expected=expected, got=len(fields))
-            if int(fields[0]) != ball:
-                raise LabelError(f"class {fields[0]} is not {CLASS_NAME!r}")
-            collector.add(_label_of(fields, context.time_of(file.name), context), file, number)
+            if whole_number(fields[0], "the class") != ball:
+                raise LabelError(f"class {fields[0]} is not {context.ball_class or CLASS_NAME!r}")
+            collector.add(_label_of(fields, times.time_of(file.name), context), file, number)
 
 
 def _label_of(fields: list[str], t_us: int, context: ImportContext) -> Label:
@@ -127,39 +150,4 @@ def _label_of(fields: list[str], t_us: int, context: ImportContext) -> Label:
         state = LabelState.VISIBLE if numbers[6] >= WHOLLY_VISIBLE else LabelState.PARTLY_OCCLUDED
         # The box may be cut off by an edge; its larger side still shows the radius.
         radius = max(w * width, h * height) / 2
-    return context.make(t_us, state, x * width - HALF_PIXEL, y * height - HALF_PIXEL, radius)
-
-
-def _ball_class(folder: Path, collector: Collector) -> int | None:
-    """The number that means a ball here, from the names: numbers change meaning when a list is edited."""
-    names: list[str] = []
-    if (folder / CLASSES).is_file():
-        names = (read_text(folder / CLASSES, collector) or "").split("\n")
-        names = [name.strip() for name in names]
-    elif (folder / "data.yaml").is_file():
-        names = _yaml_names(folder / "data.yaml", collector)
-    else:
-        return 0
-    if CLASS_NAME not in names:
-        known = [name for name in names if name][:20]
-        collector.reject(folder / CLASSES, 1, f"no class {CLASS_NAME!r} among {known}")
-        return None
-    return names.index(CLASS_NAME)
-
-
-def _yaml_names(file: Path, collector: Collector) -> list[str]:
-    try:
-        content = yaml.safe_load(read_text(file, collector) or "")
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        collector.reject(file, 1, f"not YAML: {error}")
-        return []
-    names = content.get("names") if isinstance(content, dict) else None
-    if isinstance(names, dict):
-        whole = {key: value for key, value in names.items() if isinstance(key, int) and 0 <= key < MAX_CLASSES}
-        return [_class_name(whole.get(index)) for index in range(max(whole, default=-1) + 1)]
-    return [_class_name(name) for name in names[:MAX_CLASSES]] if isinstance(names, list) else []
-
-
-def _class_name(value: object) -> str:
-    """A list is none: by anchors a few lines of YAML make lists of billions, which must not be written out."""
-    return str(value) if isinstance(value, (str, int, float)) else ""
+    return context.ball(t_us, state, x * width - HALF_PIXEL, y * height - HALF_PIXEL, radius)

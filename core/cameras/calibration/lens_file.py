@@ -29,6 +29,9 @@ def save_lens(path: Path, name: str, camera: Camera, *, notes: Mapping[str, floa
     storage.write("image_height", camera.sensor.height_px)
     storage.write("camera_matrix", camera.K)
     storage.write("distortion_coefficients", camera.distortion[None])
+    if camera.model == "fisheye":
+        storage.write("distortion_model", "equidistant")
+        storage.write("fisheye_model", 1)
     for key, value in (notes or {}).items():
         storage.write(key, value)
     try:

@@ -99,16 +99,21 @@ def pose_from_clicks(camera: Camera, clicks: Clicks, name: str) -> Array:
             f"too few corners of {name}", expected=f"{CLICKS_AT_LEAST} or more", got=len(clicks.names)
         )
     ps = clicks.ps_world_m
+    K, distortion, uvs_px = camera.K, camera.distortion, clicks.uvs_px
+    if camera.model != "pinhole":  # solvePnP knows the pinhole only: to it, the straightened picture is given
+        uvs_px, distortion = camera.undistort(uvs_px) @ np.diag(np.diag(K)[:2]) + K[:2, 2], np.zeros(5)
+        if not np.isfinite(uvs_px).all():
+            raise CalibrationError(f"a corner of {name} is where its lens leads no ray", remedy="check the lens")
     flags = cv2.SOLVEPNP_IPPE if not ps[:, 2].any() else cv2.SOLVEPNP_SQPNP
     try:
-        _, rvecs, tvecs, _ = cv2.solvePnPGeneric(ps, clicks.uvs_px, camera.K, camera.distortion, flags=flags)
+        _, rvecs, tvecs, _ = cv2.solvePnPGeneric(ps, uvs_px, K, distortion, flags=flags)
     except cv2.error as error:
         raise CalibrationError(f"the corners of {name} fix no pose", remedy="click corners of both halves") from error
     best: tuple[float, Array] | None = None
     for rvec, tvec in zip(rvecs, tvecs, strict=True):
-        rvec, tvec = cv2.solvePnPRefineLM(ps, clicks.uvs_px, camera.K, camera.distortion, rvec, tvec)
-        projected, _ = cv2.projectPoints(ps, rvec, tvec, camera.K, camera.distortion)
-        error = float(np.linalg.norm(np.asarray(projected).reshape(-1, 2) - clicks.uvs_px))
+        rvec, tvec = cv2.solvePnPRefineLM(ps, uvs_px, K, distortion, rvec, tvec)
+        projected, _ = cv2.projectPoints(ps, rvec, tvec, K, distortion)
+        error = float(np.linalg.norm(np.asarray(projected).reshape(-1, 2) - uvs_px))
         R_camera_world = np.asarray(cv2.Rodrigues(rvec)[0], np.float64)
         T_world_camera = invert_transform(make_transform(R_camera_world, np.ravel(tvec)))
         if T_world_camera[2, 3] > 0 and (best is None or error < best[0]):

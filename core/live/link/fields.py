@@ -53,12 +53,14 @@ def bounded_number(low: float, high: float, *, nan: bool = False, default: objec
     return _field(Spec(lambda value, where: _number(value, low, high, nan, where), float), default)
 
 
-def vector(length: int, bound: float, *, nan: bool = False, default: object = REQUIRED) -> Any:
-    """A tuple of `length` floats, each within `bound` of zero."""
+def vector(length: int | tuple[int, ...], bound: float, *, nan: bool = False, default: object = REQUIRED) -> Any:
+    """A tuple of `length` floats (or of one of several lengths), each within `bound` of zero."""
+    lengths = (length,) if isinstance(length, int) else length
 
     def read(value: Wire, where: str) -> tuple[float, ...]:
-        if not isinstance(value, (list, tuple)) or len(value) != length:
-            raise LinkError("not a vector", expected=f"{length} numbers", got=_short(value), where=where)
+        if not isinstance(value, (list, tuple)) or len(value) not in lengths:
+            expected = f"{' or '.join(map(str, lengths))} numbers"
+            raise LinkError("not a vector", expected=expected, got=_short(value), where=where)
         return tuple(_number(item, -bound, bound, nan, where) for item in value)
 
     return _field(Spec(read, lambda value: [float(item) for item in value]), default)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
+from core.cameras.distortion import COEFFICIENTS, LensModel
 from core.errors import EventsError, LinkError, RallyscopeError
 from core.events import Events, SensorSize
 from core.live.link.bounds import COMMAND_BYTES, LONGEST_US, MAX_EVENTS, MAX_ROWS, MESSAGE_BYTES, WALL_NS
@@ -273,6 +274,9 @@ class EventBatch:
         return PixelTruth(self.truth_t_us, u, v, r, np.isfinite(u))
 
 
+DISTORTION_LENGTHS: Final = tuple(sorted({count for counts in COEFFICIENTS.values() for count in counts}))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraInfo:
     """A camera, with its calibration where that is known: all three parts of it or none."""
@@ -281,8 +285,10 @@ class CameraInfo:
     width_px: int = whole(1, 8192)
     height_px: int = whole(1, 8192)
     K: tuple[float, ...] | None = optional(vector(9, 1e6))
-    distortion: tuple[float, ...] | None = optional(vector(5, 1e3))
+    distortion: tuple[float, ...] | None = optional(vector(DISTORTION_LENGTHS, 1e3))
     T_world_camera: tuple[float, ...] | None = optional(vector(16, 1e4))
+    lens_model: LensModel | None = optional(choice(*COEFFICIENTS))
+    """None: a pinhole, as from those who know no other."""
 
     @staticmethod
     def of(name: str, camera: Camera) -> CameraInfo:
@@ -292,7 +298,13 @@ class CameraInfo:
         )
         size = camera.sensor
         return CameraInfo(
-            name=name, width_px=size.width_px, height_px=size.height_px, K=K, distortion=distortion, T_world_camera=pose
+            name=name,
+            width_px=size.width_px,
+            height_px=size.height_px,
+            K=K,
+            distortion=distortion,
+            T_world_camera=pose,
+            lens_model=camera.model,
         )
 
     @staticmethod
@@ -315,7 +327,7 @@ class CameraInfo:
             return None
         try:
             K, pose = np.reshape(self.K, (3, 3)), np.reshape(self.T_world_camera, (4, 4))
-            return Camera(self.sensor, K, np.array(self.distortion), pose)
+            return Camera(self.sensor, K, np.array(self.distortion), pose, self.lens_model or "pinhole")
         except RallyscopeError as error:
             raise LinkError(str(error), where=f"camera {self.name}") from error
 

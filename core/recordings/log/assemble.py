@@ -131,6 +131,8 @@ def _write(file: h5py.File, log: BinaryIO, contents: LogContents, indices: Mappi
         duration_us = max(duration_us, _write_events(file, log, name, contents.blocks[name]))
         for key, values in calibration.get(name, {}).items():
             file.create_dataset(f"{layout.calibration_group(name)}/{key}", data=np.array(values, np.float64))
+        if layout.FISHEYE_DISTORTION in calibration.get(name, {}):
+            file[layout.calibration_group(name)].attrs[layout.LENS_MODEL] = "fisheye"
     for group, frames in contents.rows.items():
         _write_rows(file, log, group, frames)
     file["cameras"].attrs["order"] = list(cameras)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
-from core.cameras.distortion import fold_radius
+from core.cameras.lens_kernel import CX, CY, FOLD, FX, FY, distort_point
 from core.geometry import invert_transform
 from core.jit import njit
 
@@ -28,27 +28,21 @@ class LensNumbers(NamedTuple):
     camera_m: NDArray[np.float64]
     """(3,) the camera in the world."""
     focal_px: tuple[float, float]
-    middle_px: tuple[float, float]
-    distortion: tuple[float, float, float, float, float]
-    """k1 k2 p1 p2 k3."""
-    fold: float
-    """Distance from the axis beyond which the distortion turns back."""
+    row: NDArray[np.float64]
+    """Focal lengths, centre and distortion, as `core.cameras.lens_kernel` wants them."""
     size_px: tuple[int, int]
 
 
 @functools.lru_cache(maxsize=64)
 def lens_of(camera: Camera) -> LensNumbers:
     """The numbers of a camera."""
-    T, K = invert_transform(camera.T_world_camera), camera.K
-    k1, k2, p1, p2, k3 = camera.distortion.tolist()
+    T = invert_transform(camera.T_world_camera)
     return LensNumbers(
         np.ascontiguousarray(T[:3, :3]),
         np.ascontiguousarray(T[:3, 3]),
         np.ascontiguousarray(camera.position_world_m),
-        (float(K[0, 0]), float(K[1, 1])),
-        (float(K[0, 2]), float(K[1, 2])),
-        (k1, k2, p1, p2, k3),
-        float(fold_radius(camera.distortion)),
+        (float(camera.K[0, 0]), float(camera.K[1, 1])),
+        camera.lens_row(),
         (camera.sensor.width_px, camera.sensor.height_px),
     )
 
@@ -67,15 +61,11 @@ def to_camera(lens, x, y, z):
 @njit(error_model="numpy")
 def project_from_camera(lens, x, y, z):
     """The distorted pixel of a point in the camera's frame; nan where `Camera.project` has nan."""
-    if not (z > 1e-9 and math.hypot(x, y) < lens.fold * z):
+    row = lens.row
+    if not (z > 1e-9 and math.hypot(x, y) < row[FOLD] * z):
         return math.nan, math.nan
-    k1, k2, p1, p2, k3 = lens.distortion
-    x, y = x / z, y / z
-    r2 = x * x + y * y
-    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    return u * lens.focal_px[0] + lens.middle_px[0], v * lens.focal_px[1] + lens.middle_px[1]
+    u, v = distort_point(x / z, y / z, row)
+    return u * row[FX] + row[CX], v * row[FY] + row[CY]
 
 
 @njit(error_model="numpy")

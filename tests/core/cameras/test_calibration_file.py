@@ -162,16 +162,16 @@ PLAIN = "image_width: 4\nimage_height: 4\nD: [0, 0, 0, 0]\n"
 BAD = {
     "bomb as a matrix": (BOMB + PLAIN + "K: *a8\n", "K"),
     "bomb as a size": (BOMB + "image_height: 4\nimage_width: *a8\n", "image_width"),
-    "bomb as a model": (BOMB + "cam0:\n  camera_model: *a8\n", "pinhole with radtan"),
+    "bomb as a model": (BOMB + "cam0:\n  camera_model: *a8\n", "unsupported camera model"),
     "matrix that holds itself": (PLAIN + "K: &k [*k]\n", "K"),
     "integer beyond floats": (PLAIN + f"K: [{HUGE}, 0, 0, 0, 1, 0, 0, 0, 1]\n", "K"),
     "integer beyond floats in ours": (ONE + POSE + f"K = [{HUGE}, 0, 0, 0, 1, 0, 0, 0, 1]\n", "K"),
     "size beyond floats": (f"image_width: {HUGE}\nimage_height: 4\n", "sensor size"),
     "nested too deep": (5000 * "[", "neither"),
     "nested too deep in ours": (TOML + "a = " + 5000 * "[", "TOML"),
-    "tag that does not fit": ("a: !!bool perhaps\n", "neither"),
-    "time that is none": ("a: !!timestamp soon\n", "neither"),
-    "number of nothing": ("a: !!int ''\n", "neither"),
+    "tag that does not fit": (PLAIN + "K: !!bool perhaps\n", "K cannot be read"),
+    "time that is none": (PLAIN + "K: !!timestamp soon\n", "K cannot be read"),
+    "number of nothing": (PLAIN + "K: !!int ''\n", "K cannot be read"),
     "empty": ("", "table"),
     "prose": ("hello there", "table"),
     "unbalanced": ("a: [1, 2", "neither"),
@@ -194,7 +194,12 @@ BAD = {
     "sensor of nothing": (ONE.replace("10", "0", 1) + POSE + "K = [1, 0, 0, 0, 1, 0, 0, 0, 1]", "sensor"),
     "sensor of text": (ONE.replace("10", '"x"', 1) + POSE, "width_px"),
     "broken toml": (TOML + "[cameras", "TOML"),
-    "fisheye": (KALIBR.replace("radtan", "equidistant"), "pinhole with radtan"),
+    "kalibr with another camera": (KALIBR.replace("pinhole", "omni"), "got omni"),
+    "kalibr with another distortion": (KALIBR.replace("radtan", "fov"), "got fov"),
+    "fisheye with two coefficients": (
+        KALIBR.replace("radtan", "equidistant").replace("[0.0, 0.0, 0.0, 0.0]", "[0.1, 0.0]"),
+        "number of distortion coefficients",
+    ),
     "kalibr without chain": (KALIBR.replace("T_cn_cnm1", "T_cam_imu"), "T_cn_cnm1"),
     "kalibr with half a pixel": (KALIBR.replace("[1280, 720]", "[1280.5, 720]"), "resolution"),
     "kalibr with three intrinsics": (KALIBR.replace("1001.0, ", ""), "intrinsics"),
@@ -202,7 +207,7 @@ BAD = {
         "image_width: 4\nimage_height: 4\ncamera_matrix: !!opencv-matrix\n  rows: 9\n  cols: 3\n  dt: d\n  data: [1]\n",
         "opencv-matrix",
     ),
-    "matrix that is none": ("camera_matrix: !!opencv-matrix 3\n", "opencv-matrix"),
+    "matrix that is none": (PLAIN + "camera_matrix: !!opencv-matrix 3\n", "opencv-matrix"),
 }
 
 
@@ -218,14 +223,22 @@ def test_what_is_wrong_gets_one_line_that_names_file_and_fault(tmp_path: Path, n
     assert not Path("hacked").exists()
 
 
-def test_a_rational_lens_is_refused_and_a_rational_lens_of_zeros_is_not(tmp_path: Path) -> None:
+@pytest.mark.parametrize("count", [8, 12, 14])
+def test_more_coefficients_are_those_of_opencv_and_zeros_at_the_end_say_nothing(tmp_path: Path, count: int) -> None:
+    many = np.array([-0.1, 0.01, 0.001, 0.0, 0.002, 0.03, 0.02, 0.1, 0.01, 0.0, 0.0, 0.02, 0.03, -0.02])[:count]
     values: dict[str, int | np.ndarray] = {"image_width": 640, "image_height": 480, "camera_matrix": LEFT.K}
-    eight = np.array([[-0.1, 0.01, 0, 0, 0.002, 0, 0, 0.0]])
-    camera = load_calibration(write_opencv(tmp_path / "a.yml", {**values, "distortion_coefficients": eight}))["camera"]
-    assert camera.distortion.tolist() == [-0.1, 0.01, 0, 0, 0.002]
-    eight[0, 7] = 0.1
-    with pytest.raises(CalibrationError, match="unsupported distortion"):
-        load_calibration(write_opencv(tmp_path / "b.yml", {**values, "distortion_coefficients": eight}))
+    camera = load_calibration(write_opencv(tmp_path / "a.yml", {**values, "distortion_coefficients": many[None]}))[
+        "camera"
+    ]
+    np.testing.assert_array_equal(camera.distortion, many)
+    ps = np.array([[0.3, -0.2, 1.0], [-0.5, 0.1, 1.5]])
+    expected, _ = cv2.projectPoints(ps, np.zeros(3), np.zeros(3), LEFT.K, many)
+    np.testing.assert_allclose(camera.project(ps), expected.reshape(-1, 2), atol=1e-9)
+    many[5:] = 0.0
+    camera = load_calibration(write_opencv(tmp_path / "b.yml", {**values, "distortion_coefficients": many[None]}))[
+        "camera"
+    ]
+    np.testing.assert_array_equal(camera.distortion, many[:5])
 
 
 def test_files_that_cannot_be_read_or_are_no_text_are_said_so(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from core.errors import LabelError
 from core.events import Events, SensorSize
 from labels.formats import FORMATS, ExportOptions, ImportContext, LabelSet
 from labels.formats.pictures import draw_events
-from labels.formats.safe_xml import XmlError, parse_xml
+from labels.formats.xml_nodes import XmlError, parse_xml
 from labels.model import Label, LabelState
 
 SENSOR = SensorSize(1280, 720)
@@ -70,7 +70,8 @@ def test_yolo_classes_are_names_and_not_numbers(tmp_path: Path) -> None:
     assert places(imported) == [(10_000, "visible", 639.5, 359.5)]
     assert [(item.file.name, item.line) for item in imported.rejections] == [("frame_1.txt", 2)]
     (tmp_path / "classes.txt").write_text("racket\n")
-    assert len(FORMATS["yolo"].read(tmp_path, FRAMES).rejections) == 3
+    (rejection,) = FORMATS["yolo"].read(tmp_path, FRAMES).rejections
+    assert rejection.file.name == "classes.txt" and "--ball-class" in rejection.reason
 
 
 @pytest.mark.parametrize("yaml", ["names: [racket, ball]", "names: {0: racket, 1: ball}", "names:\n  1: ball\n"])

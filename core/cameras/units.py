@@ -1,0 +1,79 @@
+"""The unit of a calibration's lengths: what cannot be right at a table of 2.74 m is refused with what would be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import combinations
+from typing import Final, Literal
+
+import numpy as np
+
+from core.cameras.camera import Camera
+from core.errors import CalibrationError
+from core.geometry import make_transform
+
+Unit = Literal["m", "mm"]
+METRES: Final[dict[str, float]] = {"m": 1.0, "mm": 1e-3}
+
+NEAREST_M: Final = 0.005
+FARTHEST_M: Final = 12.0
+"""Between two cameras of one rig. A field of play is 14 m long, and both see the ball within a few metres."""
+ORIGIN_M: Final = 50.0
+"""From a camera to the world's origin."""
+LIKELY_M: Final = (0.03, 6.0)
+"""Distances of two cameras that a factor may lead to."""
+FACTORS: Final = (
+    (1e-3, "millimetres, --calibration-unit mm"),
+    (1e-2, "centimetres"),
+    (0.0254, "inches"),
+    (0.03, "squares of a board of 30 mm"),
+    (1e3, "divided by 1000 once too often, --calibration-unit m"),
+)
+"""What lengths in files are, if not metres."""
+
+
+def in_metres(cameras: Mapping[str, Camera], unit: Unit) -> dict[str, Camera]:
+    """The cameras with their positions, given in a unit, in metres."""
+    if unit == "m":
+        return dict(cameras)
+    return {
+        name: replace(
+            camera,
+            T_world_camera=make_transform(camera.T_world_camera[:3, :3], METRES[unit] * camera.T_world_camera[:3, 3]),
+        )
+        for name, camera in cameras.items()
+    }
+
+
+def check_lengths(cameras: Mapping[str, Camera], where: object) -> None:
+    """Raises CalibrationError if cameras are so far apart, so near, or so far away that the unit must be another."""
+    for (first, a), (second, b) in combinations(cameras.items(), 2):
+        apart_m = float(np.linalg.norm(a.position_world_m - b.position_world_m))
+        if apart_m > FARTHEST_M or 0 < apart_m < NEAREST_M:
+            raise CalibrationError(
+                f"the baseline of {first} and {second} cannot be in metres",
+                expected=f"{NEAREST_M:g} to {FARTHEST_M:g} m between two cameras",
+                got=f"{apart_m:g} m apart",
+                where=where,
+                remedy=likely_unit(apart_m),
+            )
+    for name, camera in cameras.items():
+        away_m = float(np.linalg.norm(camera.position_world_m))
+        if away_m > ORIGIN_M:
+            raise CalibrationError(
+                f"the position of {name} cannot be in metres",
+                expected=f"up to {ORIGIN_M:g} m from the world's origin, the middle of the table",
+                got=f"{away_m:g} m",
+                where=where,
+                remedy=likely_unit(away_m),
+            )
+
+
+def likely_unit(length: float, likely: tuple[float, float] = LIKELY_M) -> str:
+    """By which factors a length that cannot be metres becomes a likely one, the likeliest first."""
+    fits = [(factor, unit) for factor, unit in FACTORS if likely[0] <= length * factor <= likely[1]]
+    if not fits:
+        return "write lengths in metres; --calibration-unit mm reads them as millimetres"
+    said = [f"times {factor:g} it is {length * factor:.3g} m ({unit})" for factor, unit in fits]
+    return "; ".join(said)
