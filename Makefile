@@ -6,20 +6,25 @@ BIN := $(VENV)/bin
 DATA ?= rallyscope-data
 PORT ?= 8080
 
-.PHONY: run test quick check bench docs film install-hashed hashes clean
+.PHONY: run test test-benchmarks quick check bench docs film install-hashed hashes clean
 
 run: $(VENV)/.installed
 	$(BIN)/rallyscope serve --data "$(DATA)" --port $(PORT) --open
 
 test: $(VENV)/.installed-dev check
 	$(BIN)/python tests/ensure_chromium.py
-	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -m "not benchmark"
+
+# The benchmarks' own tests (BENCHMARKS in tests/conftest.py), with small counts.
+test-benchmarks: $(VENV)/.installed-dev
+	$(BIN)/python tests/ensure_chromium.py
+	$(BIN)/python -m pytest -n 2 --dist loadscope -m benchmark
 
 # The inner loop: what is slow (SLOW in tests/conftest.py) is left to `make test`.
 quick: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/python -m pytest -q -n 2 -m "not slow and not browser"
+	$(BIN)/python -m pytest -q -n 2 -m "not slow and not browser and not benchmark"
 
 check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

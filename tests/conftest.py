@@ -1,5 +1,6 @@
 """Fixtures that several parts use: the shared real data, and a short simulated recording with truth."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,14 @@ from core.simulation import (
 from core.simulation.episodes.ball_outcome import BallOutcome
 
 HERE = Path(__file__).parent
-SHARED = HERE.parents[1] / "shared" / "data"
+SHARED = Path(os.environ.get("RALLYSCOPE_SHARED_DATA") or HERE.parents[1] / "shared" / "data")
+BENCHMARKS = (
+    "app/browser/test_label_user.py",
+    "app/browser/test_live_pace_in_browser.py",
+    "app/browser/test_page_speed.py",
+    "benchmarks",
+)
+"""Tests of benchmarks, beside single ones with that mark: `make test` leaves them to `make test-benchmarks`."""
 SLOW = (
     "app/browser",
     "app/cli",
@@ -35,7 +43,6 @@ SLOW = (
     "app/modes/train",
     "app/modes/tune/test_auto_run.py",
     "app/startup",
-    "benchmarks",
     "core/cameras/calibration",
     "core/detection/fast/test_detector.py",
     "core/detection/test_contract.py",
@@ -61,7 +68,6 @@ SLOW = (
     "docs/test_examples.py",
     "docs/test_film.py",
     "docs/test_site.py",
-    "benchmarks/labels",
     "mutation",
     "test_files_of_earlier_versions.py",
     "test_reference_outputs.py",
@@ -79,7 +85,7 @@ LONGEST = (
     "app/browser",
     "app/cli",
     "app/modes/train",
-    "benchmarks",
+    "core/chain",
     "core/data_sets",
     "core/live",
     "core/robot",
@@ -92,12 +98,14 @@ LONGEST = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is slow, and begin with what takes longest (`--no-loadscope-reorder` leaves that so)."""
+    """Mark what is slow or of a benchmark; begin with what takes longest (`--no-loadscope-reorder` leaves that so)."""
     ranks = {}
     for item in items:
         place = item.path.relative_to(HERE).as_posix() if item.path.is_relative_to(HERE) else ""
         if is_in(place, SLOW):
             item.add_marker(pytest.mark.slow)
+        if is_in(place, BENCHMARKS):
+            item.add_marker(pytest.mark.benchmark)
         ranks[item] = next((rank for rank, name in enumerate(LONGEST) if is_in(place, (name,))), len(LONGEST))
     items.sort(key=ranks.__getitem__)
 
@@ -111,7 +119,10 @@ def is_in(place: str, names: tuple[str, ...]) -> bool:
 def shared_data() -> Path:
     """The folder of real recordings and flights."""
     if not SHARED.is_dir():
-        pytest.skip(f"the real recordings are not here: {SHARED} does not exist")
+        pytest.skip(
+            f"no public recordings and flights: {SHARED} is not a folder. docs/how/test-data.md says where each file "
+            "comes from; RALLYSCOPE_SHARED_DATA names the folder with them"
+        )
     return SHARED
 
 

@@ -61,7 +61,7 @@ OUTPUTS: dict[str, Output] = {
     "detect stored, both paths": Output(of.both_paths, stored=True),
     "detect stored, stages": Output(of.stages, stored=True),
     "track demo": Output(of.track("demo", "auto")),
-    "track stored": Output(of.track("robot", "auto"), stored=True),
+    "track stored": Output(of.track("robot", "auto")),  # tested in test_files_of_earlier_versions.py
     "track stored, refined": Output(of.track("robot", "refined"), stored=True),
     "predict paper": Output(of.predict("paper"), stored=True),
     "predict paper, real": Output(of.predict("paper", "--physics", "real"), stored=True),
@@ -76,7 +76,7 @@ OUTPUTS: dict[str, Output] = {
     "train ppo": Output(of.train("ppo", 100)),
     **{f"evaluate {run}": Output(of.evaluate(run)) for run in ("ddpg", "ppo", "landing-model")},
     **{f"labels {form}": Output(of.export_labels(form), stored=True) for form in FORMATS},
-    "labels agree": Output(of.measure_labels("agree", "--with", "Jörg Ö./2"), stored=True),
+    "labels agree": Output(of.measure_labels("agree", "--with", "Jörg Ö./2")),  # tested there, too
     "labels score": Output(of.measure_labels("score", "--method", "auto"), stored=True),
     "export csv": Output(of.export("csv"), stored=True),
     "export csv of live": Output(of.export("csv", source="live"), stored=True),

@@ -14,7 +14,6 @@ from core.errors import RallyscopeError
 from tests.docs.markdown_pages import DOCS, PAGES, ROOT, Shown, Target, anchors_of, commands_of, targets_of
 
 LONGEST_README = 220
-MAX_SIBLINGS = 20
 
 
 def name_of(page: Path) -> str:
@@ -34,10 +33,10 @@ def problem_with(target: Target) -> str | None:
     return None
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
-def test_every_link_leads_somewhere(page: Path) -> None:
-    problems = [problem_with(target) for target in targets_of(page)]
-    assert [problem for problem in problems if problem] == []
+def test_every_link_leads_somewhere() -> None:
+    targets = [target for page in PAGES for target in targets_of(page)]
+    assert len(targets) > 300
+    assert [f"{name_of(target.page)}: {problem}" for target in targets if (problem := problem_with(target))] == []
 
 
 @pytest.mark.parametrize(
@@ -96,9 +95,7 @@ def test_every_page_is_in_the_menu_of_the_site() -> None:
     assert sorted(menu) == sorted(path.relative_to(DOCS).as_posix() for path in DOCS.rglob("*.md"))
 
 
-def test_no_folder_is_crowded_and_the_readme_is_short() -> None:
-    for folder in {path.parent for path in DOCS.rglob("*") if "__pycache__" not in path.parts}:
-        assert len([path for path in folder.iterdir() if path.name != "__pycache__"]) <= MAX_SIBLINGS, folder
+def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= LONGEST_README
 
 
@@ -130,10 +127,14 @@ def module_of(verb: str) -> ModuleType:
     return importlib.import_module(f"app.cli.{MODULES.get(verb, verb)}")
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "CHANGELOG.md"], ids=name_of)
-def test_every_command_is_understood(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    shown = commands_of(page.read_text(encoding="utf-8"))
-    assert [problem for command in shown if (problem := problem_with_command(command, capsys))] == []
+def test_every_command_is_understood(capsys: pytest.CaptureFixture[str]) -> None:
+    pages = [page for page in PAGES if page.name != "CHANGELOG.md"]
+    shown = [(page, command) for page in pages for command in commands_of(page.read_text(encoding="utf-8"))]
+    assert len(shown) > 200
+    problems = [
+        f"{name_of(page)}: {said}" for page, command in shown if (said := problem_with_command(command, capsys))
+    ]
+    assert problems == []
 
 
 @pytest.mark.parametrize(

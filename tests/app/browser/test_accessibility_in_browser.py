@@ -42,14 +42,9 @@ def test_nothing_serious_is_found_in_any_mode(window, wait_for) -> None:
             wait_for(none_left, "names for all controls", 60)
         except AssertionError:
             raise AssertionError(f"{mode}: {found}") from None
-
-
-def test_axe_sees_what_is_wrong(window) -> None:
-    """The test above can fail."""
-    page = window.page
-    page.evaluate((files("axe_playwright_python") / "axe.min.js").read_text())
-    page.evaluate("document.body.insertAdjacentHTML('beforeend', '<input id=\"nameless\"><img src=\"x.png\">')")
-    assert {"label", "image-alt"} <= {rule for rule, _ in grave(page)}
+    wrong = "document.body.insertAdjacentHTML('beforeend', '<input id=\"nameless\"><img src=\"x.png\">')"
+    window.page.evaluate(wrong)
+    assert {"label", "image-alt"} <= {rule for rule, _ in grave(window.page)}, "what is wrong would have been found"
 
 
 def labelling_of(window):
@@ -62,10 +57,8 @@ def shown_us(window) -> int | None:
     return labelling.t_us if labelling.on_screen else None
 
 
-def test_keys_label_although_a_checkbox_was_clicked_last(window, wait_for) -> None:
+def keys_label_although_a_checkbox_was_clicked_last(window, wait_for) -> None:
     page = window.page
-    window.press("Label")
-    wait_for(lambda: window.state.mode == "Label", "Label")
     window.seek(100_000)
     box = page.get_by_label("Snap clicks to the events")
     box.click()
@@ -84,10 +77,8 @@ def test_keys_label_although_a_checkbox_was_clicked_last(window, wait_for) -> No
     assert window.state.playhead.anchor_us == 104_000, "a field keeps its keys"
 
 
-def test_keys_label_although_a_button_or_a_list_was_clicked_last(window, wait_for) -> None:
+def keys_label_although_a_button_or_a_list_was_clicked_last(window, wait_for) -> None:
     page = window.page
-    window.press("Label")
-    wait_for(lambda: window.state.mode == "Label", "Label")
     window.seek(100_000)
     window.press("5x")
     page.get_by_role("button", name="● 5x").wait_for()
@@ -102,3 +93,10 @@ def test_keys_label_although_a_button_or_a_list_was_clicked_last(window, wait_fo
     page.keyboard.press("n")
     wait_for(lambda: window.state.playhead.anchor_us == 105_000, "the next time, 5 ms apart")
     assert page.get_by_label("Label every").first.input_value() == "5 ms", "nothing was typed into the list"
+
+
+def test_keys_label_whatever_was_clicked_last(window, wait_for) -> None:
+    window.press("Label")
+    wait_for(lambda: window.state.mode == "Label", "Label")
+    keys_label_although_a_checkbox_was_clicked_last(window, wait_for)
+    keys_label_although_a_button_or_a_list_was_clicked_last(window, wait_for)

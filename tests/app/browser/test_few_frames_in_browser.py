@@ -32,6 +32,7 @@ def turns(page: Page, seconds: float = 2.0) -> float:
 
 def test_frames_keep_apart_in_a_rally_and_come_at_once_to_a_hand(page: Page) -> None:
     page.evaluate(TURN)
+    assert turns(page, 1.0) > 2 * FEW_A_SECOND, "without a rally there are as many as ever"
     page.evaluate("rallyscope.rallyRuns = true")
     page.wait_for_timeout(500)
     assert 1 < turns(page) <= FEW_A_SECOND + 0.5
@@ -40,12 +41,9 @@ def test_frames_keep_apart_in_a_rally_and_come_at_once_to_a_hand(page: Page) -> 
     assert turns(page) > 2 * FEW_A_SECOND
 
 
-def test_without_a_rally_there_are_as_many_as_ever(page: Page) -> None:
-    page.evaluate(TURN)
-    assert turns(page) > 2 * FEW_A_SECOND
-
-
-def test_what_is_cancelled_or_fails_does_not_stop_the_others(page: Page) -> None:
+def test_the_server_is_told_who_draws_and_what_is_cancelled_or_fails_does_not_stop_the_others(page: Page) -> None:
+    page.evaluate("rallyscope.onFound()")
+    assert page.evaluate("rallyscope.sent") == [["drawing", {"software": True}]]
     page.evaluate(
         """() => {
             window.done = [];
@@ -60,8 +58,3 @@ def test_what_is_cancelled_or_fails_does_not_stop_the_others(page: Page) -> None
     page.wait_for_function("done.length >= 2")
     page.wait_for_timeout(300)
     assert page.evaluate("done") == ["reported", "there"]
-
-
-def test_the_server_is_told_who_draws(page: Page) -> None:
-    page.evaluate("rallyscope.onFound()")
-    assert page.evaluate("rallyscope.sent") == [["drawing", {"software": True}]]

@@ -22,7 +22,7 @@ def drop(window, name: str, data: bytes) -> None:
     window.page.evaluate(DROP, [name, base64.b64encode(data).decode()])
 
 
-def test_a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace, wait_for, tmp_path) -> None:
+def a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace, wait_for, tmp_path) -> None:
     page = window.page
     drop(window, "../<b>rally</b> 1.npz", write_npz(tmp_path / "x.npz", 40_000).read_bytes())
     card = page.locator("#rallyscope-opened")
@@ -34,7 +34,7 @@ def test_a_file_that_is_dropped_is_sent_imported_described_and_open(window, work
     window.screenshot("file-dropped")
 
 
-def test_a_bad_file_is_one_line_and_the_recording_stays(window, workspace, wait_for) -> None:
+def a_bad_file_is_one_line_and_the_recording_stays(window, workspace, wait_for) -> None:
     before = sorted(workspace.recordings.iterdir())
     page = window.page
     page.keyboard.press("Control+o")
@@ -50,7 +50,7 @@ def test_a_bad_file_is_one_line_and_the_recording_stays(window, workspace, wait_
     assert window.state.recording == "serve" and sorted(workspace.recordings.iterdir()) == before
 
 
-def test_a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, wait_for, tmp_path: Path) -> None:
+def a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, wait_for, tmp_path: Path) -> None:
     folder = tmp_path / "camera"
     folder.mkdir()
     for number in range(12):
@@ -66,3 +66,9 @@ def test_a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, l
     page.keyboard.press("Enter")
     wait_for(lambda: window.state.recording == "clip-7", "the file to be open")
     assert window.state.mode == "Watch" and not window.state.playhead.playing, "the dialog keeps its keys"
+
+
+def test_files_are_refused_found_and_dropped(window, lab, workspace, wait_for, tmp_path: Path) -> None:
+    a_bad_file_is_one_line_and_the_recording_stays(window, workspace, wait_for)
+    a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, wait_for, tmp_path)
+    a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace, wait_for, tmp_path)

@@ -64,7 +64,7 @@ def is_above(position: np.ndarray) -> bool:
     return bool(np.abs(position[:2]).max() < 0.5 and position[2] > 2.0)
 
 
-def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for, count_like) -> None:
+def the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for, count_like) -> None:
     rally = rally_of(live_lab)
     wait_for(lambda: rally.player.snapshot.returned >= 2, "two balls to be returned through perception")
     assert live_window.state.playhead.following
@@ -73,7 +73,7 @@ def test_the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for,
     assert len(spots) >= 2
 
 
-def test_a_page_that_the_processor_draws_is_spared_while_the_rally_runs(live_window, wait_for) -> None:
+def a_page_that_the_processor_draws_is_spared_while_the_rally_runs(live_window, wait_for) -> None:
     live_window.page.wait_for_function("rallyscope.rallyRuns")
     wait_for(lambda: live_window.session.is_throttled, "the page to have told who draws it")
     live_window.press("Pause")
@@ -83,13 +83,13 @@ def test_a_page_that_the_processor_draws_is_spared_while_the_rally_runs(live_win
     live_window.page.wait_for_function("rallyscope.rallyRuns")
 
 
-def test_the_time_line_goes_on_with_the_bounces_and_hits_of_the_live_rally(live_window, wait_for) -> None:
+def the_time_line_goes_on_with_the_bounces_and_hits_of_the_live_rally(live_window, wait_for) -> None:
     opened_us = live_window.state.playhead.duration_us
     for kind in ("bounce", "hit"):
         wait_for(lambda kind=kind: (live_window.session.tracks.moments[kind] > opened_us).any(), f"a later {kind}")
 
 
-def test_a_page_that_the_processor_draws_is_told_a_few_times_a_second_how_the_rally_goes_on(
+def a_page_that_the_processor_draws_is_told_a_few_times_a_second_how_the_rally_goes_on(
     live_window, wait_for, monkeypatch
 ) -> None:
     page = live_window.session.page
@@ -105,6 +105,21 @@ def test_a_page_that_the_processor_draws_is_told_a_few_times_a_second_how_the_ra
     monkeypatch.undo()
     assert len(told_s) - 1 <= (told_s[-1] - told_s[0]) / FEW_EVERY_S + 2
     wait_for(lambda: live_window.page.evaluate(TIME_JS) != shown, "the page to show it")
+
+
+def test_a_rally_is_watched_and_its_clock_and_scene_are_changed(
+    live_window, live_lab, open_window, wait_for, count_like, monkeypatch
+) -> None:
+    the_table_is_there_and_balls_come_back(live_window, live_lab, wait_for, count_like)
+    a_page_that_the_processor_draws_is_spared_while_the_rally_runs(live_window, wait_for)
+    the_time_line_goes_on_with_the_bounces_and_hits_of_the_live_rally(live_window, wait_for)
+    a_page_that_the_processor_draws_is_told_a_few_times_a_second_how_the_rally_goes_on(
+        live_window, wait_for, monkeypatch
+    )
+    the_clock_stops_for_everybody_and_the_picture_with_it(live_window, live_lab, wait_for)
+    a_person_may_look_back_while_the_rally_goes_on(live_window, live_lab, wait_for)
+    two_browsers_look_from_where_each_likes(live_window, live_lab, open_window, wait_for)
+    the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(live_window, live_lab, wait_for)
 
 
 def test_a_browser_that_was_never_here_sees_a_bounce_in_slow_motion_and_then_the_rally(
@@ -158,7 +173,7 @@ def rests(rally: LiveRally) -> bool:
     return rally.state.t_us == before_us
 
 
-def test_the_clock_stops_for_everybody_and_the_picture_with_it(live_window, live_lab, wait_for) -> None:
+def the_clock_stops_for_everybody_and_the_picture_with_it(live_window, live_lab, wait_for) -> None:
     rally = rally_of(live_lab)
     live_window.press("Stop the clock")
     wait_for(lambda: rally.state.paused, "the simulation to pause")
@@ -169,7 +184,7 @@ def test_the_clock_stops_for_everybody_and_the_picture_with_it(live_window, live
     wait_for(lambda: not rally.state.paused, "the simulation to run")
 
 
-def test_a_person_may_look_back_while_the_rally_goes_on(live_window, live_lab, wait_for) -> None:
+def a_person_may_look_back_while_the_rally_goes_on(live_window, live_lab, wait_for) -> None:
     rally = rally_of(live_lab)
     live_window.press("Pause")
     wait_for(lambda: not live_window.state.playhead.playing, "the cursor to stand")
@@ -180,7 +195,7 @@ def test_a_person_may_look_back_while_the_rally_goes_on(live_window, live_lab, w
     wait_for(lambda: live_window.state.playhead.following, "the cursor to be live again")
 
 
-def test_what_is_recorded_opens_again_and_shows_the_same(live_window, live_lab, wait_for) -> None:
+def what_is_recorded_opens_again_and_shows_the_same(live_window, live_lab, wait_for) -> None:
     rally = rally_of(live_lab)
     live_window.press("Record")
     wait_for(lambda: rally.recorded is not None, "the recording to begin")
@@ -204,7 +219,7 @@ def test_what_is_recorded_opens_again_and_shows_the_same(live_window, live_lab, 
     assert all(picture.racket is not None for picture in seen[1:])
 
 
-def test_two_browsers_look_from_where_each_likes(live_window, live_lab, open_window, wait_for) -> None:
+def two_browsers_look_from_where_each_likes(live_window, live_lab, open_window, wait_for) -> None:
     with open_window(live_lab, in_space=True) as other:
         wait_for(lambda: other.session.world.visible, "the other 3D scene")
         other.session.later(lambda: other.session.world.look_from("Top"))
@@ -215,7 +230,7 @@ def test_two_browsers_look_from_where_each_likes(live_window, live_lab, open_win
         other.screenshot("live-top")
 
 
-def test_tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for) -> None:
+def tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for) -> None:
     live_window.press("Tune")
     wait_for(lambda: live_window.session.sheet.pictures, "the picture of Tune")
     assert live_window.state.recording == LIVE
@@ -234,6 +249,11 @@ def test_tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for
     wait_for(lambda: table.content != counted, "balls to be counted beside flat pictures too")
     live_window.press("3D")
     wait_for(lambda: live_window.session.world.visible, "the 3D scene once more")
+
+
+def test_the_live_rally_is_tuned_on_recorded_and_opened_again(live_window, live_lab, wait_for) -> None:
+    tune_and_the_flat_pictures_work_on_the_live_rally(live_window, wait_for)
+    what_is_recorded_opens_again_and_shows_the_same(live_window, live_lab, wait_for)
 
 
 def test_labels_of_the_live_rally_belong_to_a_recording_that_it_is_frozen_into(live_window, live_lab, wait_for) -> None:
@@ -266,7 +286,7 @@ def test_labels_of_the_live_rally_belong_to_a_recording_that_it_is_frozen_into(l
     live_window.screenshot("live-label-frozen")
 
 
-def test_the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(live_window, live_lab, wait_for) -> None:
+def the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(live_window, live_lab, wait_for) -> None:
     rally = rally_of(live_lab)
 
     def median_events(since_us: int) -> float:
@@ -283,7 +303,7 @@ def test_the_scene_is_chosen_in_the_browser_and_its_people_are_in_the_pictures(l
     wait_for(lambda: live_window.page.get_by_label("Scene").first.input_value() == "ball", "the choice of another")
 
 
-def test_a_missed_ball_of_the_live_rally_is_frozen_and_looked_at_in_tune(live_window, live_lab, wait_for) -> None:
+def a_missed_ball_of_the_live_rally_is_frozen_and_looked_at_in_tune(live_window, live_lab, wait_for) -> None:
     rally = rally_of(live_lab)
     wait_for(lambda: rally.history.predicted_hits(), "a ball on its way")
     t_us = rally.history.followed_us
@@ -295,7 +315,7 @@ def test_a_missed_ball_of_the_live_rally_is_frozen_and_looked_at_in_tune(live_wi
     live_window.screenshot("live-missed-in-tune")
 
 
-def test_a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live_lab, wait_for) -> None:
+def a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live_lab, wait_for) -> None:
     rally, workspace = rally_of(live_lab), live_lab.services.workspace
     run = workspace.run_path("learned")
     create_run(run, small_run(episodes=(60,)))
@@ -318,7 +338,7 @@ def test_a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live
     rally.player.use(BuiltInController())
 
 
-def test_a_policy_learns_while_it_plays_and_forgets_when_it_is_told_to(live_window, live_lab, wait_for) -> None:
+def a_policy_learns_while_it_plays_and_forgets_when_it_is_told_to(live_window, live_lab, wait_for) -> None:
     learning, page = rally_of(live_lab).learning, live_window.page
     page.get_by_label("Learn while it plays").check()
     wait_for(lambda: learning.on, "the learning policy to play")
@@ -333,6 +353,12 @@ def test_a_policy_learns_while_it_plays_and_forgets_when_it_is_told_to(live_wind
     wait_for(lambda: learning.progress is not before and len(learning.progress.balls) < 3, "it to forget")
     page.get_by_label("Learn while it plays").uncheck()
     wait_for(lambda: not learning.on, "the built-in controller to play again")
+
+
+def test_a_missed_ball_leads_to_tune_and_policies_play_and_learn_in_the_rally(live_window, live_lab, wait_for) -> None:
+    a_missed_ball_of_the_live_rally_is_frozen_and_looked_at_in_tune(live_window, live_lab, wait_for)
+    a_trained_policy_plays_and_what_it_returns_is_counted(live_window, live_lab, wait_for)  # which leads back to it
+    a_policy_learns_while_it_plays_and_forgets_when_it_is_told_to(live_window, live_lab, wait_for)
 
 
 def test_a_simulation_that_ends_is_said_and_the_rest_goes_on(live_window, live_lab, wait_for) -> None:

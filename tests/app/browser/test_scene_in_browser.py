@@ -76,8 +76,7 @@ def is_like(image: np.ndarray, rgb: tuple[int, int, int], tolerance: int = 14) -
     return np.abs(image.astype(int) - rgb).max(axis=-1) < tolerance
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for) -> None:
+def the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for) -> None:
     space.page.set_viewport_size({"width": size[0], "height": size[1]})
     space.wait_until_camera_stands()
     _, _, width, height = canvas_of(space)
@@ -110,7 +109,8 @@ def test_the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for)
     assert core > float(np.quantile(round_it, 0.99))
 
 
-def test_legs_stand_out_from_the_ground(space) -> None:
+def legs_stand_out_from_the_ground(space) -> None:
+    space.page.set_viewport_size({"width": 1280, "height": 720})
     space.wait_until_camera_stands()
 
     def leg_stands_out(image: np.ndarray, x: float, y: float) -> bool:
@@ -129,7 +129,7 @@ def test_legs_stand_out_from_the_ground(space) -> None:
     assert floor.mean() > 0.08, "the ground is not black"
 
 
-def test_persons_are_drawn_where_the_simulation_has_them(space, wait_for) -> None:
+def persons_are_drawn_where_the_simulation_has_them(space, wait_for) -> None:
     space.rally.following.bodies = PlayedBodies().then(0, "person", 3)
     space.session.send(Seek(BALL_US + 1_000))
     wait_for(lambda: space.session.world._people._handles is not None, "the person")
@@ -147,7 +147,7 @@ def test_persons_are_drawn_where_the_simulation_has_them(space, wait_for) -> Non
     space.wait_for_pixels("scene-no-person", lambda seen: not is_a_person(seen), patch)
 
 
-def test_one_picture_fills_the_middle_and_the_scene_comes_back(space, wait_for) -> None:
+def one_picture_fills_the_middle_and_the_scene_comes_back(space, wait_for) -> None:
     space.page.get_by_role("button", name="left", exact=True).click()
     wait_for(lambda: space.state.watch.large == "left", "the left camera in the middle")
     wait_for(lambda: len(space.session.sheet.pictures) == 1, "one picture")
@@ -159,7 +159,7 @@ def test_one_picture_fills_the_middle_and_the_scene_comes_back(space, wait_for) 
     wait_for(lambda: space.session.world.visible, "the scene again")
 
 
-def test_a_double_click_makes_a_picture_large_and_another_one_gives_the_scene_back(space, wait_for) -> None:
+def a_double_click_makes_a_picture_large_and_another_one_gives_the_scene_back(space, wait_for) -> None:
     beside = space.page.locator("#root img:visible")
     for number, camera in enumerate(("left", "right")):
         wait_for(lambda: beside.count() == 2, "both cameras' pictures beside the scene")
@@ -171,7 +171,7 @@ def test_a_double_click_makes_a_picture_large_and_another_one_gives_the_scene_ba
         wait_for(lambda: space.state.watch.large == "" and space.session.world.visible, "the scene again")
 
 
-def test_a_view_that_a_person_turned_stays_when_the_window_changes(space, wait_for) -> None:
+def a_view_that_a_person_turned_stays_when_the_window_changes(space, wait_for) -> None:
     space.wait_until_camera_stands()
     left, top, width, height = canvas_of(space)
     space.page.mouse.move(left + width / 2, top + height / 2)
@@ -184,3 +184,16 @@ def test_a_view_that_a_person_turned_stays_when_the_window_changes(space, wait_f
     wait_for(lambda: canvas_of(space)[2] > width + 100, "a wider middle")
     space.wait_until_camera_stands()
     np.testing.assert_allclose(space.session.client.camera.position, turned, atol=0.05)
+
+
+def test_ball_legs_and_persons_are_seen_in_the_3d_view(space, wait_for) -> None:
+    for size in SIZES:
+        the_ball_is_the_brightest_thing_just_where_it_is(space, size, wait_for)
+    legs_stand_out_from_the_ground(space)
+    persons_are_drawn_where_the_simulation_has_them(space, wait_for)
+
+
+def test_the_middle_is_given_to_a_picture_and_back_and_the_view_is_turned(space, wait_for) -> None:
+    one_picture_fills_the_middle_and_the_scene_comes_back(space, wait_for)
+    a_double_click_makes_a_picture_large_and_another_one_gives_the_scene_back(space, wait_for)
+    a_view_that_a_person_turned_stays_when_the_window_changes(space, wait_for)

@@ -15,7 +15,7 @@ def line_of(window) -> dict:
     return box
 
 
-def test_a_click_on_the_line_goes_there_and_a_drag_scrubs(window, wait_for) -> None:
+def a_click_on_the_line_goes_there_and_a_drag_scrubs(window, wait_for) -> None:
     box, duration_us = line_of(window), window.state.playhead.duration_us
     middle = box["y"] + box["height"] / 2
     window.page.mouse.click(box["x"] + box["width"] / 4, middle)
@@ -29,7 +29,7 @@ def test_a_click_on_the_line_goes_there_and_a_drag_scrubs(window, wait_for) -> N
     window.screenshot("time-bar")
 
 
-def test_a_section_is_repeated_until_it_is_released(window, wait_for) -> None:
+def a_section_is_repeated_until_it_is_released(window, wait_for) -> None:
     box = line_of(window)
     window.page.keyboard.down("Shift")
     window.page.mouse.move(box["x"] + 100, box["y"] + 20)
@@ -45,7 +45,7 @@ def test_a_section_is_repeated_until_it_is_released(window, wait_for) -> None:
     wait_for(lambda: window.state.playhead.loop_us is None, "its end")
 
 
-def test_the_keys_of_editing_tables_and_the_arrows_work(window, wait_for) -> None:
+def the_keys_of_editing_tables_and_the_arrows_work(window, wait_for) -> None:
     window.seek(100_000)
     press = window.page.keyboard.press
     press("ArrowRight")
@@ -73,7 +73,7 @@ def stands_at(window) -> int | None:
     return int(told) if int(told) == window.state.playhead.anchor_us else None
 
 
-def test_marks_and_bounces_are_gone_to(window, wait_for) -> None:
+def marks_and_bounces_are_gone_to(window, wait_for) -> None:
     window.seek(123_000)
     window.page.keyboard.press("'")
     wait_for(lambda: window.state.marks_us == (123_000,), "the mark")
@@ -88,7 +88,7 @@ def test_marks_and_bounces_are_gone_to(window, wait_for) -> None:
     assert window.state.playhead.anchor_us == 123_000
 
 
-def test_modes_are_chosen_by_key_wherever_the_focus_is_but_in_a_field(window, wait_for) -> None:
+def modes_are_chosen_by_key_wherever_the_focus_is_but_in_a_field(window, wait_for) -> None:
     window.page.get_by_role("button", name="Play", exact=True).focus()
     window.page.keyboard.press("Shift+Digit2")
     wait_for(lambda: window.state.mode == "Tune", "Tune")
@@ -103,8 +103,17 @@ def test_modes_are_chosen_by_key_wherever_the_focus_is_but_in_a_field(window, wa
     window.page.locator("#rallyscope-bar").wait_for(state="hidden")
 
 
-def test_a_bar_button_is_pressed_by_enter(window, wait_for) -> None:
+def a_bar_button_is_pressed_by_enter(window, wait_for) -> None:
     window.seek(50_000)
     window.page.get_by_role("button", name="+1", exact=True).focus()
     window.page.keyboard.press("Enter")
     wait_for(lambda: window.state.playhead.anchor_us == 51_000, "Enter on a button")
+
+
+def test_the_bar_is_used_by_mouse_and_by_key(window, wait_for) -> None:
+    a_click_on_the_line_goes_there_and_a_drag_scrubs(window, wait_for)
+    a_section_is_repeated_until_it_is_released(window, wait_for)
+    the_keys_of_editing_tables_and_the_arrows_work(window, wait_for)
+    marks_and_bounces_are_gone_to(window, wait_for)
+    a_bar_button_is_pressed_by_enter(window, wait_for)
+    modes_are_chosen_by_key_wherever_the_focus_is_but_in_a_field(window, wait_for)

@@ -128,14 +128,45 @@ def test_one_button_makes_a_film_of_the_training(
     assert (tmp_path / "film.mp4").read_bytes() == (workspace.exports / made.name).read_bytes()
 
 
-def test_a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer, wait_for) -> None:
-    enter(window)
-    start(window, wait_for, "Stop me", 2000)
+NAME, TITLE = "stop-me", "Stop me"
+BALLS = 20_000
+"""More than are played before a test ends it."""
+
+
+def a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer: Trainer, wait_for) -> None:
+    count = len(trainer.runs())
+    start(window, wait_for, "../../nothing", 0)
+    window.page.get_by_text("not a number of episodes").wait_for()
+    window.fill(window.field("episodes"), "all of them")
+    form = window.session._modes["Train"]._form_panel
+    wait_for(lambda: form._handles[("curriculum", "episodes")].value == "all of them", "the form")
+    window.press("Start")
+    window.page.get_by_text("not a list of numbers").wait_for()
+    assert len(trainer.runs()) == count and trainer.active() is None
+
+
+def a_browser_that_closes_changes_nothing_and_another_sees_the_same(
+    window, chromium, lab, trainer: Trainer, wait_for
+) -> None:
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    other = type(window)(page, lab)
+    other_mode = enter(other)
+    start(other, wait_for, TITLE, BALLS)
     wait_for(lambda: phase(trainer) == "running", "the training to run", PATIENT_S)
+    page.close()
+    wait_for(lambda: other.session not in lab.sessions, "the browser to be gone")
+    mode = window.session._modes["Train"]
+    wait_for(lambda: shows(mode, NAME) and mode.details.episodes_done > 0, "the other to see it")
+    done = mode.details.episodes_done
+    wait_for(lambda: mode.details.episodes_done > done + 20, "the training to go on")
+    assert other_mode is not mode and newest(trainer).name == NAME
+
+
+def a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Trainer, wait_for) -> None:
     window.page.get_by_role("button", name="Stop", exact=True).click()
-    window.page.get_by_text("Stop stop-me?").wait_for()
+    window.page.get_by_text(f"Stop {NAME}?").wait_for()
     window.press("No, let it train")
-    window.page.get_by_text("Stop stop-me?").wait_for(state="hidden")
+    window.page.get_by_text(f"Stop {NAME}?").wait_for(state="hidden")
     assert newest(trainer).phase == "running"
     window.page.get_by_role("button", name="Pause").click()
     wait_for(lambda: phase(trainer) == "paused", "a pause")
@@ -151,14 +182,13 @@ def test_a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer: Tra
     assert before is not None and after is not None and after.episode >= before.episode > 0
 
 
-def test_a_killed_training_is_reported_with_its_log_and_resumed(window, trainer: Trainer, wait_for) -> None:
-    mode = enter(window)
-    start(window, wait_for, "kill-me", 2000)
-    wait_for(lambda: shows(mode, "kill-me") and mode.details.evaluations, "a checkpoint", PATIENT_S)
+def a_killed_training_is_reported_with_its_log_and_resumed(window, trainer: Trainer, wait_for) -> None:
+    mode = window.session._modes["Train"]
+    wait_for(lambda: mode.details.evaluations, "a checkpoint", PATIENT_S)
     status = newest(trainer).status
-    assert status is not None and newest(trainer).name == "kill-me"
+    assert status is not None and newest(trainer).name == NAME
     os.kill(status.pid, signal.SIGKILL)
-    window.page.get_by_text("Training kill-me failed").wait_for()
+    window.page.get_by_text(f"Training {NAME} failed").wait_for()
     window.page.get_by_text("the process was killed (SIGKILL)").first.wait_for()
     window.page.get_by_role("tab", name="Log").click()
     window.page.get_by_text("ended with code -9").wait_for()
@@ -169,32 +199,9 @@ def test_a_killed_training_is_reported_with_its_log_and_resumed(window, trainer:
     assert resumed is not None and resumed.episode >= 50
 
 
-def test_a_browser_that_closes_changes_nothing_and_another_sees_the_same(
-    window, chromium, lab, trainer: Trainer, wait_for
-) -> None:
+def test_a_training_outlives_its_browser_a_stop_and_a_kill(window, chromium, lab, trainer: Trainer, wait_for) -> None:
     enter(window)
-    page = chromium.new_page(viewport={"width": 1280, "height": 720})
-    other = type(window)(page, lab)
-    other_mode = enter(other)
-    start(other, wait_for, "shared", 2000)
-    wait_for(lambda: phase(trainer) == "running", "the training to run", PATIENT_S)
-    page.close()
-    wait_for(lambda: other.session not in lab.sessions, "the browser to be gone")
-    mode = window.session._modes["Train"]
-    wait_for(lambda: shows(mode, "shared") and mode.details.episodes_done > 0, "the other to see it")
-    done = mode.details.episodes_done
-    wait_for(lambda: mode.details.episodes_done > done + 20, "the training to go on")
-    assert other_mode is not mode and newest(trainer).name == "shared"
-
-
-def test_a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer: Trainer, wait_for) -> None:
-    enter(window)
-    count = len(trainer.runs())
-    start(window, wait_for, "../../nothing", 0)
-    window.page.get_by_text("not a number of episodes").wait_for()
-    window.fill(window.field("episodes"), "all of them")
-    form = window.session._modes["Train"]._form_panel
-    wait_for(lambda: form._handles[("curriculum", "episodes")].value == "all of them", "the form")
-    window.press("Start")
-    window.page.get_by_text("not a list of numbers").wait_for()
-    assert len(trainer.runs()) == count and trainer.active() is None
+    a_form_that_makes_no_sense_is_answered_in_one_line(window, trainer, wait_for)
+    a_browser_that_closes_changes_nothing_and_another_sees_the_same(window, chromium, lab, trainer, wait_for)
+    a_stop_is_confirmed_and_the_run_goes_on_from_there(window, trainer, wait_for)
+    a_killed_training_is_reported_with_its_log_and_resumed(window, trainer, wait_for)

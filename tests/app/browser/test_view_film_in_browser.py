@@ -62,7 +62,7 @@ def followed(window, lab, wait_for):
     return rally
 
 
-def test_a_picture_of_the_3d_view_has_the_ball_where_the_view_has_it(window, workspace, followed, wait_for) -> None:
+def a_picture_of_the_3d_view_has_the_ball_where_the_view_has_it(window, workspace, followed, wait_for) -> None:
     enter(window, "Picture of the 3D view (.png)", wait_for)
     eye, ball = window.session.world.eye, followed.picture_at(AT_US).ball
     camera = window.session.client.camera
@@ -82,7 +82,7 @@ def test_a_picture_of_the_3d_view_has_the_ball_where_the_view_has_it(window, wor
     wait_for(lambda: not window.session._modes["Export"]._shots.running, "the view to be let go")
 
 
-def test_a_film_of_the_3d_view_shows_each_moment_and_the_cursor_stays(window, workspace, followed, wait_for) -> None:
+def a_film_of_the_3d_view_shows_each_moment_and_the_cursor_stays(window, workspace, followed, wait_for) -> None:
     enter(window, "Film of the 3D view (.mp4)", wait_for)
     choose(window, "Film speed", "1/2")
     window.fill(window.field("From [s]"), "0.3")
@@ -105,6 +105,11 @@ def test_a_film_of_the_3d_view_shows_each_moment_and_the_cursor_stays(window, wo
     window.wait_for_pixels(
         "export-film", lambda image: shows_ball(image, eye, followed.picture_at(AT_US).ball), seen_of(window)
     )
+
+
+def test_the_3d_view_becomes_a_picture_and_a_film(window, workspace, followed, wait_for) -> None:
+    a_picture_of_the_3d_view_has_the_ball_where_the_view_has_it(window, workspace, followed, wait_for)
+    a_film_of_the_3d_view_shows_each_moment_and_the_cursor_stays(window, workspace, followed, wait_for)
 
 
 def seen_of(window) -> tuple[slice, slice]:

@@ -10,7 +10,7 @@ BALL_US = 340_000
 """A moment at which both cameras see the ball."""
 
 
-def test_it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like) -> None:
+def it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like) -> None:
     window.seek(BALL_US)
     canvas = window.wait_for_pixels("watch", lambda canvas: count_like(canvas, YELLOW) > 30)
     left, right = canvas[:, :435], canvas[:, 435:]
@@ -18,7 +18,7 @@ def test_it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like)
     assert count_like(canvas, ORANGE) > 50 and count_like(canvas, BLUE) > 50
 
 
-def test_the_space_bar_plays_and_pauses(window, wait_for) -> None:
+def the_space_bar_plays_and_pauses(window, wait_for) -> None:
     window.key(" ")
     wait_for(lambda: window.state.playhead.playing, "play")
     first = window.session.sheet
@@ -28,7 +28,7 @@ def test_the_space_bar_plays_and_pauses(window, wait_for) -> None:
     assert window.state.playhead.anchor_us > 0
 
 
-def test_steps_go_forth_and_back_by_button_and_key(window, wait_for) -> None:
+def steps_go_forth_and_back_by_button_and_key(window, wait_for) -> None:
     window.seek(BALL_US)
     window.press("+10")
     wait_for(lambda: window.state.playhead.anchor_us == BALL_US + 10_000, "ten steps on")
@@ -36,14 +36,14 @@ def test_steps_go_forth_and_back_by_button_and_key(window, wait_for) -> None:
     wait_for(lambda: window.state.playhead.anchor_us == BALL_US + 9_000, "one step back")
 
 
-def test_the_event_rate_and_the_health_are_shown(window) -> None:
+def the_event_rate_and_the_health_are_shown(window) -> None:
     window.page.get_by_role("tab", name="Health").click()
     window.page.get_by_text("busiest hot pixels").first.wait_for()  # the simulated sensor has some
     assert window.page.get_by_text("Mev/s").count() >= 2
     window.screenshot("health")
 
 
-def test_buttons_can_be_pressed_without_a_mouse(window, wait_for) -> None:
+def buttons_can_be_pressed_without_a_mouse(window, wait_for) -> None:
     page = window.page
     play = page.get_by_role("button", name="Play", exact=True)
     page.get_by_role("button", name="Tune", exact=True).focus()
@@ -59,7 +59,7 @@ def test_buttons_can_be_pressed_without_a_mouse(window, wait_for) -> None:
     wait_for(lambda: window.state.playhead.playing, "Enter on Play")
 
 
-def test_an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window, workspace, wait_for) -> None:
+def an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window, workspace, wait_for) -> None:
     rows = "\n".join(f"{10 * k},{k % 300},{k % 200},{k % 2}" for k in range(5000))
     (workspace.recordings / "clip.csv").write_text(f"t,x,y,p\n{rows}\n")
     offered = window.session._interface._recording._dropdown
@@ -74,7 +74,7 @@ def test_an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(w
     window.screenshot("imported")
 
 
-def test_a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window) -> None:
+def a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window) -> None:
     before: ClientState = window.state
     window.page.get_by_label("Recording").first.click()
     window.page.get_by_role("option", name="broken", exact=True).click()
@@ -85,7 +85,7 @@ def test_a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window) -> 
     assert window.state.recording == before.recording and window.session.sheet.pictures
 
 
-def test_the_look_of_the_pictures_can_be_changed(window, wait_for, count_like) -> None:
+def the_look_of_the_pictures_can_be_changed(window, wait_for, count_like) -> None:
     window.seek(BALL_US)
     window.page.get_by_label("ON / OFF").first.click()
     window.page.get_by_role("option", name="red / green").click()
@@ -95,11 +95,27 @@ def test_the_look_of_the_pictures_can_be_changed(window, wait_for, count_like) -
     )
 
 
-def test_a_second_browser_has_its_own_time_and_mode(window, other_window, wait_for) -> None:
-    opened_us = other_window.state.playhead.anchor_us
-    assert 0 < opened_us < BALL_US, "at the first ball"
-    window.seek(BALL_US)
-    other_window.press("Tune")
-    wait_for(lambda: other_window.state.mode == "Tune", "the other browser's mode")
-    assert window.state.mode == "Watch"
-    assert other_window.state.playhead.anchor_us == opened_us
+def a_second_browser_has_its_own_time_and_mode(window, open_window, lab, wait_for) -> None:
+    with open_window(lab) as other:
+        opened_us = other.state.playhead.anchor_us
+        assert 0 < opened_us < BALL_US, "at the first ball"
+        window.seek(BALL_US)
+        other.press("Tune")
+        wait_for(lambda: other.state.mode == "Tune", "the other browser's mode")
+        assert window.state.mode == "Watch"
+        assert other.state.playhead.anchor_us == opened_us
+
+
+def test_a_recording_is_watched_by_mouse_and_by_key(window, lab, open_window, wait_for, count_like) -> None:
+    it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like)
+    a_second_browser_has_its_own_time_and_mode(window, open_window, lab, wait_for)
+    steps_go_forth_and_back_by_button_and_key(window, wait_for)
+    the_space_bar_plays_and_pauses(window, wait_for)
+    the_look_of_the_pictures_can_be_changed(window, wait_for, count_like)
+    the_event_rate_and_the_health_are_shown(window)
+    buttons_can_be_pressed_without_a_mouse(window, wait_for)
+
+
+def test_files_of_the_folder_are_opened_imported_or_refused(window, workspace, wait_for) -> None:
+    a_file_that_is_no_recording_is_reported_and_nothing_is_lost(window)
+    an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window, workspace, wait_for)

@@ -11,6 +11,7 @@ from app.cli import main
 from core.cameras import Camera
 from core.events import Events, SensorSize
 from core.recordings import PixelTruth, RecordingWriter, Triggers
+from tests.core.recordings.conftest import encode_evt21, random_events
 
 SENSOR = SensorSize(320, 240)
 
@@ -65,7 +66,19 @@ def test_the_mean_rate_is_over_the_duration_and_not_over_begun_milliseconds(tmp_
     assert facts["duration_us"] == 2_001
 
 
-def test_an_event_file_of_another_format_is_described_without_importing_it(shared_data, capsys):
+def test_an_event_file_of_another_format_is_described_without_importing_it(tmp_path, capsys):
+    events = random_events(5_000, seed=3, duration_us=40_000, sensor=SENSOR, start_us=7_000_000)
+    path = tmp_path / "camera.raw"
+    encode_evt21(path, events)
+    assert main(["info", str(path), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["cameras"]["camera"]["events"] == 5_000
+    assert facts["cameras"]["camera"]["triggers"] == 1
+    assert facts["duration_us"] == 40_000
+    assert [one.name for one in tmp_path.iterdir()] == ["camera.raw"]
+
+
+def test_a_real_event_file_is_described(shared_data, capsys):
     path = shared_data / "events" / "walker_evt3_640x480.raw"
     assert main(["info", str(path), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)

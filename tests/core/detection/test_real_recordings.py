@@ -13,23 +13,20 @@ from core.metrics import run_detector
 from core.recordings import open_recording
 
 ROOT = Path(__file__).parents[3]
-DATA = ROOT.parent / "shared" / "data" / "events"
 
 
 @pytest.fixture(scope="module")
-def dot():
-    return _stream("rotating_dot_evt2_640x480.raw")
+def dot(shared_data: Path):
+    return _stream(shared_data / "events" / "rotating_dot_evt2_640x480.raw")
 
 
 @pytest.fixture(scope="module")
-def walker():
-    return _stream("walker_evt3_640x480.raw")
+def walker(shared_data: Path):
+    return _stream(shared_data / "events" / "walker_evt3_640x480.raw")
 
 
-def _stream(name: str):
-    if not (DATA / name).exists():
-        pytest.skip(f"real recording {name} is not at ../shared/data/events")
-    (stream,) = open_recording(DATA / name).cameras.values()
+def _stream(path: Path):
+    (stream,) = open_recording(path).cameras.values()
     return stream
 
 

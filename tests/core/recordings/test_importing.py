@@ -62,6 +62,16 @@ def test_the_offset_is_added_to_the_clock_of_the_second_source(tmp_path, pair, o
         np.testing.assert_array_equal(b.slice(0, 10**6).t_us + b.t_offset_us, right.t_us)
 
 
+def test_triggers_are_kept(tmp_path, make_events, write_foreign):
+    events = make_events(3_000, seed=4, duration_us=30_000, sensor=SENSOR, start_us=7_000_000)
+    path = write_foreign("evt2.1", tmp_path / "a.raw", events)  # with a trigger at its first event
+    summary = import_recording([path], tmp_path / "a.h5")
+    assert summary is not None and list(summary.triggers.values()) == [1]
+    with open_recording(tmp_path / "a.h5") as recording:
+        (camera,) = recording.cameras.values()
+        assert camera.triggers.t_us.tolist() == [0] and camera.triggers.rising.tolist() == [True]
+
+
 def test_real_triggers_are_kept(shared_events, tmp_path):
     path = shared_events / "walker_evt3_640x480.raw"
     summary = import_recording([path, shared_events / "walker_metavision_ecf.hdf5"], tmp_path / "a.h5")

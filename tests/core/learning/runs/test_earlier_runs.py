@@ -1,7 +1,7 @@
-"""Runs of version 0.1, whose networks and optimiser were written out by hand, are evaluated and gone on with.
+"""Runs of version 0.1, whose networks and optimiser were written out by hand, are gone on with.
 
 `tests/fixtures/runs` has them as that version left them, one seed stopped on the way; `continued.jsonl` is what it made
-of that seed when it went on.
+of that seed when it went on. That policies of that version play as they did is in `test_files_of_earlier_versions.py`.
 """
 
 import shutil
@@ -9,10 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from core.learning.evaluation.policy_evaluator import PolicyEvaluator
-from core.learning.runs.run_files import load_policy, read_lines, read_run, seed_files
+from core.learning.runs.run_files import read_lines, seed_files
 from core.learning.runs.running import run_training
-from core.learning.runs.summary import evaluate_run
 
 RUNS = Path(__file__).parents[3] / "fixtures" / "runs"
 
@@ -30,19 +28,3 @@ def test_an_earlier_run_goes_on_as_it_would_have(name: str, seed: int, tmp_path:
     for ours, theirs in zip(lines[len(before) :], expected, strict=True):
         assert (ours["serve"], ours["goal_m"], ours["case"]) == (theirs["serve"], theirs["goal_m"], theirs["case"])
         assert ours["action"] == pytest.approx(theirs["action"], abs=1e-4)  # sums are in another order
-
-
-@pytest.mark.parametrize(("name", "seeds"), [("ddpg-0.1", 2), ("landing-model-0.1", 1)])
-def test_an_earlier_run_is_evaluated_as_it_was(name: str, seeds: int) -> None:
-    run = RUNS / name
-    assert len(evaluate_run(run)) == len(read_run(run).curriculum.speeds_mps)
-    for seed in range(seeds):
-        last = read_lines(seed_files(run, seed).evaluations)[0][-1]
-        score = evaluate_policy(run, seed, last["speed_mps"])
-        assert score == (pytest.approx(last["returned"]), pytest.approx(last["error_mm"], abs=1e-3))
-
-
-def evaluate_policy(run: Path, seed: int, speed_mps: float) -> tuple[float, float]:
-    config = read_run(run)
-    score = PolicyEvaluator(config.environment, config.evaluation_balls).score(load_policy(run, seed), speed_mps)
-    return score.return_rate, score.error_mm

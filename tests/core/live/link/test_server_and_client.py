@@ -189,7 +189,7 @@ def test_no_server_is_one_clear_error():
         SimulationClient("tcp://127.0.0.1:9", timeout_s=0.2)
 
 
-def simulated_per_second(client: SimulationClient, seconds: float = 0.4) -> float:
+def simulated_per_second(client: SimulationClient, seconds: float = 0.25) -> float:
     began, t_us = time.monotonic(), client.ask(lambda number: m.Hello(id=number)).t_us
     time.sleep(seconds)
     return (client.ask(lambda number: m.Hello(id=number)).t_us - t_us) * 1e-6 / (time.monotonic() - began)
@@ -234,28 +234,34 @@ def test_a_subscriber_that_never_reads_does_not_slow_the_simulation(address, cli
     assert np.median(with_it) > 0.8 * np.median(without)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def fresh():
-    """Address of a server that nobody has met yet."""
+    """A process of its own, and the address of its server, which nobody has met yet before the first test of it."""
     process, address = start("tcp://127.0.0.1:0", "--auto-serve", "5")
-    yield address
+    yield process, address
     process.kill()
     process.wait()
 
 
-def test_time_begins_with_the_first_client(fresh):
-    time.sleep(1.0)
-    came_s = time.monotonic()
-    client = SimulationClient(fresh)
-    t_us = client.ask(lambda number: m.Hello(id=number)).t_us
-    assert t_us * 1e-6 <= time.monotonic() - came_s + 0.02
-    client.close()
+def test_time_begins_with_the_first_client():
+    process, address = start("tcp://127.0.0.1:0", "--auto-serve", "5")
+    try:
+        time.sleep(1.0)
+        came_s = time.monotonic()
+        client = SimulationClient(address)
+        t_us = client.ask(lambda number: m.Hello(id=number)).t_us
+        assert t_us * 1e-6 <= time.monotonic() - came_s + 0.02
+        client.close()
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_time_begins_for_one_who_only_listens(fresh):
+    _, address = fresh
     with zmq.Context() as context, context.socket(zmq.SUB) as listener:
         listener.setsockopt(zmq.RCVTIMEO, 10_000)
-        listener.connect(fresh)
+        listener.connect(address)
         listener.subscribe(b"state")
         assert [m.decode(listener.recv_multipart()[1], m.KINDS).t_us for _ in range(3)][-1] >= 30_000
 
@@ -270,13 +276,13 @@ def test_time_stands_still_for_nobody_and_goes_on_where_it_stopped(client_of_its
     process, client = client_of_its_own
     ear = Ear()
     client.add_listener(ear)
-    wait_for(lambda: ear.states and ear.states[-1].t_us > 100_000)
+    wait_for(lambda: len(ear.states) > 10)
     client.listen(False)
     wait_until_it_stands(client)
     stood_us, spent_s = client.state.t_us, processor_s(process)
-    time.sleep(2.0)
+    time.sleep(1.0)
     assert client.state.t_us == stood_us
-    assert processor_s(process) - spent_s < 0.1 * 2.0
+    assert processor_s(process) - spent_s < 0.1 * 1.0
     wait_for(lambda: client.status == "connected")
     heard = len(ear.batches)
     back_after_s = [seconds_until_it_goes_on(client, ear)]
@@ -332,15 +338,13 @@ def test_a_command_counts_as_somebody_for_a_while(client_of_its_own):
 
 
 @pytest.fixture
-def client_of_its_own():
-    """A client, and the process of its server."""
-    process, address = start("tcp://127.0.0.1:0", "--auto-serve", "5")
+def client_of_its_own(fresh):
+    """The only client of a server, and the process of it."""
+    process, address = fresh
     client = SimulationClient(address)
     wait_for(lambda: client.state is not None)
     yield process, client
     client.close()
-    process.kill()
-    process.wait()
 
 
 def test_a_killed_server_is_noticed_and_its_successor_found():
