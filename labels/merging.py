@@ -75,8 +75,8 @@ def merge_stores(
     for source in sources:
         uuids[source] = _add_source(source, pile)
     if len(set(uuids.values())) != 1:
-        told = ", ".join(f"{path} of {uuid}" for path, uuid in uuids.items())
-        raise LabelError("these labels are of different recordings", got=told)
+        stores = ", ".join(f"{path} of {uuid}" for path, uuid in uuids.items())
+        raise LabelError("these labels are of different recordings", got=stores)
     uuid = uuids[sources[0]]
     differing = find_conflicts(pile.labels, within_px) if len(sources) > 1 else ()
     dropped = {

@@ -82,13 +82,13 @@ def _read_folder(folder: Path) -> StoreContents:
 
 def _read_database(db: sqlite3.Connection, path: Path, notes: tuple[str, ...]) -> StoreContents:
     found: dict[Layer, dict[int, Label]] = {}
-    told = list(notes)
+    all_notes = list(notes)
     with telling(path, "cannot read the labels"):
         uuid = recording_of(db, path)
         for number, camera, annotator, blind in db.execute("SELECT * FROM layers").fetchall():
             rows = [(row[0], row[2:]) for row in current_rows(db, number, upto=NEWEST)]
-            found[Layer(uuid, camera, annotator, bool(blind))] = _readable_labels(rows, path, told)
-    return StoreContents(uuid, found, tuple(told))
+            found[Layer(uuid, camera, annotator, bool(blind))] = _readable_labels(rows, path, all_notes)
+    return StoreContents(uuid, found, tuple(all_notes))
 
 
 def _readable_labels(rows: list[tuple[int, Values]], path: Path, notes: list[str]) -> dict[int, Label]:

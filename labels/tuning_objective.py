@@ -67,11 +67,11 @@ def count_answers(answers: WindowAnswers, labels: LabelArrays, rows: NDArray[np.
     """Counts and errors of the answers to labels, row by row, in those rows."""
     error = np.hypot(answers.u_px - labels.x_px, answers.v_px - labels.y_px)
     found = rows & labels.seen & (np.nan_to_num(error, nan=np.inf) <= MATCH_RADIUS_PX)
-    said = rows & answers.detected
+    answered = rows & answers.detected
     return GridScore(
         asked=int((rows & labels.seen).sum()),
         found=int(found.sum()),
-        answers=int(said.sum()),
-        false=int((said & ~found).sum()),
+        answers=int(answered.sum()),
+        false=int((answered & ~found).sum()),
         error_px=error[found],
     )

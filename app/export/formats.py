@@ -89,12 +89,12 @@ class ExportFormat:
 
     @property
     def of_runs(self) -> bool:
-        """Of training runs."""
+        """Whether training runs are exported."""
         return self.export_run is not None
 
     @property
     def of_recordings(self) -> bool:
-        """Of recordings."""
+        """Whether recordings are exported."""
         return self.export is not None
 
 

@@ -17,7 +17,7 @@ class Library:
     """Names of recordings -> open recordings. Safe to use from several threads."""
 
     def __init__(self, workspace: Workspace, folders: Sequence[Path] = ()) -> None:
-        """Of files in `folders` it is told by `add_external`, one by one, when they are opened."""
+        """Files in `folders` are added one by one by `add_external` when they are opened."""
         self.folders = tuple(folders)
         self._workspace = workspace
         self._guests: dict[str, Path] = {}

@@ -122,7 +122,7 @@ def _file_object(name: str, encoding: str, sha256: str, size: int) -> dict[str, 
 
 
 def _plain_type(column: pa.Field) -> str | None:
-    """Of the values of a column, or of the lists in it; None for tables within the table."""
+    """Type of the values of a column, or of the lists in it; None for tables within the table."""
     return _TYPES.get(column.type.value_type if pa.types.is_list(column.type) else column.type)
 
 

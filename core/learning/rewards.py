@@ -158,14 +158,14 @@ def _simple_weights(episode: int, config: RewardConfig) -> Weights:
 
 
 def _simple_rewards(strokes: StrokeResults, weights: Weights, config: RewardConfig) -> Array:
-    """Of a returned ball; all others have none."""
+    """Rewards of returned balls; 0 for all others."""
     off = _ratio(_distance(strokes.landings_m, strokes.goals_m), config.reach_m)
     accuracy = config.base + config.scale * (1 - off)
     return np.where(strokes.case == Case.RETURNED, weights.w1 * config.base + weights.w2 * accuracy, 0.0)
 
 
 def _case_rewards(strokes: StrokeResults, weights: Weights, config: RewardConfig) -> Array:
-    """Of a returned ball, and penalties by what happened to the others."""
+    """Rewards of returned balls, and penalties by what happened to the others."""
     case, landings_m = strokes.case, strokes.landings_m
     rewards = _simple_rewards(strokes, weights, config)
     short = _ratio(np.abs(landings_m[:, 0]), config.own_half_reach_m)

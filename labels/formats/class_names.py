@@ -47,8 +47,10 @@ def find_ball_number(folder: Path, context: ImportContext, collector: Collector)
         collector.reject(file, 1, LabelError(what, remedy="give --ball-class NAME|N"))
         return None
     if len(set(numbers.values())) > 1:
-        said = ", ".join(f"{number} in {file.name}" for file, number in numbers.items())
-        collector.reject(folder, 1, LabelError("lists of class names disagree", got=said, remedy="give --ball-class N"))
+        numbered = ", ".join(f"{number} in {file.name}" for file, number in numbers.items())
+        collector.reject(
+            folder, 1, LabelError("lists of class names disagree", got=numbered, remedy="give --ball-class N")
+        )
         return None
     file, number = next(iter(numbers.items()))
     collector.note(f"class {number} is the ball, as {file} says")

@@ -47,8 +47,8 @@ def report_of(imported: Imported) -> ImportReport:
     for rejection in imported.rejections:
         kinds.setdefault(rejection.kind, []).append(str(rejection))
     rejected = tuple(
-        RejectedFor(reason, len(said), tuple(said[:EXAMPLES]))
-        for reason, said in sorted(kinds.items(), key=lambda item: -len(item[1]))
+        RejectedFor(reason, len(found), tuple(found[:EXAMPLES]))
+        for reason, found in sorted(kinds.items(), key=lambda item: -len(item[1]))
     )
     seen = [label for label in imported.labels if label.x_px is not None] or list(imported.labels)
     spread = {0, len(seen) // 2, len(seen) - 1} if seen else set()

@@ -1,6 +1,7 @@
 """Rules of the house that the import linter does not see."""
 
 import ast
+import re
 import subprocess
 import sys
 import warnings
@@ -11,6 +12,12 @@ from tests.sources import PARTS, ROOT, SOURCES, name_of, tree_of
 LONG_FILE = 600
 """A file of more lines gets a warning, and no more: it may well be one topic."""
 LONGEST_FUNCTION = 80
+FRAGMENT = re.compile(r"Of |The opposite")
+"""How a docstring begins that makes no sense without the neighbour above it."""
+UNFIT_WORDS = {"told", "said", "heard"}
+"""Words for what people do; the field says reported, predicted, received."""
+NAMED_WELL = ("labels",)
+"""The parts whose names have none of them."""
 
 
 def test_the_light_parts_load_without_the_heavy_ones() -> None:
@@ -60,6 +67,42 @@ def test_no_two_public_classes_have_one_name() -> None:
                 places[node.name].append(name_of(path))
     assert len(places) > 300
     assert {name: files for name, files in places.items() if len(files) > 1} == {}
+
+
+def test_a_docstring_begins_with_what_the_thing_is() -> None:
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    first = {
+        f"{name_of(path)}:{node.body[0].lineno}": (ast.get_docstring(node) or "").split("\n")[0]
+        for path in SOURCES
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, kinds) and node.body
+    }
+    assert len(first) > 4000
+    assert {place: line for place, line in first.items() if FRAGMENT.match(line)} == {}
+
+
+def names_in(tree: ast.Module) -> set[str]:
+    """All names that a file gives: of classes, functions, arguments, variables and fields."""
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        match node:
+            case ast.ClassDef(name=name) | ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name):
+                found.add(name)
+            case ast.arg(arg=name) | ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name, ctx=ast.Store()):
+                found.add(name)
+    return found
+
+
+def test_names_say_it_in_the_words_of_the_field() -> None:
+    assert names_in(ast.parse("class Said:\n    def f(self, to_be_told): self.heard_us = 1")) >= {"Said", "heard_us"}
+    unfit = {
+        f"{name_of(path)}: {name}"
+        for path in SOURCES
+        if path.relative_to(ROOT).parts[0] in NAMED_WELL
+        for name in names_in(tree_of(path))
+        if UNFIT_WORDS & {word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+", name)}
+    }
+    assert unfit == set()
 
 
 def test_every_part_is_typed_for_those_who_use_it() -> None:

@@ -208,7 +208,7 @@ class Labelling:
 
     @property
     def calibrations(self) -> tuple[Camera, Camera] | None:
-        """Of the camera that is labelled and of its partner; None unless both are known."""
+        """Calibrations of the labelled camera and of its partner; None unless both are known."""
         partner = self.partner
         if partner is None or self.source.calibration is None or partner.calibration is None:
             return None

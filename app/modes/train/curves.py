@@ -155,7 +155,7 @@ class SeedEvaluation:
 
 @dataclass(frozen=True, slots=True)
 class SeedResults:
-    """Of a run with several seeds."""
+    """Results of a run with several seeds."""
 
     seeds: tuple[SeedEvaluation, ...]
     returned: SeedSpread

@@ -143,7 +143,7 @@ def _size_in(folder: Path) -> SensorSize | None:
 
 
 def _stated_size(path: Path, names: tuple[str, ...] | None) -> SensorSize | None:
-    """Of the pictures in an archive, from the header of the first such array."""
+    """Size of the pictures in an archive, from the header of the first such array."""
     with zipfile.ZipFile(path) as archive:
         for member in archive.namelist():
             if names is not None and member.removesuffix(".npy") not in names:
