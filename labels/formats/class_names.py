@@ -48,7 +48,8 @@ def find_ball_number(folder: Path, context: ImportContext, collector: Collector)
         return None
     if len(set(numbers.values())) > 1:
         numbered = ", ".join(f"{number} in {file.name}" for file, number in numbers.items())
-        collector.reject(
+        error = LabelError("lists of class names disagree", got=numbered, remedy="give --ball-class N")
+        collector.reject(folder, 1, error)
             folder, 1, LabelError("lists of class names disagree", got=numbered, remedy="give --ball-class N")
         )
         return None
