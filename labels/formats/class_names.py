@@ -50,8 +50,6 @@ def find_ball_number(folder: Path, context: ImportContext, collector: Collector)
         numbered = ", ".join(f"{number} in {file.name}" for file, number in numbers.items())
         error = LabelError("lists of class names disagree", got=numbered, remedy="give --ball-class N")
         collector.reject(folder, 1, error)
-            folder, 1, LabelError("lists of class names disagree", got=numbered, remedy="give --ball-class N")
-        )
         return None
     file, number = next(iter(numbers.items()))
     collector.note(f"class {number} is the ball, as {file} says")

@@ -14,7 +14,10 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("zensical", reason="the extra `docs` is not installed")
+    pytest.importorskip("mkdocstrings_handlers.python", reason="the extra `docs` is not installed")
     folder = tmp_path_factory.mktemp("site")
+    for part in ("core", "labels"):
+        (folder / part).symlink_to(ROOT / part, target_is_directory=True)
     shutil.copy(ROOT / "mkdocs.yml", folder)
     shutil.copytree(ROOT / "docs", folder / "docs", ignore=shutil.ignore_patterns("__pycache__"))
     done = subprocess.run(
@@ -34,6 +37,11 @@ def test_every_page_is_in_the_site_with_its_pictures(site: Path) -> None:
     for page in site.rglob("index.html"):
         for source in re.findall(r'<img[^>]*\bsrc="?([^" >]+)', page.read_text(encoding="utf-8")):
             assert (page.parent / source).resolve().is_file(), (page, source)
+
+
+def test_the_reference_is_made_from_the_docstrings(site: Path) -> None:
+    page = (site / "api" / "core-detection" / "index.html").read_text(encoding="utf-8")
+    assert 'id="core.detection.make_detector"' in page and 'id="core.detection.Detection"' in page
 
 
 def test_nothing_is_loaded_from_another_machine(site: Path) -> None:
