@@ -13,7 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from app.cli.arguments import Parser, add_verb, arguments_of
-from app.cli.terminal import PlainFormatter, say
+from app.cli.terminal import PlainFormatter, accept_any_text, say
 from core.errors import NotBuiltError, RallyscopeError
 
 VERBS = {
@@ -56,6 +56,7 @@ functions by the names of its sub-verbs in `ACTS`."""
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code."""
+    accept_any_text()
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         return _run(arguments)

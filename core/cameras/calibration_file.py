@@ -77,7 +77,7 @@ def _read_text(path: Path) -> str:
         if size > LARGEST_FILE_BYTES:
             got = f"{size} bytes"
             raise CalibrationError("too large for a calibration", expected="at most 1 MiB", got=got, where=path)
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise CalibrationError("cannot read the calibration", got=error.strerror, where=path) from error
     except UnicodeDecodeError as error:

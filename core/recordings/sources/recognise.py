@@ -10,7 +10,8 @@ import h5py
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.sources.faery_formats import open_aedat4, open_dat, open_es
+from core.recordings.sources.dat import open_dat
+from core.recordings.sources.faery_formats import open_aedat4, open_es
 from core.recordings.sources.hdf5_errors import explain
 from core.recordings.sources.hdf5_tables import open_hdf5_table
 from core.recordings.sources.metavision_hdf5 import open_metavision_hdf5
@@ -59,7 +60,7 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
             return open_prophesee_raw(path, sensor)
     if h5py.is_hdf5(path):
         return _open_hdf5(path, sensor)
-    if _is_text(head):
+    if _is_text(head) or (head.startswith((b"\xff\xfe", b"\xfe\xff")) and b"\x00" in head[:16]):
         return open_text(path, sensor)
     raise RecordingError("the format is not recognised", expected=FORMATS, where=path)
 
