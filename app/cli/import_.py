@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from app.cli.arguments import Names, PositiveInt, flag, positional
 from app.cli.progress import progress_bar
@@ -20,6 +21,21 @@ from core.events.clock_table import read_clock_table
 from core.recordings.frame_import import FrameInput
 from core.recordings.importing import ImportSummary, import_recording
 from core.recordings.sources.readers import event_files
+from core.recordings.sources.source import Stated
+
+
+def _polarities(text: str) -> dict[str, bool]:
+    """Value -> whether it is ON, from words such as 1=on,2=off."""
+    found: dict[str, bool] = {}
+    for word in text.split(","):
+        value, equals, meaning = word.rpartition("=")
+        if not equals or not value.strip() or meaning.strip().lower() not in ("on", "off"):
+            raise argparse.ArgumentTypeError(f"expected such as 1=on,2=off, got {text!r}")
+        found[value.strip()] = meaning.strip().lower() == "on"
+    return found
+
+
+Polarities = Annotated[dict[str, bool], _polarities]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +59,8 @@ class ImportArguments:
     clock: Path | None = flag("how SRC2's clock drifted from SRC's, as `rallyscope record` wrote it", "FILE.csv")
     width: PositiveInt | None = flag("sensor width, overrides what the file says", "W")
     height: PositiveInt | None = flag("sensor height, likewise", "H")
+    time_unit: Literal["ns", "us", "ms", "s"] | None = flag("unit of the times of a table that does not say it")
+    polarity: Polarities | None = flag("what the polarities of a table mean", "1=on,2=off")
     frames: Path | None = flag("pictures of an ordinary camera", "VIDEO|FOLDER")
     frame_times: Path | None = flag("a time in us on SRC's clock for each picture", "CSV")
     exposure_us: PositiveInt | None = flag("exposure of the pictures", "N")
@@ -70,6 +88,7 @@ def run(arguments: ImportArguments) -> None:
             remarks=() if calibration is None else calibration.notes,
             offset_us=arguments.offset_us,
             clock=read_clock_table(arguments.clock) if arguments.clock is not None else None,
+            stated=Stated(arguments.time_unit, arguments.polarity),
             frames=_frames(arguments.frames, arguments.frame_times, arguments.exposure_us),
             overwrite=arguments.force,
             progress=progress,

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from app.cli.arguments import Parser, add_verb, arguments_of
-from app.cli.terminal import PlainFormatter, say
+from app.cli.terminal import PlainFormatter, accept_any_text, say
 from core.errors import CommandError, RallyscopeError
 from core.registry import use_plugins
 
@@ -54,6 +54,7 @@ PLUGIN_HELP = (
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit code."""
+    accept_any_text()
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
         return _run(arguments)

@@ -5,6 +5,7 @@ Names, notes and messages come from files: no control character of theirs reache
 
 from __future__ import annotations
 
+import io
 import logging
 import sys
 from collections.abc import Iterable
@@ -13,6 +14,16 @@ from typing import Final
 from core.text.plain_text import plain
 
 LONGEST_LINE: Final = 2000
+
+
+def accept_any_text() -> None:
+    """Let the terminal, a file or a pipe take any text: what its encoding has no sign for is escaped.
+
+    Names and notes may hold any character; ASCII, Latin-1 and Windows' code pages have few of them.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def say(text: str = "", *, error: bool = False) -> None:

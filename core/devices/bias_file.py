@@ -32,7 +32,7 @@ def read_biases(path: Path) -> BiasSets:
     if len(data) > LARGEST_BYTES:
         raise ConfigError("too long for biases", expected=f"up to {LARGEST_BYTES} bytes", got=len(data), where=path)
     try:
-        tables = parse_toml(data.decode("utf-8"))
+        tables = parse_toml(data.decode("utf-8-sig"))
     except ValueError as error:  # of TOML, and of UTF-8
         raise ConfigError("not a TOML file", got=str(error), where=path) from error
     found: BiasSets = {}

@@ -56,7 +56,7 @@ def read_clock_table(path: Path) -> ClockTable:
     try:
         if path.stat().st_size > LARGEST_BYTES:
             raise RecordingError("too long for a table of clocks", expected=f"up to {LARGEST_BYTES} bytes", where=path)
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
         raise RecordingError("cannot read the table of clocks", got=error.strerror, where=path) from error
     lines = text[: text.rfind("\n") + 1].splitlines()

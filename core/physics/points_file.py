@@ -1,4 +1,7 @@
-"""Reading observed points of one flight from a CSV with the columns t_s (or t_us, as `track` writes), x_m, y_m, z_m."""
+"""Reading observed points of one flight from a CSV with the columns t_s, x_m, y_m, z_m.
+
+The times may be t_us, as `track` writes them, t_ms or t_ns, the places x_mm, y_mm, z_mm. Times may count from 1970.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,14 @@ from numpy.typing import NDArray
 from core.errors import RallyscopeError
 
 COLUMNS = ("t_s", "x_m", "y_m", "z_m")
-MICROSECONDS = "t_us"
-LARGEST = 1e9
-"""Neither a time in seconds (30 years) nor a place is larger."""
+TIMES = {"t_s": 1.0, "t_us": 1e-6, "t_ms": 1e-3, "t_ns": 1e-9}
+"""Column of times -> its unit in seconds; the first that is there is taken."""
+PLACES = {"_m": 1.0, "_mm": 1e-3}
+"""End of the name of a column of places -> its unit in metres."""
+LARGEST_TIME_S = 1e10
+"""Seconds since 1970 are 2e9; milliseconds of that age would be 2e12."""
+LARGEST_PLACE_M = 100.0
+"""From the middle of the table: a hall is not larger, and a table of 2.74 m in millimetres is."""
 
 
 class PointsFileError(RallyscopeError):
@@ -40,11 +48,7 @@ def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 def _parse(lines: Iterable[str], path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     reader = csv.reader(lines)
     header = [name.strip() for name in next(reader, [])]
-    in_us = COLUMNS[0] not in header and MICROSECONDS in header
-    columns = (MICROSECONDS, *COLUMNS[1:]) if in_us else COLUMNS
-    if any(name not in header for name in columns):
-        got = ",".join(header)[:80] or "an empty file"
-        raise PointsFileError("columns are missing", expected=",".join(COLUMNS), got=got, where=f"{path}, row 1")
+    columns = _columns(header, path)
     places = [header.index(name) for name in columns]
     rows: list[list[float]] = []
     for cells in reader:
@@ -63,12 +67,34 @@ def _parse(lines: Iterable[str], path: Path) -> tuple[NDArray[np.float64], NDArr
     return table[:, 0], table[:, 1:]
 
 
+def _columns(header: list[str], path: Path) -> tuple[str, ...]:
+    """The names of the four columns that are read."""
+    time = next((name for name in TIMES if name in header), None)
+    end = next((end for end in PLACES if all(f"{axis}{end}" in header for axis in "xyz")), None)
+    if time is None or end is None:
+        got = ",".join(header)[:80] or "an empty file"
+        raise PointsFileError("columns are missing", expected=",".join(COLUMNS), got=got, where=f"{path}, row 1")
+    return (time, *(f"{axis}{end}" for axis in "xyz"))
+
+
 def _number(text: str, column: str, where: str) -> float:
     """In seconds or metres."""
     try:
-        value = float(text) * (1e-6 if column == MICROSECONDS else 1.0)
+        value = float(text)
     except ValueError:
         value = math.nan
-    if not abs(value) < LARGEST:
+    if not math.isfinite(value):
         raise PointsFileError(f"{column} is not a number", expected="a finite number", got=repr(text[:40]), where=where)
+    if column in TIMES:
+        if not abs(value * TIMES[column]) < LARGEST_TIME_S:
+            remedy = "name the column after its unit: t_s, t_ms, t_us or t_ns"
+            raise PointsFileError(f"{column} is no time in that unit", got=repr(text[:40]), where=where, remedy=remedy)
+        return value * TIMES[column]
+    value *= PLACES[column[1:]]
+    if not abs(value) < LARGEST_PLACE_M:
+        remedy = "for millimetres name the columns x_mm,y_mm,z_mm" if column.endswith("_m") else None
+        expected = f"at most {LARGEST_PLACE_M:g} m from the middle of the table"
+        raise PointsFileError(
+            f"{column} is no place at a table", expected=expected, got=repr(text[:40]), where=where, remedy=remedy
+        )
     return value

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.events import Events
 from core.events.image import count_image
-from core.recordings.frame_import import read_images
+from core.recordings.frame_import import picture_files, read_images
 from core.recordings.frames import FrameStream
 from core.recordings.opening import open_recording
 from core.recordings.recording import CameraStream
@@ -77,7 +77,7 @@ def read_board_pictures(
 
 
 def _folder(source: Path, at_most: int) -> Iterator[BoardPicture]:
-    files = sorted(item for item in source.iterdir() if item.suffix.lower() in IMAGE_SUFFIXES)
+    files = picture_files(source, IMAGE_SUFFIXES)
     if not files:
         raise RecordingError("no pictures in the folder", expected=", ".join(IMAGE_SUFFIXES), where=source)
     for done, number in enumerate(spread_evenly(len(files), at_most)):

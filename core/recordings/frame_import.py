@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -37,20 +38,23 @@ def read_frame_times(path: Path) -> NDArray[np.int64]:
         RecordingError: if a line is not a time or times decrease.
     """
     try:
-        lines = [line.split(",")[0].strip() for line in path.read_text().splitlines() if line.strip()]
-    except (OSError, UnicodeDecodeError) as error:
+        text = path.read_bytes().decode("utf-8-sig", "replace")
+    except OSError as error:
         raise RecordingError("the frame times cannot be read", got=error, where=path) from error
     times: list[int] = []
-    for number, text in enumerate(lines):
+    for number, line in enumerate(text.splitlines(), start=1):
+        word = re.split(r"[,;\t]", line)[0].strip().strip('"')
+        if not word:
+            continue
         try:
-            times.append(int(text))
+            times.append(int(word))
         except ValueError as error:
-            if number:
+            if times or not re.search(r"[A-Za-z]", word):  # a heading stands first and is a word
                 raise RecordingError(
                     "not a frame time",
                     expected="whole microseconds",
-                    got=repr(text),
-                    where=f"{path}, line {number + 1}",
+                    got=repr(word),
+                    where=f"{path}, line {number}",
                 ) from error
     t_us = np.array(times, np.int64)
     if bool((np.diff(t_us) < 0).any()):
@@ -78,8 +82,18 @@ def first_image_size(path: Path) -> SensorSize:
     return SensorSize(width, height)
 
 
+def picture_files(folder: Path, suffixes: Collection[str]) -> list[Path]:
+    """The picture files of a folder in the order of their names.
+
+    Hidden ones are no pictures: macOS leaves a `._NAME` beside every file that it copies to a foreign disk.
+    """
+    return sorted(
+        item for item in folder.iterdir() if item.suffix.lower() in suffixes and not item.name.startswith(".")
+    )
+
+
 def _folder_images(path: Path) -> Iterator[NDArray[np.uint8]]:
-    for file in sorted(item for item in path.iterdir() if item.suffix.lower() in _SUFFIXES):
+    for file in picture_files(path, _SUFFIXES):
         image = cv2.imread(str(file), cv2.IMREAD_COLOR)
         if image is None:
             raise RecordingError("not an image", where=file)

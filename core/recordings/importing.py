@@ -19,7 +19,7 @@ from core.recordings.frame_import import FRAME_CAMERA, FrameInput, first_image_s
 from core.recordings.identity import files_of, source_uuid
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
-from core.recordings.sources.source import DecodeReport, PictureTrack
+from core.recordings.sources.source import ASSUMED, DecodeReport, PictureTrack, Stated
 from core.recordings.writer import RecordingWriter
 
 _FLUSH_S: Final = 1.0
@@ -79,6 +79,7 @@ def import_recording(
     offset_us: int = 0,
     clock: ClockTable | None = None,
     remarks: Sequence[str] = (),
+    stated: Stated | None = None,
     frames: FrameInput | None = None,
     overwrite: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -97,16 +98,20 @@ def import_recording(
         raise RecordingError("the recording would replace its own source", where=destination)
     if destination.exists() and not overwrite:  # found before long work on the sources
         raise RecordingError("the file exists", where=destination, remedy="choose another name, or --force")
-    feeds = _open_feeds(sources, names, sensor, offset_us, clock)
+    feeds = _open_feeds(sources, names, sensor, offset_us, clock, stated or Stated())
     zero_us = _common_zero(feeds)
     sensors = {feed.name: feed.source.sensor for feed in feeds}
+    if calibration or frames is not None:
+        _refuse_assumed_sizes(feeds)
     matched = {name: camera for name, camera in _own_calibration(feeds).items() if name not in (calibration or {})}
     matched |= _match_calibration(calibration or {}, list(sensors))
     for name, pictures in _pictures_of(feeds):
         sensors.setdefault(name, pictures.sensor)
     if frames is not None:
         sensors[FRAME_CAMERA] = first_image_size(frames.images)
-    uuid = source_uuid(sources, list(sensors), str(sensor) + (clock.digest if clock is not None else ""), offset_us)
+    uuid = source_uuid(
+        sources, list(sensors), str(sensor) + (clock.digest if clock is not None else "") + _choices(stated), offset_us
+    )
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -152,6 +157,7 @@ def _open_feeds(
     sensor: SensorSize | None,
     offset_us: int,
     clock: ClockTable | None,
+    stated: Stated,
 ) -> list[_Feed]:
     if not 1 <= len(paths) <= 2:
         raise RecordingError("wrong number of sources", expected="one, or two of a stereo pair", got=len(paths))
@@ -162,9 +168,32 @@ def _open_feeds(
         raise RecordingError("the names do not fit", expected=f"{len(opened)} different ones", got=",".join(names))
     weights = [sum(file.stat().st_size for file in files_of(paths[number])) for number, _ in opened]
     return [
-        _Feed(name, source, offset_us if number else 0, weight / max(1, sum(weights)), clock if number else None)
+        _Feed(
+            name,
+            source,
+            offset_us if number else 0,
+            weight / max(1, sum(weights)),
+            clock if number else None,
+            DecodeReport(stated=stated),
+        )
         for name, (number, source), weight in zip(names, opened, weights, strict=True)
     ]
+
+
+def _choices(stated: Stated | None) -> str:
+    """What was stated, as part of the recording's identity; empty if nothing was."""
+    return "" if stated is None or stated == Stated() else repr(stated)
+
+
+def _refuse_assumed_sizes(feeds: list[_Feed]) -> None:
+    """A calibration and pictures hang on the size of the sensor: there it is not guessed."""
+    for feed in feeds:
+        if feed.source.sensor_from == ASSUMED:
+            raise RecordingError(
+                f"camera {feed.name}: the file does not name its sensor size, and a calibration or pictures hang on it",
+                got=f"{feed.source.sensor}, {ASSUMED}",
+                remedy="give --width and --height",
+            )
 
 
 def _common_zero(feeds: list[_Feed]) -> int:

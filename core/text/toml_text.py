@@ -18,6 +18,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     Raises:
         ValueError: if it is none, too long, or nested more deeply than a parser can go.
     """
+    text = text.removeprefix("\ufeff")  # editors of Windows put a byte-order mark before a text
     if len(text) > MAX_CHARACTERS:
         raise ValueError("too long")
     if any(part.count(".") > MAX_DOTS for part in re.split(r"[=,{}\[\]\n]", text)):

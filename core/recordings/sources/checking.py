@@ -1,8 +1,10 @@
-"""Makes events out of what a decoder found, as far as it can be trusted."""
+"""Makes events out of what a decoder found: what cannot be true is left out and counted, the rest is kept."""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -12,89 +14,232 @@ from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.recordings.layout import MAX_TIME_US
 from core.recordings.sources.source import Columns, DecodeReport
+from core.recordings.sources.values import sifting
 
 _JITTER_US: Final = 1000
 """Steps back up to this are the disorder of a read-out or a network; the event gets the time of the one before it."""
 STREAM_PAUSE_US: Final = 600_000_000
 """Ten minutes without one event: in a binary stream rather a damaged time stamp."""
-
-_STRAY_EVENTS: Final = 64
-
-
-def check_stream(parts: Iterable[Columns], sensor: SensorSize, report: DecodeReport, *, where: str) -> Iterator[Events]:
-    """Events of a binary stream up to the first that cannot be true; the report says where that was."""
-    return _check(parts, sensor, report, where, longest_pause_us=STREAM_PAUSE_US, refuse=False)
-
-
-def check_table(parts: Iterable[Columns], sensor: SensorSize, report: DecodeReport, *, where: str) -> Iterator[Events]:
-    """Events of a table, which nobody sorts behind the user's back.
-
-    Raises:
-        RecordingError: if time runs backwards or an address lies outside the sensor.
-    """
-    return _check(parts, sensor, report, where, longest_pause_us=MAX_TIME_US, refuse=True)
+DISORDER_US: Final = 1_000_000
+"""The rows of a table are sorted if none comes later than this."""
+MAX_LEFT_OUT: Final = 0.01
+"""Share of the events beside the sensor, or of wrong time, from which it is not those events that are wrong."""
+FEW_LEFT_OUT: Final = 3
+"""So many are never too many: a tiny file may have one odd row."""
+_MIN_ROWS: Final = 4096
+"""Parts are judged together up to this number, so that there are neighbours to look at."""
+NO_WRAPS: Final[tuple[int, ...]] = ()
 
 
-def _check(
+def check_stream(
     parts: Iterable[Columns],
     sensor: SensorSize,
     report: DecodeReport,
-    where: str,
     *,
-    longest_pause_us: int,
-    refuse: bool,
+    where: str,
+    clock_lengths_us: tuple[int, ...] = NO_WRAPS,
 ) -> Iterator[Events]:
+    """Events of a binary stream without those that cannot be true; the report counts what was left out.
+
+    A clock that begins again after one of `clock_lengths_us` runs on.
+
+    Raises:
+        RecordingError: if more than 1 % of the events lie outside the sensor.
+    """
+    check = _Check(sensor, report, where, _JITTER_US, STREAM_PAUSE_US, clock_lengths_us, table=False)
+    yield from check.events(parts)
+
+
+def check_table(
+    parts: Iterable[Columns],
+    sensor: SensorSize,
+    report: DecodeReport,
+    *,
+    where: str,
+    clock_lengths_us: tuple[int, ...] = NO_WRAPS,
+) -> Iterator[Events]:
+    """Events of a table, sorted where rows come up to a second late; the report counts what was left out.
+
+    Raises:
+        RecordingError: if time runs further back, or more than 1 % of the rows have a wrong time or address.
+    """
+    check = _Check(sensor, report, where, DISORDER_US, MAX_TIME_US, clock_lengths_us, table=True)
+    yield from _sorted_parts(check.events(parts), sensor)
+
+
+def refuse_many_outside(outside: int, total: int, sensor: SensorSize, largest: tuple[int, int], where: str) -> None:
+    """Raise if so many addresses lie outside the sensor that its size must be wrong; `largest` column and row found.
+
+    Raises:
+        RecordingError: naming the size that would hold them all.
+    """
+    if outside <= max(FEW_LEFT_OUT, MAX_LEFT_OUT * total):
+        return
+    width, height = max(largest[0] + 1, sensor.width_px), max(largest[1] + 1, sensor.height_px)
+    raise RecordingError(
+        f"{outside:,} of {total:,} events lie outside the {sensor} sensor",
+        expected=f"a sensor of at least {width}x{height}, which would hold them",
+        where=where,
+        remedy="check the sensor size (--width, --height)",
+    )
+
+
+def outside_note(outside: int, sensor: SensorSize, largest: tuple[int, int], where: str) -> str:
+    """What is said of events that were left out because of their address."""
+    return (
+        f"{where}: {outside:,} events outside the {sensor} sensor were left out"
+        f" (addresses up to {largest[0]}, {largest[1]})."
+    )
+
+
+@dataclass(slots=True)
+class _Check:
+    """One pass over the parts of a source."""
+
+    sensor: SensorSize
+    report: DecodeReport
+    where: str
+    jitter_us: int
+    longest_us: int
+    lengths: tuple[int, ...]
+    table: bool
+    state: NDArray[np.int64] = field(default_factory=sifting.start_sifting)
+    counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(4, np.int64))
     first_us: int | None = None
-    latest_us = 0
-    count, moved = 0, 0
+
+    def events(self, parts: Iterable[Columns]) -> Iterator[Events]:
+        """The good events of each part; the last few rows wait for the part after it, which says what they are."""
+        waiting: Columns | None = None
+        for part in _large_enough(parts):
+            rows = _cast(part)
+            if waiting is not None:
+                rows = Columns(*(np.concatenate(pair) for pair in zip(waiting, rows, strict=True)))
+            ready = max(0, len(rows.t_us) - sifting.LOOK_AHEAD)
+            yield from self._judge(rows, ready)
+            if self.state[sifting.END]:
+                return
+            waiting = Columns(*(column[ready:] for column in rows))
+        if waiting is not None:
+            yield from self._judge(waiting, len(waiting.t_us))
+        if not self.state[sifting.END]:
+            self._finish()
+
+    def _judge(self, rows: Columns, ready: int) -> Iterator[Events]:
+        kind = np.full(len(rows.t_us), sifting.STRAY, np.uint8)
+        size = self.sensor.width_px, self.sensor.height_px
+        lengths = np.array(self.lengths, np.int64)
+        bounds = sifting.Bounds(*size, self.jitter_us, self.longest_us, lengths, not self.table)
+        used = sifting.sift(sifting.Rows(*rows[:3], kind), ready, bounds, self.state)
+        kind = kind[:used]
+        self.counts += np.bincount(kind, minlength=4)
+        keep = kind == sifting.GOOD
+        columns = (column[:used] if keep.all() else column[:used][keep] for column in rows)
+        t_us, x_px, y_px, on = columns
+        if len(t_us):
+            self.first_us = int(t_us[0]) if self.first_us is None else self.first_us
+            too_late = t_us - self.first_us >= MAX_TIME_US
+            if too_late.any():
+                self.state[sifting.END] = sifting.AHEAD
+                t_us, x_px, y_px, on = (column[~too_late] for column in (t_us, x_px, y_px, on))
+            if self.table:
+                yield _unsorted(t_us, x_px, y_px, on, self.sensor)
+            else:
+                yield Events.from_columns(t_us, x_px, y_px, on, self.sensor)
+        if self.state[sifting.END]:
+            self._stop(rows, used)
+
+    def _stop(self, rows: Columns, at: int) -> None:
+        now = int(self.state[sifting.NOW])
+        step = int(rows.t_us[min(at, len(rows.t_us) - 1)]) + int(self.state[sifting.EPOCH]) - now
+        count = int(self.counts.sum())
+        if self.state[sifting.END] == sifting.BACK:
+            reason = f"time runs {-step:,} us back, and goes on from there"
+        else:
+            reason = f"time jumps {max(step, 0):,} us ahead, beyond {self.longest_us / 1e6:,.0f} s"
+        if self.table:
+            remedy = "sort the events by time, or split the file" if "back" in reason else "check --time-unit"
+            raise RecordingError(f"event {count:,} cannot be used: {reason}", where=self.where, remedy=remedy)
+        self.report.notes.append(f"{self.where}: stopped at event {count:,}: {reason}.")
+        self._finish()
+
+    def _finish(self) -> None:
+        """Say what was left out, or refuse what cannot be true as a whole."""
+        good, stray, outside, damaged = self.counts.tolist()
+        largest = int(self.state[sifting.MAX_X]), int(self.state[sifting.MAX_Y])
+        notes, where = self.report.notes, self.where
+        total = good + stray + outside + damaged
+        refuse_many_outside(outside, total, self.sensor, largest, where)
+        if self.table and stray + damaged > max(FEW_LEFT_OUT, MAX_LEFT_OUT * total):
+            what = f"the times of {stray + damaged:,} of {total:,} events lie apart from those of their neighbours"
+            raise RecordingError(what, where=where, remedy="check which column is the time, and sort the events by it")
+        if outside:
+            notes.append(outside_note(outside, self.sensor, largest, where))
+        if stray + damaged:
+            notes.append(f"{where}: {stray + damaged:,} events were left out: their times lie apart from the others.")
+        late, latest_us = int(self.state[sifting.LATE]), int(self.state[sifting.LATEST])
+        if late and self.table:
+            notes.append(f"{where}: {late:,} events were out of order by up to {latest_us / 1e3:g} ms; now sorted.")
+        elif late:
+            notes.append(f"{where}: {late:,} events came up to 1 ms too early; they have the time before them.")
+        if self.state[sifting.WRAPS]:
+            notes.append(f"{where}: the clock began again at 0 {self.state[sifting.WRAPS]} times; its time runs on.")
+
+
+def _large_enough(parts: Iterable[Columns]) -> Iterator[Columns]:
+    """The parts, small ones put together."""
+    small: list[Columns] = []
+    rows = 0
     for part in parts:
         if not len(part.t_us):
             continue
-        t_us = np.asarray(part.t_us, np.int64)
-        first_us = int(t_us[0]) if first_us is None else first_us
-        steps = np.diff(t_us, prepend=latest_us if count else t_us[0])
-        good, reason = _good_prefix(part, t_us, steps, sensor, first_us, longest_pause_us)
-        if reason and refuse:
-            remedy = "sort the events by time" if "back" in reason else "check the sensor size (--width, --height)"
-            raise RecordingError(f"event {count + good:,} cannot be used: {reason}", where=where, remedy=remedy)
-        if "back" in reason:
-            good = _without_strays(t_us, good)
-        backwards = int(np.count_nonzero(steps[:good] < 0))
-        if backwards:
-            moved += backwards
-            t_us = np.maximum.accumulate(np.maximum(t_us[:good], latest_us if count else t_us[0]))
-        if good:
-            yield Events.from_columns(t_us[:good], part.x_px[:good], part.y_px[:good], part.on[:good], sensor)
-            count += good
-            latest_us = int(t_us[good - 1])
-        if reason:
-            report.notes.append(f"{where}: stopped at event {count:,}: {reason}.")
-            break
-    if moved:
-        report.notes.append(f"{where}: {moved:,} events came up to 1 ms too early; they have the time before them.")
+        small.append(part)
+        rows += len(part.t_us)
+        if rows >= _MIN_ROWS:
+            yield _together(small)
+            small, rows = [], 0
+    if small:
+        yield _together(small)
 
 
-def _good_prefix(
-    part: Columns, t_us: NDArray[np.int64], steps: NDArray, sensor: SensorSize, first_us: int, longest_pause_us: int
-) -> tuple[int, str]:
-    """How many events at the start are good, and what is wrong with the next one ("" if nothing)."""
-    x_px, y_px = part.x_px, part.y_px
-    tests = (
-        ((x_px >= sensor.width_px) | (x_px < 0), lambda i: f"column {x_px[i]} outside the {sensor} sensor"),
-        ((y_px >= sensor.height_px) | (y_px < 0), lambda i: f"row {y_px[i]} outside the {sensor} sensor"),
-        (steps < -_JITTER_US, lambda i: f"time runs {-steps[i]:,} us back"),
-        (steps > longest_pause_us, lambda i: f"time jumps {steps[i]:,} us ahead"),
-        (t_us - first_us >= MAX_TIME_US, lambda i: "its time is more than a day after the first"),
-    )
-    good, reason = len(t_us), ""
-    for bad, describe in tests:
-        at = int(np.argmax(bad))
-        if bad[at] and at < good:
-            good, reason = at, describe(at)
-    return good, reason
+def _together(parts: list[Columns]) -> Columns:
+    return parts[0] if len(parts) == 1 else Columns(*(np.concatenate(some) for some in zip(*parts, strict=True)))
 
 
-def _without_strays(t_us: NDArray[np.int64], good: int) -> int:
-    """Where time comes back, not the time that comes back may be wrong, but the few that ran ahead of it."""
-    ahead = int(np.count_nonzero(t_us[:good] > t_us[good]))
-    return good - ahead if ahead <= _STRAY_EVENTS else good
+def _cast(part: Columns) -> Columns:
+    t, x, y = (np.array(column, np.int64) for column in part[:3])
+    return Columns(t, x, y, np.ascontiguousarray(part.on, np.bool_))
+
+
+def _unsorted(t: NDArray, x: NDArray, y: NDArray, on: NDArray, sensor: SensorSize) -> Events:
+    """Columns on their way to be sorted, in the dress of events."""
+    if (t[1:] >= t[:-1]).all():
+        return Events.from_columns(t, x, y, on, sensor)
+    order = np.argsort(t, kind="stable")
+    return Events.from_columns(t[order], x[order], y[order], on[order], sensor)
+
+
+def _sorted_parts(parts: Iterable[Events], sensor: SensorSize) -> Iterator[Events]:
+    """The same events in the order of their times; each part is sorted in itself and may overlap those before it."""
+    held: deque[Events] = deque()
+    latest_us = 0
+    for part in parts:
+        if not len(part):
+            continue
+        overlapping = [part]
+        while held and held[-1].t_us[-1] > part.t_us[0]:
+            overlapping.append(held.pop())
+        if len(overlapping) > 1:
+            overlapping.reverse()
+            part = _merged(overlapping, sensor)
+        latest_us = max(latest_us, int(part.t_us[-1])) if held else int(part.t_us[-1])
+        held.append(part)
+        while len(held) > 1 and held[0].t_us[-1] <= latest_us - DISORDER_US:
+            yield held.popleft()
+    yield from held
+
+
+def _merged(parts: list[Events], sensor: SensorSize) -> Events:
+    t = np.concatenate([part.t_us for part in parts])
+    order = np.argsort(t, kind="stable")
+    x, y, on = (np.concatenate([getattr(part, name) for part in parts])[order] for name in ("x_px", "y_px", "on"))
+    return Events.from_columns(t[order], x, y, on, sensor)

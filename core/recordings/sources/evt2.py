@@ -1,6 +1,6 @@
 """Prophesee EVT2 (32-bit words, one event each) and EVT2.1 (64-bit words, up to 32 pixels of a row each).
 
-Source: Prophesee's EVT2 and EVT2.1 format descriptions. The decoders stop at the first event outside the sensor.
+Source: Prophesee's EVT2 and EVT2.1 format descriptions. Events outside the sensor are left out and counted.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ import numpy as np
 
 from core.jit import njit
 from core.recordings.sources.evt_time import (
-    BAD_COLUMN,
-    BAD_ROW,
     BAD_TIME,
     IGNORE,
     NO_DAMAGE,
@@ -29,7 +27,7 @@ EXT_TRIGGER: Final = 0xA
 _SECOND: Final = 1_000_000 // 64
 _MASK: Final = 0xFFFFFFF
 _SUSPECT_WORDS: Final = 4096
-_HIGH, _EPOCH, _LAST_T, _IGNORED = 0, 2, 6, 7
+_HIGH, _EPOCH, _LAST_T, _IGNORED, _OUTSIDE, _MAX_X, _MAX_Y = 0, 2, 6, 7, 9, 10, 11
 PLAIN, JUMP, LOST = range(3)
 """Steps of the coarse time."""
 
@@ -45,7 +43,7 @@ def start_state_evt21(words: np.ndarray) -> np.ndarray:
 
 
 def _start_state(first: int) -> np.ndarray:
-    state = np.zeros(8, np.int64)
+    state = np.zeros(12, np.int64)
     state[_HIGH] = first if first > 1 else 0
     state[_LAST_T] = np.iinfo(np.int64).min
     return state
@@ -84,15 +82,13 @@ def decode_evt2(words, state, width, height, out):
         kind = word >> 28
         if kind in (EVENT_OFF, EVENT_ON):
             column, row = (word >> 11) & 0x7FF, word & 0x7FF
-            if column >= width:
-                damage = BAD_COLUMN
-                break
-            if row >= height:
-                damage = BAD_ROW
-                break
             last_t = max(last_t, base_t + ((word >> 22) & 0x3F))
-            t[events], x[events], y[events], on[events] = last_t, column, row, kind
-            events += 1
+            if column >= width or row >= height:
+                state[_OUTSIDE] += 1
+                state[_MAX_X], state[_MAX_Y] = max(state[_MAX_X], column), max(state[_MAX_Y], row)
+            else:
+                t[events], x[events], y[events], on[events] = last_t, column, row, kind
+                events += 1
         elif kind == TIME_HIGH:
             step = _step_time(words, i, word & _MASK, state, 28, 0)
             if step == LOST:
@@ -129,21 +125,17 @@ def decode_evt21(words, state, width, height, out):
         if kind in (EVENT_OFF, EVENT_ON):
             column, row = (upper >> 11) & 0x7FF, upper & 0x7FF
             pixels = np.int64(word & np.uint64(0xFFFFFFFF))
-            if row >= height:
-                damage = BAD_ROW
-                break
             last_t = max(last_t, base_t + (upper >> 22))
             while pixels:
                 if pixels & 1:
-                    if column >= width:
-                        damage = BAD_COLUMN
-                        break
-                    t[events], x[events], y[events], on[events] = last_t, column, row, kind
-                    events += 1
+                    if column >= width or row >= height:
+                        state[_OUTSIDE] += 1
+                        state[_MAX_X], state[_MAX_Y] = max(state[_MAX_X], column), max(state[_MAX_Y], row)
+                    else:
+                        t[events], x[events], y[events], on[events] = last_t, column, row, kind
+                        events += 1
                 pixels >>= 1
                 column += 1
-            if damage:
-                break
         elif kind == TIME_HIGH:
             step = _step_time(words, i, upper, state, 60, 32)
             if step == LOST:

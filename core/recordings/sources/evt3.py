@@ -1,6 +1,7 @@
 """Prophesee EVT3: 16-bit words that change one thing at a time (row, column, time) or set a row of pixels at once.
 
-Source: Prophesee's EVT3 format description. The decoder stops at the first word that cannot be part of such a stream.
+Source: Prophesee's EVT3 format description. Words of reserved types and addresses beside
+the sensor are left out and counted; the decoder stops where time jumps back for good.
 """
 
 from __future__ import annotations
@@ -11,10 +12,7 @@ import numpy as np
 
 from core.jit import njit
 from core.recordings.sources.evt_time import (
-    BAD_COLUMN,
-    BAD_ROW,
     BAD_TIME,
-    BAD_WORD,
     IGNORE,
     NO_DAMAGE,
     STOP,
@@ -24,6 +22,7 @@ from core.recordings.sources.evt_time import (
 )
 
 ADDR_Y: Final = 0x0
+OTHER_ROW: Final = 0x1
 ADDR_X: Final = 0x2
 VECT_BASE_X: Final = 0x3
 VECT_12: Final = 0x4
@@ -34,18 +33,20 @@ EXT_TRIGGER: Final = 0xA
 OTHERS: Final = 0xE
 CONTINUED_12: Final = 0xF
 
+NO_ROW: Final = 1 << 20
+"""No row at all: what follows belongs to no event of change."""
 _SECOND: Final = 1_000_000 // 4096
 _MASK: Final = 0xFFF
 _SUSPECT_WORDS: Final = 4096
 """A jump in time this close before damage is taken for part of it."""
 
-HIGH, LOW, EPOCH, Y, BASE_X, BASE_ON, LAST_T, IGNORED = range(8)
+HIGH, LOW, EPOCH, Y, BASE_X, BASE_ON, LAST_T, IGNORED, RESERVED, OUTSIDE, MAX_X, MAX_Y = range(12)
 
 
 def start_state(words: np.ndarray) -> np.ndarray:
     """The state in front of the first word of a file."""
     first = int(next_time_high(words, 0, 12, 0, _MASK))
-    state = np.zeros(8, np.int64)
+    state = np.zeros(12, np.int64)
     # Cameras repeat the coarse time every few microseconds, so what stands before the first one has that same time;
     # files written by software leave out the coarse time 0.
     state[HIGH] = first if first > 1 else 0
@@ -72,19 +73,18 @@ def decode_evt3(words, state, width, height, out):  # noqa: C901 (one branch for
         kind = word >> 12
         if kind == ADDR_X:
             column = word & 0x7FF
-            if column >= width:
-                damage = BAD_COLUMN
-                break
-            t[events], x[events], y[events], on[events] = now, column, row, (word >> 11) & 1
-            events += 1
+            if column >= width or row >= height:
+                if row != NO_ROW:
+                    state[OUTSIDE] += 1
+                    state[MAX_X], state[MAX_Y] = max(state[MAX_X], column), max(state[MAX_Y], row)
+            else:
+                t[events], x[events], y[events], on[events] = now, column, row, (word >> 11) & 1
+                events += 1
         elif kind == TIME_LOW:
             low = word & 0xFFF
             now = max(now, epoch + (high << 12) + low)
         elif kind == ADDR_Y:
             row = word & 0x7FF
-            if row >= height:
-                damage = BAD_ROW
-                break
         elif kind == TIME_HIGH:
             value = word & 0xFFF
             if value != high:
@@ -105,22 +105,23 @@ def decode_evt3(words, state, width, height, out):  # noqa: C901 (one branch for
             bits = 12 if kind == VECT_12 else 8
             for bit in range(bits):
                 if (word >> bit) & 1:
-                    if base_x + bit >= width:
-                        damage = BAD_COLUMN
-                        break
+                    if base_x + bit >= width or row >= height:
+                        if row != NO_ROW:
+                            state[OUTSIDE] += 1
+                            state[MAX_X], state[MAX_Y] = max(state[MAX_X], base_x + bit), max(state[MAX_Y], row)
+                        continue
                     t[events], x[events], y[events], on[events] = now, base_x + bit, row, base_on
                     events += 1
-            if damage:
-                break
             base_x += bits
         elif kind == VECT_BASE_X:
             base_x, base_on = word & 0x7FF, (word >> 11) & 1
         elif kind == EXT_TRIGGER:
             trigger_t[triggers], trigger_on[triggers], trigger_id[triggers] = now, word & 1, (word >> 8) & 0xF
             triggers += 1
-        elif kind not in (CONTINUED_4, OTHERS, CONTINUED_12):
-            damage = BAD_WORD
-            break
+        elif kind not in (CONTINUED_4, OTHERS, CONTINUED_12):  # padding, or words of another vendor
+            state[RESERVED] += 1
+            if kind == OTHER_ROW:
+                row = NO_ROW  # of an event that is none of ours
         i += 1
     if damage and i - jump_word < _SUSPECT_WORDS:
         events, triggers = jump_events, jump_triggers

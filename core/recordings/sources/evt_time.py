@@ -19,6 +19,9 @@ BELIEVE: Final = 0
 IGNORE: Final = 1
 STOP: Final = 2
 
+_ASKED: Final = 8
+"""Coarse times that are asked whether one before them is right."""
+
 NO_DAMAGE, BAD_WORD, BAD_COLUMN, BAD_ROW, BAD_TIME = range(5)
 """Why a decoder stopped."""
 
@@ -56,15 +59,27 @@ def next_time_high(words, start, type_shift, value_shift, mask):
 def judge_time_high(words, at, value, current, type_shift, value_shift, mask, second):
     """Whether to believe the coarse time `value` of word `at` after `current`.
 
-    `second` is one second in steps of the counter, `mask` its largest value. A step of up to a second forward is
-    plain. A larger one, forward or back, is damage if the next coarse time goes on from the current one; if it does
-    not, forward it is a pause of the camera, and back it is the end of what can be trusted.
+    `second` is one second in steps of the counter, `mask` its largest value. A step of one is plain. Any other is
+    damage if the next coarse time goes on from the current one, or if those that follow do not go on from it. A step
+    back is damage, too, unless those that follow confirm it: then it is the end of what can be trusted.
     """
     ahead = (value - current) & mask
-    if ahead <= second:
+    if ahead <= 1:
         return BELIEVE
-    following = next_time_high(words, at + 1, type_shift, value_shift, mask)
-    if following >= 0 and ((following - current) & mask) <= second:
-        return IGNORE
     longest_pause = min(mask // 2, 600 * second)
-    return BELIEVE if ahead <= longest_pause else STOP
+    largest_step = longest_pause if ahead <= longest_pause else second
+    last, seen, going_on, i = value, 0, 0, at + 1
+    while seen < _ASKED and i < len(words):
+        word = np.uint64(words[i])
+        i += 1
+        if word >> np.uint64(type_shift) != TIME_HIGH:
+            continue
+        following = np.int64((word >> np.uint64(value_shift)) & np.uint64(mask))
+        going_on += (following - current) & mask <= min(second, ahead - 1)
+        if going_on > min(seen, 1) or (following - last) & mask > largest_step:
+            return IGNORE
+        last = following
+        seen += 1
+    if ahead <= longest_pause:
+        return BELIEVE
+    return STOP if seen else IGNORE

@@ -1,4 +1,4 @@
-"""DAT, AEDAT4 and Event Stream (ES) files, decoded by faery in a process of its own (`faery_worker` says why)."""
+"""AEDAT4 and Event Stream (ES) files, decoded by faery in a process of its own (`faery_worker` says why)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.checking import check_stream
 from core.recordings.sources.making import make_source
-from core.recordings.sources.prophesee_header import read_prophesee_header
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
 from core.text.json_text import parse_json
 
@@ -28,15 +27,6 @@ _SILENCE_S: Final = 60
 _HEAD: Final = struct.Struct("<cQ")
 _BYTES_PER_EVENT: Final = 8
 """Of a file, for the progress only: faery does not tell how far it is."""
-
-
-def open_dat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
-    """The one camera of a Prophesee DAT file."""
-    info = _ask(path, "dat")
-    if info.type != "cd":
-        raise RecordingError("a DAT file without events", expected="cd", got=info.type, where=path)
-    known = sensor or read_prophesee_header(path).sensor
-    return [make_source(path, "camera", "Prophesee DAT", known, _decoder(path, "dat", 0, info.rest), check_stream)]
 
 
 def open_es(path: Path, sensor: SensorSize | None) -> list[EventSource]:

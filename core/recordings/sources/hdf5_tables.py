@@ -2,7 +2,7 @@
 
 /events/{x, y, t, p}, /t_offset                  DSEC: t in us, absolute = t + t_offset
 /davis/{left, right}/events                      MVSEC: rows of x, y, t in s, polarity -1 or 1
-/events/{xs, ys, ts, ps}, sensor_resolution      ts in s if they are floats, else in us
+/events/{xs, ys, ts, ps}, sensor_resolution      the unit of ts is told from its values
 /raw_events/{x, y, t, p}                         likewise
 """
 
@@ -19,17 +19,19 @@ import numpy as np
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
-from core.recordings.sources.checking import check_table
 from core.recordings.sources.hdf5_errors import UNREADABLE, explain
-from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
-from core.recordings.sources.table_columns import addresses_from_column, times_us
+from core.recordings.sources.making import make_table_source
+from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
+from core.recordings.sources.table_columns import unit_of_name
+from core.recordings.sources.values.stated_sizes import size_in_attributes
+from core.recordings.sources.values.table_values import Survey, survey
 
 _ROWS: Final = 1 << 18
+_UNIT_WORDS: Final = {"seconds": "s", "milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns", "µs": "us"}
 _DSEC_SENSOR: Final = SensorSize(640, 480)
 _MVSEC_SENSOR: Final = SensorSize(346, 260)
 
-Rows = Callable[[h5py.File, int, int], Columns]
+Rows = Callable[[h5py.File, int, int], RawColumns]
 """Reads rows first to last - 1."""
 
 
@@ -60,15 +62,33 @@ def _open_columns(
         raise RecordingError("event columns differ in length", expected="equal lengths", got=lengths, where=path)
     offset_us = int(np.asarray(dataset_at(file, "t_offset")[()]).reshape(-1)[0]) if "t_offset" in file else 0
 
-    def rows(file: h5py.File, first: int, last: int) -> Columns:
-        t, x, y, p = (dataset_at(group_at(file, group), name)[first:last] for name in names)
-        return Columns(times_us(t) + offset_us, addresses_from_column(x), addresses_from_column(y), p > 0)
+    def rows(file: h5py.File, first: int, last: int) -> RawColumns:
+        t, x, y, p = (np.asarray(dataset_at(group_at(file, group), name)[first:last]).reshape(-1) for name in names)
+        return RawColumns(t, x, y, p)
 
     count = lengths[names[0]]
-    stated = _stated_sensor(file, group)
-    if stated is None and label.startswith("DSEC") and "ms_to_idx" in file:
-        stated = _DSEC_SENSOR
-    return _source(path, "camera", label, sensor or stated, rows, count)
+    dsec = label.startswith("DSEC") and "ms_to_idx" in file
+    unit = unit_of_name(_unit_attribute(dataset_at(group_at(file, group), names[0]))) or ("us" if dsec else None)
+    seen: Survey | None = None
+    if sensor is None and any("sensor_resolution" in item.attrs for item in (file, group_at(file, group))):
+        seen = survey(_decode(path, rows, count, DecodeReport()))
+    sensor = sensor or _stated_sensor(file, group, seen)
+    if sensor is None and dsec and "t_offset" in file:
+        sensor = _DSEC_SENSOR
+    return make_table_source(
+        path, "camera", label, sensor, lambda report: _decode(path, rows, count, report),
+        unit=unit, shift_us=offset_us, seen=seen,
+    )  # fmt: skip
+
+
+def _unit_attribute(times: h5py.Dataset) -> str:
+    """The unit that an attribute of the times states, as the end of a name; empty if there is none."""
+    for name in ("unit", "units"):
+        value = times.attrs.get(name)
+        if value is not None:
+            word = value.decode("latin-1") if isinstance(value, bytes) else str(value)
+            return f"t_{_UNIT_WORDS.get(word.strip().lower(), word.strip())}"
+    return ""
 
 
 def _open_mvsec(path: Path, davis: h5py.Group, sensor: SensorSize | None) -> list[EventSource]:
@@ -80,32 +100,39 @@ def _open_mvsec(path: Path, davis: h5py.Group, sensor: SensorSize | None) -> lis
         if dataset.ndim != 2 or dataset.shape[1] != 4:
             raise RecordingError("not MVSEC events", expected="rows of 4", got=dataset.shape, where=path)
 
-        def rows(file: h5py.File, first: int, last: int, side: str = side) -> Columns:
+        def rows(file: h5py.File, first: int, last: int, side: str = side) -> RawColumns:
             x, y, t, p = np.asarray(dataset_at(group_at(file, f"davis/{side}"), "events")[first:last]).T
-            return Columns(times_us(t), addresses_from_column(x), addresses_from_column(y), p > 0)
+            return RawColumns(t, x, y, p)
 
-        sources.append(_source(path, side, "MVSEC HDF5", sensor or _MVSEC_SENSOR, rows, len(dataset)))
+        count, size = len(dataset), sensor or _MVSEC_SENSOR
+        sources.append(
+            make_table_source(
+                path,
+                side,
+                "MVSEC HDF5",
+                size,
+                lambda report, rows=rows, count=count: _decode(path, rows, count, report),
+                unit="s",
+            )
+        )
     if not sources:
         raise RecordingError("the MVSEC file holds no events", where=path)
     return sources
 
 
-def _stated_sensor(file: h5py.File, group: str) -> SensorSize | None:
-    """From attributes width and height, or sensor_resolution, which lists the height first."""
+def _stated_sensor(file: h5py.File, group: str, seen: Survey | None) -> SensorSize | None:
+    """From attributes of the file or of the group, or from datasets of their names."""
+    largest = None if seen is None else seen.largest
     for item in (file, group_at(file, group)):
-        if "width" in item.attrs and "height" in item.attrs:
-            return SensorSize(int(item.attrs["width"]), int(item.attrs["height"]))  # pyright: ignore[reportArgumentType]
-        if "sensor_resolution" in item.attrs:
-            height, width = (int(value) for value in np.asarray(item.attrs["sensor_resolution"]).reshape(-1)[:2])
-            return SensorSize(max(width, height), min(width, height))
+        found = size_in_attributes(dict(item.attrs), largest)
+        if found is None and "width" in item and "height" in item:
+            found = size_in_attributes({side: dataset_at(item, side)[()] for side in ("width", "height")})
+        if found is not None:
+            return found
     return None
 
 
-def _source(path: Path, name: str, label: str, sensor: SensorSize | None, rows: Rows, count: int) -> EventSource:
-    return make_source(path, name, label, sensor, lambda report: _decode(path, rows, count, report), check_table)
-
-
-def _decode(path: Path, rows: Rows, count: int, report: DecodeReport) -> Iterator[Columns]:
+def _decode(path: Path, rows: Rows, count: int, report: DecodeReport) -> Iterator[RawColumns]:
     _load_filters()
     first = 0
     with h5py.File(path, "r") as file:
@@ -118,7 +145,7 @@ def _decode(path: Path, rows: Rows, count: int, report: DecodeReport) -> Iterato
                 report.notes.append(f"{path.name}: stopped at event {first:,} of {count:,}: {explain(error)}.")
                 return
             yield part
-            first += len(part.t_us)
+            first += len(part.t)
             report.share = first / count
 
 

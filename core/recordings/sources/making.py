@@ -1,4 +1,4 @@
-"""A source from a decoder; for files that do not name their sensor size, one is assumed."""
+"""Sources from decoders and from tables; where the file does not name its sensor size, one is assumed and said."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from core.events import Events, SensorSize
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.checking import check_table
+from core.recordings.sources.source import ASSUMED, Columns, DecodeReport, EventSource, RawColumns
+from core.recordings.sources.values.table_values import Meaning, Survey, find_meaning, survey
 
 _USUAL: Final = tuple(
     SensorSize(*size)
     for size in ((128, 128), (240, 180), (304, 240), (320, 240), (320, 320), (346, 260), (640, 480), (1280, 720))
 )
-_LARGEST_PX: Final = 8192
+_LARGEST_PX: Final = 4096
+"""No event camera has more columns or rows; a few addresses beyond are odd rows, no size."""
+THE_FILE: Final = "the file"
 
 
 class Check(Protocol):
@@ -37,19 +41,74 @@ def make_source(
 
     def read(report: DecodeReport) -> Iterator[Events]:
         if sensor is None:
-            report.notes.append(f"{path.name} does not name its sensor size; {size} is assumed from the events.")
+            report.notes.append(assumed_note(path, size))
         return check(decode(report), size, report, where=path.name)
 
-    return EventSource(name, label, size, read)
+    return EventSource(name, label, size, read, sensor_from=ASSUMED if sensor is None else THE_FILE)
+
+
+def make_table_source(
+    path: Path,
+    name: str,
+    label: str,
+    sensor: SensorSize | None,
+    rows: Callable[[DecodeReport], Iterator[RawColumns]],
+    *,
+    unit: str | None = None,
+    shift_us: int = 0,
+    seen: Survey | None = None,
+) -> EventSource:
+    """The camera `name` of a table, whose values are looked at as a whole before they are read.
+
+    `unit` is the unit of time that the file states, `shift_us` is added to its times, `seen` what all `rows` have in
+    common if that is known already.
+    """
+    known = [] if seen is None else [seen]
+
+    def look() -> Survey:
+        if not known:
+            known.append(survey(rows(DecodeReport())))
+        return known[0]
+
+    size = sensor or usual_sensor(*look().largest)
+
+    def decode(report: DecodeReport, meaning: Meaning) -> Iterator[Columns]:
+        odd = 0
+        for part in rows(report):
+            columns, left_out = meaning.columns(part)
+            odd += left_out
+            yield columns._replace(t_us=columns.t_us + shift_us) if shift_us else columns
+        if odd:
+            report.notes.append(f"{path.name}: {odd:,} events were left out: their times or polarities are no such.")
+
+    def read(report: DecodeReport) -> Iterator[Events]:
+        if sensor is None:
+            report.notes.append(assumed_note(path, size))
+        meaning = find_meaning(look(), unit, report, where=path.name)
+        lengths = meaning.clock_lengths_us
+        return check_table(decode(report, meaning), size, report, where=path.name, clock_lengths_us=lengths)
+
+    return EventSource(name, label, size, read, sensor_from=ASSUMED if sensor is None else THE_FILE)
+
+
+def assumed_note(path: Path, size: SensorSize) -> str:
+    """What is said of a sensor size that no file states."""
+    return f"{path.name} does not name its sensor size; {size} is assumed from the events."
 
 
 def _assume_sensor(parts: Iterable[Columns]) -> SensorSize:
     """The smallest usual sensor that all events fit on, else one just large enough."""
-    width, height = 1, 1
+    width, height = 0, 0
     for part in parts:
         if len(part.t_us):
-            width, height = max(width, int(part.x_px.max()) + 1), max(height, int(part.y_px.max()) + 1)
+            width = max(width, int(part.x_px[part.x_px < _LARGEST_PX].max(initial=0)))
+            height = max(height, int(part.y_px[part.y_px < _LARGEST_PX].max(initial=0)))
+    return usual_sensor(width, height)
+
+
+def usual_sensor(column: int, row: int) -> SensorSize:
+    """The smallest usual sensor that has this column and row, else one just large enough."""
     for sensor in _USUAL:
-        if width <= sensor.width_px and height <= sensor.height_px:
+        if column < sensor.width_px and row < sensor.height_px:
             return sensor
-    return SensorSize(min(width, _LARGEST_PX), min(height, _LARGEST_PX))
+    return SensorSize(min(column + 1, _LARGEST_PX), min(row + 1, _LARGEST_PX))

@@ -18,6 +18,7 @@ from core.recordings.sources.ecf import decode_ecf
 from core.recordings.sources.hdf5_errors import UNREADABLE, explain
 from core.recordings.sources.making import make_source
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.values.stated_sizes import size_in_attributes
 
 _ECF_FILTER: Final = 0x8ECF
 _ROWS: Final = 1 << 18
@@ -34,13 +35,8 @@ def open_metavision_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSou
         if not {"x", "y", "p", "t"} <= set(events.dtype.names or ()):
             raise RecordingError("/CD/events has other fields", expected="x, y, p, t", got=events.dtype, where=path)
         name = "Metavision HDF5, ECF" if _is_ecf(events) else "Metavision HDF5"
-        sensor = sensor or _geometry(file)
+        sensor = sensor or size_in_attributes(dict(file.attrs))
     return [make_source(path, "camera", name, sensor, lambda report: _decode(path, report), check_stream)]
-
-
-def _geometry(file: h5py.File) -> SensorSize | None:
-    width, _, height = str(file.attrs.get("geometry", "")).partition("x")
-    return SensorSize(int(width), int(height)) if width.isdigit() and height.isdigit() else None
 
 
 def _decode(path: Path, report: DecodeReport) -> Iterator[Columns]:

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.sources.checking import check_table
-from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
-from core.recordings.sources.table_columns import addresses_from_column, counts_seconds, find_columns, times_us
-from core.recordings.sources.table_order import guess_columns
+from core.recordings.sources.making import make_table_source
+from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
+from core.recordings.sources.table_columns import find_columns, unit_of_name
+from core.recordings.sources.values.stated_sizes import size_in_attributes
+from core.recordings.sources.values.table_order import guess_columns
 
 _ROWS: Final = 1 << 18
 _BROKEN: Final = (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError, MemoryError)
@@ -37,37 +37,46 @@ def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     """
     try:
         _check_unpacked_size(path)
-        columns, stated = _load(path)
+        rows, unit, stated = _load(path)
     except _BROKEN as error:
         raise RecordingError("the NumPy file cannot be read", got=error, where=path) from error
-    return [make_source(path, "camera", "NumPy", sensor or stated, lambda report: _parts(columns, report), check_table)]
+    return [
+        make_table_source(path, "camera", "NumPy", sensor or stated, lambda report: _parts(rows, report), unit=unit)
+    ]
 
 
-def _parts(columns: Columns, report: DecodeReport) -> Iterator[Columns]:
-    count = len(columns.t_us)
+def _parts(rows: RawColumns, report: DecodeReport) -> Iterator[RawColumns]:
+    count = len(rows.t)
     for first in range(0, count, _ROWS):
-        yield Columns(*(column[first : first + _ROWS] for column in columns))
+        yield RawColumns(*(column[first : first + _ROWS] for column in rows))
         report.share = min(1.0, (first + _ROWS) / count)
 
 
-def _load(path: Path) -> tuple[Columns, SensorSize | None]:
+def _load(path: Path) -> tuple[RawColumns, str | None, SensorSize | None]:
+    """The columns, the unit of their times and the sensor's size, as far as the file states them."""
     loaded = np.load(path, allow_pickle=False)
     if isinstance(loaded, np.ndarray):
-        return _from_array(loaded, path), None
+        return *_from_array(loaded, path), None
     with loaded:
         names = list(loaded.files)
-        stated = None
-        if "width" in names and "height" in names:
-            stated = SensorSize(int(loaded["width"]), int(loaded["height"]))
+        small = {name: loaded[name] for name in names if _is_about_size(name)}
+        stated = size_in_attributes(small)
         whole = next((name for name in ("events", "arr_0") if name in names), None)
         if whole is not None:
-            return _from_array(loaded[whole], path), stated
+            return *_from_array(loaded[whole], path), stated
         places = find_columns(names, where=str(path))
         arrays = {column: loaded[names[place]] for column, place in places.items()}
+        arrays = {column: array.reshape(-1) if 1 in array.shape else array for column, array in arrays.items()}
         lengths = {column: array.shape for column, array in arrays.items()}
         if len(set(lengths.values())) != 1 or arrays["t"].ndim != 1:
             raise RecordingError("event columns differ in shape", expected="equal lengths", got=lengths, where=path)
-        return _columns(arrays, counts_seconds(names[places["t"]])), stated
+        return _columns(arrays), unit_of_name(names[places["t"]]), stated
+
+
+def _is_about_size(name: str) -> bool:
+    return any(
+        word in name.lower() for word in ("width", "height", "resolution", "geometry", "sensor_size", "image_size")
+    )
 
 
 def _check_unpacked_size(path: Path) -> None:
@@ -94,20 +103,22 @@ def _memory_bytes() -> int:
         return 8 << 30
 
 
-def _from_array(array: NDArray, path: Path) -> Columns:
+def _from_array(array: NDArray, path: Path) -> tuple[RawColumns, str | None]:
     if array.dtype.names is not None:
         places = find_columns(array.dtype.names, where=str(path))
         named = {column: array[array.dtype.names[place]].reshape(-1) for column, place in places.items()}
-        return _columns(named, counts_seconds(array.dtype.names[places["t"]]))
+        return _columns(named), unit_of_name(array.dtype.names[places["t"]])
     if array.ndim != 2 or array.shape[1] != 4:
         raise RecordingError("not an array of events", expected="(N, 4) or records", got=array.shape, where=path)
     order = guess_columns(array[:10_000], where=str(path))
-    return _columns({column: array[:, place] for column, place in order.places.items()}, order.seconds)
+    return _columns({column: array[:, place] for column, place in order.places.items()}), None
 
 
-def _columns(arrays: dict[str, NDArray], seconds: bool | None) -> Columns:
-    for name in ("x", "y"):
-        if arrays[name].dtype.kind not in "iuf":
+def _columns(arrays: dict[str, NDArray]) -> RawColumns:
+    for name, kinds in (("t", "iuf"), ("x", "iuf"), ("y", "iuf"), ("p", "iufbSU")):
+        if arrays[name].dtype.kind not in kinds:
             raise ValueError(f"column {name} is of type {arrays[name].dtype}")
-    x, y = (addresses_from_column(arrays[name]) for name in ("x", "y"))
-    return Columns(times_us(arrays["t"], seconds=seconds), x, y, arrays["p"] > 0)
+    t = arrays["t"]
+    if t.dtype.kind == "f" and not np.isfinite(t).all():
+        raise ValueError("a time is not a finite number")
+    return RawColumns(t, arrays["x"], arrays["y"], arrays["p"])

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.recordings.hdf5 import read_only
+from core.recordings.sources.checking import outside_note, refuse_many_outside
 from core.recordings.sources.evt2 import decode_evt2, decode_evt21, start_state_evt2, start_state_evt21
-from core.recordings.sources.evt3 import IGNORED, decode_evt3, start_state
+from core.recordings.sources.evt3 import IGNORED, MAX_X, MAX_Y, OUTSIDE, RESERVED, decode_evt3, start_state
 from core.recordings.sources.evt4 import VERSIONS as EVT4_VERSIONS
 from core.recordings.sources.evt4 import open_evt4
 from core.recordings.sources.evt_time import BAD_COLUMN, BAD_ROW, BAD_TIME, BAD_WORD, Decoded
@@ -97,7 +98,7 @@ def _decode(
     path: Path, header: PropheseeHeader, kind: _Format, sensor: SensorSize, report: DecodeReport
 ) -> Iterator[Events]:
     state: NDArray | None = None
-    done = header.size_bytes
+    done, events_read = header.size_bytes, 0
     with path.open("rb") as file:
         end = os.fstat(file.fileno()).st_size
         file.seek(done)
@@ -109,6 +110,7 @@ def _decode(
                 state = kind.start_state(words)
             while len(words):
                 events, used, damage = _decode_part(words, state, kind, sensor, report)
+                events_read += len(events)
                 if len(events):
                     yield events
                 done += used * kind.word.itemsize
@@ -119,9 +121,22 @@ def _decode(
                 words = words[used:]
     if done != end:
         report.notes.append(f"{path.name}: the last {end - done} bytes are not a whole word; the file was cut short.")
+    if state is not None and len(state) > MAX_Y:
+        _say_left_out(path, state, sensor, events_read, report)
     if state is not None and state[IGNORED]:
         report.notes.append(f"{path.name}: {state[IGNORED]} damaged time words were ignored.")
     report.share = 1.0
+
+
+def _say_left_out(path: Path, state: NDArray, sensor: SensorSize, read: int, report: DecodeReport) -> None:
+    """Count what was left out; a sensor that is too small for many events is refused."""
+    outside, largest = int(state[OUTSIDE]), (int(state[MAX_X]), int(state[MAX_Y]))
+    if not state[IGNORED]:  # else damage, and no wrong size
+        refuse_many_outside(outside, outside + read, sensor, largest, path.name)
+    if outside:
+        report.notes.append(outside_note(outside, sensor, largest, path.name))
+    if state[RESERVED]:
+        report.notes.append(f"{path.name}: {state[RESERVED]:,} words of reserved types (padding) were skipped.")
 
 
 def _decode_part(

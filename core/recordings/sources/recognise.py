@@ -10,7 +10,8 @@ import h5py
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.aedat2 import open_aedat2
-from core.recordings.sources.faery_formats import open_aedat4, open_dat, open_es
+from core.recordings.sources.dat import open_dat
+from core.recordings.sources.faery_formats import open_aedat4, open_es
 from core.recordings.sources.hdf5_data_sets import open_hdf5_data_set
 from core.recordings.sources.hdf5_errors import explain
 from core.recordings.sources.hdf5_tables import open_hdf5_table
@@ -117,6 +118,8 @@ def _is_raw(path: Path, head: bytes) -> bool:
 
 
 def _is_text(path: Path, head: bytes) -> bool:
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) and b"\x00" in head[:16]:  # UTF-16
+        return True
     return all(byte >= 32 or byte in b"\t\r\n\f" for byte in head) and 127 not in head
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.events import Events, SensorSize
 from core.recordings.recording import Triggers
+
+ASSUMED: Final = "assumed from the events"
 
 
 class Columns(NamedTuple):
@@ -23,6 +25,25 @@ class Columns(NamedTuple):
     on: NDArray
 
 
+class RawColumns(NamedTuple):
+    """Rows of a table as the file has them: neither the unit of the times nor what the polarities mean is known."""
+
+    t: NDArray
+    x: NDArray
+    y: NDArray
+    p: NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Stated:
+    """What a person says of a file that does not say it itself; None is left to the reader."""
+
+    time_unit: str | None = None
+    """One of `ns`, `us`, `ms`, `s`."""
+    polarity: Mapping[str, bool] | None = None
+    """Value in the file, as text -> whether it is ON."""
+
+
 @dataclass(slots=True)
 class DecodeReport:
     """What a decoder says beside its events; it grows while they are read."""
@@ -31,6 +52,9 @@ class DecodeReport:
     """Of the source that has been read, 0..1."""
     notes: list[str] = field(default_factory=list)
     triggers: list[Triggers] = field(default_factory=list)
+    stated: Stated = Stated()
+    facts: dict[str, str] = field(default_factory=dict)
+    """What was found out of the file on the way: `time unit`, `polarity`; for `import --check`."""
 
     def add_triggers(self, t_us: NDArray, rising: NDArray, channel: NDArray) -> None:
         """External trigger edges in the source's own time."""
@@ -74,3 +98,5 @@ class EventSource:
     """As the file itself tells."""
     pictures: tuple[PictureTrack, ...] = ()
     """Of this camera and of ordinary cameras on the same clock."""
+    sensor_from: str = "the file"
+    """Where the sensor's size is from: the file, the command line, or `ASSUMED`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Final
 
@@ -11,9 +12,32 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 
 _NAMES: Final = {
-    "t": ("t", "ts", "time", "times", "timestamp", "timestamps", "t_us", "time_us", "timestamp_us", "t_s", "time_s"),
-    "x": ("x", "xs", "x_px", "x_pos", "col"),
-    "y": ("y", "ys", "y_px", "y_pos", "row"),
+    "t": (
+        "t",
+        "ts",
+        "time",
+        "times",
+        "timestamp",
+        "timestamps",
+        "t_us",
+        "time_us",
+        "timestamp_us",
+        "t_s",
+        "time_s",
+        "timestamp_s",
+        "t_ms",
+        "time_ms",
+        "timestamp_ms",
+        "t_ns",
+        "time_ns",
+        "timestamp_ns",
+        "timestamps_us",
+        "timestamps_ns",
+        "stamp",
+        "time_stamp",
+    ),
+    "x": ("x", "xs", "x_px", "x_pos", "col", "column", "x_coordinate"),
+    "y": ("y", "ys", "y_px", "y_pos", "row", "y_coordinate"),
     "p": ("p", "ps", "pol", "polarity", "polarities", "on", "sign"),
 }
 _MICROSECONDS_PER_S: Final = 1e6
@@ -48,7 +72,8 @@ def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
         RecordingError: if one is missing.
     """
     spelled = [
-        name.strip().strip("#").strip().lower().replace(" ", "_").rstrip("]").replace("_[", "_") for name in names
+        name.strip("\ufeff\"'# %\t\r\n").lower().replace(" ", "_").rstrip("])").replace("_[", "_").replace("_(", "_")
+        for name in names
     ]
     found: dict[str, int] = {}
     for column, spellings in _NAMES.items():
@@ -59,6 +84,12 @@ def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
             )
         found[column] = position
     return found
+
+
+def unit_of_name(name: str) -> str | None:
+    """Unit of a time column (`ns`, `us`, `ms`, `s`) that its name states; None if it does not."""
+    found = re.search(r"[_\s\[(](ns|us|µs|ms|s)[\])]?$", name.strip("\ufeff\"' \t\r\n").lower())
+    return None if found is None else found.group(1).replace("µ", "u")
 
 
 def counts_seconds(name: str) -> bool | None:

@@ -1,15 +1,17 @@
 """Events as text: one event a line, separated by commas, semicolons, tabs or spaces.
 
 The first line may name the columns in any order (t, x, y, p and their usual spellings; t_us and t_s tell the unit).
-Without names the order is t x y p, x y p t or x y t p, recognised by the values. Times with fractions count seconds,
-whole ones microseconds. Lines that begin with # or % are skipped.
+Without names the order is t x y p, x y p t or x y t p, recognised by the values. Lines that begin with # or % are
+skipped, but for the size of the sensor that they may state.
 """
 
 from __future__ import annotations
 
+import codecs
 import itertools
+import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -18,14 +20,18 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.sources.checking import check_table
-from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
-from core.recordings.sources.table_columns import addresses_from_column, counts_seconds, find_columns, times_us
-from core.recordings.sources.table_order import TableOrder, guess_columns
+from core.recordings.sources.making import make_table_source
+from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
+from core.recordings.sources.table_columns import find_columns, unit_of_name
+from core.recordings.sources.values.stated_sizes import size_in_text, size_of
+from core.recordings.sources.values.table_order import guess_columns
 
 _LINES: Final = 100_000
 _SAMPLE_LINES: Final = 2_000
+
+
+_WORDS: Final = re.compile(r"(?i)\b(true|on|false|off)\b")
+_MARKS: Final = ((codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +40,10 @@ class _Layout:
     """None for white space."""
     skip: int
     """Lines before the first event."""
-    order: TableOrder
+    places: dict[str, int]
+    unit: str | None
+    sensor: SensorSize | None
+    decimal_comma: bool
 
 
 def open_text(path: Path, sensor: SensorSize | None) -> list[EventSource]:
@@ -44,97 +53,129 @@ def open_text(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         RecordingError: if its lines are not events.
     """
     layout = _find_layout(path)
-    return [make_source(path, "camera", "text", sensor, lambda report: _decode(path, layout, report), check_table)]
+    size = sensor or layout.sensor
+    return [
+        make_table_source(path, "camera", "text", size, lambda report: _decode(path, layout, report), unit=layout.unit)
+    ]
 
 
 def _open(path: Path) -> TextIO:
-    return path.open(encoding="utf-8", errors="replace")
+    with path.open("rb") as file:
+        head = file.read(4)
+    encoding = next((name for mark, name in _MARKS if head.startswith(mark)), "utf-8-sig")
+    return path.open(encoding=encoding, errors="replace")
+
+
+def _is_comment(line: str) -> bool:
+    return not line.strip() or line.lstrip()[0] in "#%"
 
 
 def _find_layout(path: Path) -> _Layout:
     with _open(path) as file:
         lines = list(itertools.islice(file, _SAMPLE_LINES))
-    skip = next((i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] not in "#%"), len(lines))
+    skip = next((i for i, line in enumerate(lines) if not _is_comment(line)), len(lines))
     if skip == len(lines):
         raise RecordingError("the text file holds no events", where=path)
-    first = lines[skip]
-    separator = next((mark for mark in ",;\t" if mark in first), None)
-    names = [name.strip() for name in first.split(separator)]
-    if any(_is_number(name) for name in names):
-        sample, _ = _parse(lines[skip:], separator, len(names))
+    sensor = size_in_text(lines[:skip])
+    words = lines[skip].split()
+    if len(words) == 2 and all(word.isdigit() for word in words):  # rpg_e2vid: the first line is the size
+        sensor, skip = size_of(*words), skip + 1
+    first = lines[skip] if skip < len(lines) else ""
+    separator, decimal_comma = _separator(first, lines[skip + 1] if skip + 1 < len(lines) else first)
+    names = [name.strip().strip("\"'") for name in first.split(separator)]
+    got = repr(first.strip()[:60])
+    if any(_is_number(name.replace(",", ".") if decimal_comma else name) for name in names):
+        layout = _Layout(separator, skip, {}, None, sensor, decimal_comma)
+        sample, _ = _parse(_cleaned(lines[skip:], layout), separator, len(names))
         if len(names) != 4 or not len(sample):
-            got = first.strip()[:60]
-            raise RecordingError("the text is not events", expected="four numbers a line", got=repr(got), where=path)
-        return _Layout(separator, skip, guess_columns(sample, where=str(path)))
+            raise RecordingError("the text is not events", expected="four numbers a line", got=got, where=path)
+        return replace(layout, places=guess_columns(sample, where=str(path)).places)
     try:
         places = find_columns(names, where=str(path))
     except RecordingError as error:
-        got = first.strip()[:60]
-        raise RecordingError(
-            "the text is not events", expected="four numbers a line, or column names", got=repr(got), where=path
-        ) from error
-    seconds = counts_seconds(names[places["t"]])
-    if seconds is None:
-        sample, _ = _parse(lines[skip + 1 :], separator, len(names))
-        times = sample[:, places["t"]]
-        seconds = bool((times != np.floor(times)).any())
-    return _Layout(separator, skip + 1, TableOrder(places, seconds))
+        expected = "four numbers a line, or column names"
+        raise RecordingError("the text is not events", expected=expected, got=got, where=path) from error
+    return _Layout(separator, skip + 1, places, unit_of_name(names[places["t"]]), sensor, decimal_comma)
 
 
-def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[Columns]:
+def _separator(first: str, second: str) -> tuple[str | None, bool]:
+    """What separates the columns, and whether numbers have a decimal comma."""
+    for mark in ";\t":
+        if mark in first:
+            return mark, "," in second
+    if "," in second and len(second.split(",")) < 4 <= len(second.split()):
+        return None, True
+    return ("," if "," in first else None), False
+
+
+def _cleaned(lines: list[str], layout: _Layout) -> list[str]:
+    """The lines with plain numbers: no quotes, decimal commas or words for the polarities."""
+    text = "".join(lines)
+    if '"' in text:
+        text = text.replace('"', "")
+    if layout.decimal_comma:
+        text = text.replace(",", ".")
+    if _WORDS.search(text):
+        text = _WORDS.sub(lambda word: "1" if word.group().lower() in ("true", "on") else "0", text)
+    return text.splitlines(keepends=True)
+
+
+def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawColumns]:
     size = max(1, path.stat().st_size)
-    width = max(4, max(layout.order.places.values()) + 1)
-    number = layout.skip
-    read = 0
+    width = max(4, max(layout.places.values()) + 1)
+    number, read, rows, odd = layout.skip, 0, 0, 0
+    first_odd = ""
     with _open(path) as file:
         for _ in range(layout.skip):
             read += len(file.readline())
         while lines := list(itertools.islice(file, _LINES)):
-            table, good = _parse(lines, layout.separator, width)
-            if _is_cut_short(lines[-1], table, layout.order):
-                table, good = table[:-1], len(lines) - 1
+            cleaned = _cleaned(lines, layout)
+            table, bad = _parse(cleaned, layout.separator, width)
+            if _is_cut_short(lines[-1], table, layout.places):
+                table = table[:-1]
+            if bad and not odd:
+                first_odd = f"line {number + bad[0] + 1:,}: {lines[bad[0]].strip()[:40]!r}"
+            odd += len(bad)
+            rows += len(table)
             if len(table):
-                yield _columns(table, layout.order)
-            if good < len(lines):
-                got = lines[good].strip()[:40]
-                report.notes.append(f"{path.name}: stopped at line {number + good + 1:,}: {got!r} is not an event.")
-                return
+                yield RawColumns(*(table[:, layout.places[name]] for name in ("t", "x", "y", "p")))
             number += len(lines)
             read += sum(map(len, lines))
-            report.share = read / size
+            report.share = min(1.0, read / size)
+    if odd > max(3, 0.01 * (rows + odd)):
+        what = f"{odd:,} of {rows + odd:,} lines are not events"
+        raise RecordingError(what, got=f"first {first_odd}", where=path)
+    if odd:
+        report.notes.append(f"{path.name}: {odd:,} lines are not events and were left out; first {first_odd}.")
 
 
-def _is_cut_short(line: str, table: NDArray, order: TableOrder) -> bool:
+def _is_cut_short(line: str, table: NDArray, places: dict[str, int]) -> bool:
     """Whether the line ends within its time, which then has too few digits."""
-    t = table[:, order.places["t"]]
+    t = table[:, places["t"]]
     return not line.endswith("\n") and len(t) > 1 and t[-1] < t[-2]
 
 
-def _columns(table: NDArray, order: TableOrder) -> Columns:
-    t, x, y, p = (table[:, order.places[name]] for name in ("t", "x", "y", "p"))
-    return Columns(times_us(t, seconds=order.seconds), addresses_from_column(x), addresses_from_column(y), p > 0)
-
-
-def _parse(lines: list[str], separator: str | None, width: int) -> tuple[NDArray[np.float64], int]:
-    """The numbers of the lines up to the first that is not an event, and how many lines were good."""
+def _parse(lines: list[str], separator: str | None, width: int) -> tuple[NDArray[np.float64], list[int]]:
+    """The numbers of the lines that are events, and which lines are none."""
     try:
         table = np.loadtxt(lines, np.float64, delimiter=separator, ndmin=2, comments=("#", "%"), usecols=range(width))
-        if bool((np.abs(table) < 2**53).all()):
-            return table, len(lines)
+        if bool((np.abs(table) < 2**63).all()):
+            return table, []
     except ValueError:
         pass
-    good = next((i for i, line in enumerate(lines) if not _is_event(line, separator, width)), len(lines))
-    rows = [line for line in lines[:good] if line.strip() and line.lstrip()[0] not in "#%"]
+    bad = [i for i, line in enumerate(lines) if not _is_event(line, separator, width)]
+    odd = set(bad)
+    rows = [line for i, line in enumerate(lines) if i not in odd and not _is_comment(line)]
     if not rows:
-        return np.empty((0, width)), good
-    return np.loadtxt(rows, np.float64, delimiter=separator, ndmin=2, usecols=range(width)), good
+        return np.empty((0, width)), bad
+    return np.loadtxt(rows, np.float64, delimiter=separator, ndmin=2, usecols=range(width)), bad
 
 
 def _is_event(line: str, separator: str | None, width: int) -> bool:
-    if not line.strip() or line.lstrip()[0] in "#%":
+    if _is_comment(line):
         return True
     fields = line.split(separator)
-    return len(fields) >= width and all(_is_number(field) and abs(float(field)) < 2**53 for field in fields)
+    return len(fields) >= width and all(_is_number(field) and abs(float(field)) < 2**63 for field in fields[:width])
 
 
 def _is_number(text: str) -> bool:

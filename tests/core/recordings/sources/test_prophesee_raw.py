@@ -217,19 +217,23 @@ def time_words(*values):
     ("current", "value", "following", "verdict"),
     [
         (7, 8, 7, BELIEVE),
-        (7, 107, 7, BELIEVE),  # a second is plain, whatever follows
+        (7, 107, 107, BELIEVE),
+        (7, 107, 7, IGNORE),  # what follows says that it was wrong
         (7, 108, 7, IGNORE),  # more is damage if the next goes on from the current one
         (7, 108, 107, IGNORE),
         (7, 108, 109, BELIEVE),  # else a pause
         (7, 108, None, BELIEVE),
         (7, 7 + 2047, None, BELIEVE),  # up to half of the counter: beyond it, forward could as well be back
-        (7, 7 + 2048, None, STOP),
-        (7, 6, None, STOP),
+        (7, 7 + 2048, None, IGNORE),  # nobody confirms a step back
+        (7, 7 + 2048, 7 + 2049, STOP),
+        (7, 6, 6, STOP),
+        (7, 6, None, IGNORE),
         (7, 6, 8, IGNORE),
         (4000, 4, None, BELIEVE),  # the counter wraps
-        (4095, 98, 4095, BELIEVE),
+        (4095, 98, 4095, IGNORE),
+        (4095, 98, 99, BELIEVE),
         (4094, 1000, None, BELIEVE),  # "nothing follows" is no time
-        (7, 1000, 0, BELIEVE),  # a counter that starts again at 0 is one
+        (7, 1000, 0, IGNORE),  # those that follow do not go on from it
         (4095, 1000, 0, IGNORE),
     ],
 )
@@ -239,7 +243,7 @@ def test_a_coarse_time_is_judged_by_its_step_and_the_next_one(current, value, fo
 
 
 def test_a_pause_of_ten_minutes_is_the_longest():
-    words = np.array([8 << 28], np.uint32)
+    words = np.array([8 << 28, 8 << 28 | 5 + 601 * SECOND], np.uint32)
     at = [judge_time_high(words, 0, 5 + 600 * SECOND + more, 5, 28, 0, 0xFFFFFFF, SECOND) for more in (0, 1)]
     assert at == [BELIEVE, STOP]
 
@@ -270,36 +274,35 @@ def test_pauses_wraps_and_damaged_times_of_evt2_and_evt21(tmp_path, version):
     assert times == [50] and "the time jumps back" in notes[0]
 
 
-@pytest.mark.parametrize(("between", "kept"), [(4000, 3), (4200, 3 + 4200)])
+@pytest.mark.parametrize(("between", "kept"), [(4000, 3), (4200, 3 + 4192)])
 def test_a_jump_in_time_just_before_damage_is_part_of_it(tmp_path, between, kept):
-    wide = 1 << 60 | 700 << 43 | 1
     jump = 5 + 20_000
-    two = [8 << 28 | 5] + [0] * 3 + [8 << 28 | jump] + [0] * between + [700 << 11]
-    one = [8 << 60 | 5 << 32] + [1] * 3 + [8 << 60 | jump << 32] + [1] * between + [wide]
-    three = [0x8005, 0x0000] + [0x2000] * 3 + [0x8005 + 1000] + [0x2000] * between + [0x2000 | 700]
-    for events, report in (
-        read_all(evt2_file(tmp_path, two)),
-        read_all(evt21_file(tmp_path, one)),
-        read_all(evt3_file(tmp_path, three)),
-    ):
-        assert len(events) == kept and "a column outside the sensor" in report.notes[0]
+    two = [8 << 28 | 5] + [0] * 3 + [8 << 28 | jump] * 9 + [0] * (between - 8) + [8 << 28 | 5] * 2
+    one = [8 << 60 | 5 << 32] + [1] * 3 + [8 << 60 | jump << 32] * 9 + [1] * (between - 8) + [8 << 60 | 5 << 32] * 2
+    for events, report in (read_all(evt2_file(tmp_path, two)), read_all(evt21_file(tmp_path, one))):
+        assert len(events) == kept and "the time jumps back" in report.notes[0]
 
 
-@pytest.mark.parametrize(
-    ("words", "reason"),
-    [([640 << 11], "a column"), ([480], "a row"), ([639 << 11 | 479], None), ([8 << 28 | 1], "the time jumps back")],
-)
-def test_the_first_impossible_word_of_evt2_and_evt21_ends_the_events(tmp_path, words, reason):
+@pytest.mark.parametrize(("words", "largest"), [([640 << 11], "640, 0"), ([480], "0, 480"), ([639 << 11 | 479], None)])
+def test_an_event_of_evt2_and_evt21_beside_the_sensor_is_left_out(tmp_path, words, largest):
     two = [8 << 28 | 5, 1 << 28 | 1, *words, 2]
     wide = [(word >> 28) << 60 | (word & 0xFFFFFFF) << 32 | (word < 8 << 28) for word in two]
     for events, report in (read_all(evt2_file(tmp_path, two)), read_all(evt21_file(tmp_path, wide))):
-        assert len(events) == (3 if reason is None else 1)
-        assert [reason is not None and reason in note for note in report.notes] == [True] * (reason is not None)
+        assert len(events) == (3 if largest is None else 2) and events.y_px[-1] == 2
+        said = f"a.raw: 1 events outside the 640x480 sensor were left out (addresses up to {largest})."
+        assert report.notes == ([] if largest is None else [said])
 
 
-def test_an_evt21_word_whose_pixels_leave_the_sensor_ends_the_events_there(tmp_path):
+def test_a_coarse_time_of_evt2_and_evt21_that_steps_back_for_good_ends_the_events(tmp_path):
+    two = [8 << 28 | 5, 1 << 28 | 1, 8 << 28 | 1, 8 << 28 | 1, 2]
+    wide = [(word >> 28) << 60 | (word & 0xFFFFFFF) << 32 | (word < 8 << 28) for word in two]
+    for events, report in (read_all(evt2_file(tmp_path, two)), read_all(evt21_file(tmp_path, wide))):
+        assert len(events) == 1 and "the time jumps back" in report.notes[0]
+
+
+def test_pixels_of_an_evt21_word_that_leave_the_sensor_are_left_out(tmp_path):
     events, report = read_all(evt21_file(tmp_path, [8 << 60 | 5 << 32, 638 << 43 | 0b111, 1]))
-    assert events.x_px.tolist() == [638, 639] and "a column outside the sensor" in report.notes[0]
+    assert events.x_px.tolist() == [638, 639, 0] and "1 events outside the 640x480 sensor" in report.notes[0]
 
 
 def test_what_stands_before_the_first_coarse_time_is_kept(tmp_path):
@@ -323,24 +326,41 @@ def test_one_damaged_time_word_is_ignored_and_noted(tmp_path):
     assert report.notes == ["a.raw: 1 damaged time words were ignored."]
 
 
+def test_evt3_time_that_jumps_back_for_good_ends_the_events_and_the_note_names_the_byte(tmp_path):
+    good = [0x8100, 0x0001] + [0x2001] * 5000
+    path = evt3_file(tmp_path, [*good, 0x8001, 0x8001] + [0x2002] * 10)
+    events, report = read_all(path)
+    assert len(events) == 5000
+    at = len(HEADER3) + 2 * len(good)
+    reason = "the time jumps back or too far ahead"
+    assert report.notes == [f"a.raw: stopped at byte {at:,} of {path.stat().st_size:,}: {reason}."]
+
+
+@pytest.mark.parametrize("word", [0x9999, 0x9000, 0xB123, 0xC000, 0xDFFF])
+def test_evt3_words_of_reserved_types_are_skipped_and_counted(tmp_path, word):
+    events, report = read_all(evt3_file(tmp_path, [0x8100, 0x0001, 0x2001, word, word, 0x2002, word, 0x2003]))
+    assert events.x_px.tolist() == [1, 2, 3] and events.y_px.tolist() == [1, 1, 1]
+    assert report.notes == ["a.raw: 3 words of reserved types (padding) were skipped."]
+
+
 @pytest.mark.parametrize(
-    ("words", "reason"),
+    ("words", "kept", "largest"),
     [
-        ([0x9000], "a word of unknown type"),
-        ([0x2000 | 640], "a column outside the sensor"),
-        ([0x3000 | 639, 0x4000 | 0b11], "a column outside the sensor"),
-        ([0x0000 | 480], "a row outside the sensor"),
-        ([0x8001, 0x8001], "the time jumps back or too far ahead"),
+        ([0x2000 | 640], [], "640, 1"),
+        ([0x3000 | 639, 0x4000 | 0b11], [639], "640, 1"),
+        ([0x0000 | 480, 0x2005, 0x0001], [], "5, 480"),
     ],
 )
-def test_the_first_impossible_word_ends_the_events_and_the_note_names_its_byte(tmp_path, words, reason):
-    good = [0x8100, 0x0001] + [0x2001] * 5000
-    path = evt3_file(tmp_path, good + words + [0x2002] * 10)
-    events, report = read_all(path)
-    vector = 1 if words[0] == 0x3000 | 639 else 0  # the pixel 639 itself is there
-    assert len(events) == 5000 + vector
-    at = len(HEADER3) + 2 * (len(good) + vector)
-    assert report.notes == [f"a.raw: stopped at byte {at:,} of {path.stat().st_size:,}: {reason}."]
+def test_evt3_addresses_beside_the_sensor_are_left_out_and_the_rest_is_kept(tmp_path, words, kept, largest):
+    events, report = read_all(evt3_file(tmp_path, [0x8100, 0x0001] + [0x2001] * 500 + words + [0x2002] * 10))
+    assert events.x_px.tolist() == [1] * 500 + kept + [2] * 10 and set(events.y_px.tolist()) == {1}
+    assert report.notes == [f"a.raw: 1 events outside the 640x480 sensor were left out (addresses up to {largest})."]
+
+
+def test_a_size_that_is_wrong_for_many_events_is_refused_with_one_that_holds_them(tmp_path):
+    path = evt3_file(tmp_path, [0x8100, 0x0001] + [0x2001] * 300 + [0x2000 | 1279, 0x0000 | 719, 0x2001] * 10)
+    with pytest.raises(RecordingError, match=r"events lie outside the 640x480 sensor; expected.*at least 1280x720"):
+        read_all(path)
 
 
 def test_memory_does_not_grow_with_what_words_expand_to(tmp_path):

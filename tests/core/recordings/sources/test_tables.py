@@ -9,9 +9,10 @@ import pytest
 from core.errors import RecordingError
 from core.events import SensorSize, concatenate_events
 from core.recordings.sources import open_sources
-from core.recordings.sources.source import DecodeReport
+from core.recordings.sources.source import DecodeReport, Stated
 from core.recordings.sources.table_columns import counts_seconds, times_us
-from core.recordings.sources.table_order import guess_columns
+from core.recordings.sources.values.stated_sizes import size_in_attributes
+from core.recordings.sources.values.table_order import guess_columns
 
 T = np.array([5, 5, 9, 1_500_000])
 X = np.array([0, 319, 3, 100])
@@ -55,35 +56,199 @@ def test_text_in_the_usual_spellings(tmp_path, text):
     path = tmp_path / "events"
     path.write_text(text)
     report = assert_the_four_events(path)
-    assert report.notes == ["events does not name its sensor size; 320x240 is assumed from the events."]
+    assert report.notes[0] == "events does not name its sensor size; 320x240 is assumed from the events."
+    said = "t_s" in text or "[us]" in text
+    assert [note for note in report.notes if "the unit of its times" in note] == report.notes[1:]
+    assert len(report.notes) == (1 if said else 2)
 
 
-def test_a_line_that_is_no_event_ends_the_text(tmp_path):
+def test_a_line_that_is_no_event_is_left_out_and_told(tmp_path):
     path = tmp_path / "events"
     path.write_text("t,x,y,p\n5,0,239,1\n6,1,1,1\n7,1,one,0\n8,1,1,1\n")
     events, report, _ = read_all(path)
-    assert len(events) == 2
-    assert report.notes[-1] == "events: stopped at line 4: '7,1,one,0' is not an event."
+    assert events.t_us.tolist() == [5, 6, 8]
+    assert "events: 1 lines are not events and were left out; first line 4: '7,1,one,0'." in report.notes
+    path.write_text("t,x,y,p\n5,0,239,1\n" + "7,1,one,0\n" * 4)
+    with pytest.raises(RecordingError, match="4 of 5 lines are not events; got first line 3: '7,1,one,0'"):
+        read_all(path)
 
 
-def test_tables_that_are_not_sorted_or_leave_the_sensor_are_refused(tmp_path):
+def test_times_that_go_back_for_good_are_refused(tmp_path):
     path = tmp_path / "events"
-    path.write_text("t,x,y,p\n5000,0,0,1\n6000,1,1,1\n4000,1,1,0\n")
+    t = np.concatenate([np.arange(200) * 100_000, 1_000_000 + np.arange(200) * 100_000])
+    path.write_text("t_us,x,y,p\n" + "".join(f"{value},1,1,{value // 100_000 % 2}\n" for value in t))
     with pytest.raises(
-        RecordingError, match="event 2 cannot be used: time runs 2,000 us back; sort the events by time"
+        RecordingError, match=r"event 200 cannot be used: time runs 18,900,000 us back.*sort the events"
     ):
         read_all(path)
-    path.write_text("t,x,y,p\n5000,0,0,1\n6000,1,1,1\n")
-    with pytest.raises(RecordingError, match="column 1 outside the 1x5 sensor; check the sensor size"):
-        read_all(path, SensorSize(1, 5))
 
 
-def test_a_little_disorder_is_put_right_and_noted(tmp_path):
+def test_a_sensor_size_that_many_events_leave_is_refused_with_one_that_holds_them(tmp_path):
     path = tmp_path / "events"
-    path.write_text("t,x,y,p\n5000,0,0,1\n6000,1,1,1\n5900,1,1,0\n6100,1,1,0\n")
+    path.write_text("t,x,y,p\n" + "".join(f"{5000 + i},{i % 9},{i % 7},1\n" for i in range(200)))
+    with pytest.raises(RecordingError, match="events lie outside the 8x5 sensor; expected a sensor of at least 9x7"):
+        read_all(path, SensorSize(8, 5))
+
+
+def test_one_address_outside_is_left_out_and_counted(tmp_path):
+    path = tmp_path / "events"
+    path.write_text("t_us,x,y,p\n" + "".join(f"{i},1,{33014 if i == 70 else 1},{i % 2}\n" for i in range(200)))
+    events, report, sources = read_all(path, SensorSize(10, 10))
+    assert len(events) == 199 and 70 not in events.t_us
+    assert report.notes == ["events: 1 events outside the 10x10 sensor were left out (addresses up to 1, 33014)."]
+    assert str(open_sources(path)[0].sensor) == "128x128"  # nor does it make the sensor larger
+    assert sources[0].sensor_from == "the file"
+
+
+def test_rows_out_of_order_are_sorted_and_noted(tmp_path):
+    path = tmp_path / "events"
+    path.write_text("t_us,x,y,p\n5000,0,0,1\n6000,1,1,1\n4000,2,1,0\n6100,3,1,0\n")
     events, report, _ = read_all(path)
-    assert events.t_us.tolist() == [5000, 6000, 6000, 6100]
-    assert report.notes[-1] == "events: 1 events came up to 1 ms too early; they have the time before them."
+    assert events.t_us.tolist() == [4000, 5000, 6000, 6100] and events.x_px.tolist() == [2, 0, 1, 3]
+    assert report.notes[-1] == "events: 1 events were out of order by up to 2 ms; now sorted."
+
+
+def test_rows_of_several_parts_are_sorted_together(tmp_path):
+    rng = np.random.default_rng(4)
+    t = np.arange(300_000) * 10 + rng.integers(0, 400_000, 300_000)
+    path = tmp_path / "events"
+    with path.open("wb") as file:
+        np.savez(file, t_us=t, x=t % 640, y=t % 480, p=t % 2, width=640, height=480)
+    events, report, _ = read_all(path)
+    np.testing.assert_array_equal(events.t_us, np.sort(t))
+    np.testing.assert_array_equal(events.x_px, np.sort(t) % 640)
+    assert len(report.notes) == 1 and "now sorted" in report.notes[0]
+
+
+def test_a_few_wrong_times_are_left_out_wherever_they_stand(tmp_path):
+    t = 10_000_000 + np.arange(3000) * 100
+    wrong = [0, 700, 1500, 1501, 2999]
+    t[wrong] = [900_000_000, 5, 500_000_000, 500_000_001, 3]
+    path = tmp_path / "events"
+    with path.open("wb") as file:
+        np.savez(file, t_us=t, x=t % 64, y=t % 48, p=np.arange(3000) % 2, width=64, height=48)
+    events, report, _ = read_all(path)
+    np.testing.assert_array_equal(events.t_us, np.delete(t, wrong))
+    assert report.notes == ["events: 5 events were left out: their times lie apart from the others."]
+
+
+@pytest.mark.parametrize("bits", [24, 32])
+def test_a_clock_that_begins_again_runs_on(tmp_path, bits):
+    true = (1 << bits) - 150_000 + np.arange(3000) * 100
+    path = tmp_path / "events"
+    with path.open("wb") as file:
+        t = true % (1 << bits)
+        np.savez(file, t_us=t, x=t % 64, y=t % 48, p=np.arange(3000) % 2, width=64, height=48)
+    events, report, _ = read_all(path)
+    np.testing.assert_array_equal(events.t_us, true)
+    assert report.notes == ["events: the clock began again at 0 1 times; its time runs on."]
+
+
+@pytest.mark.parametrize(
+    ("values", "dtype", "on"),
+    [
+        ((0, 1), "i8", 1), ((-1, 1), "i8", 1), ((0, 255), "u1", 255), ((255, 1), "u1", 1), ((65535, 1), "u2", 1),
+        ((2**32 - 1, 1), "u4", 1), ((2**64 - 1, 1), "u8", 1), ((-1.0, 1.0), "f8", 1), ((False, True), "?", True),
+        (("off", "on"), "U3", "on"), (("False", "True"), "U5", "True"), ((b"-", b"+"), "S1", b"+"),
+    ],
+)  # fmt: skip
+def test_pairs_of_polarities_are_told_apart(tmp_path, values, dtype, on):
+    k = np.arange(400)
+    p = np.array(values, dtype)[(k % 3 == 0).astype(int)]
+    path = tmp_path / "events"
+    with path.open("wb") as file:
+        np.savez(file, t_us=k, x=k % 64, y=k % 48, p=p, width=64, height=48)
+    events, report, _ = read_all(path)
+    np.testing.assert_array_equal(events.on, p == on)
+    assert any("polarities are read as" in note for note in report.notes) == (dtype[0] == "u")
+
+
+def test_polarities_that_cannot_be_told_are_asked_for(tmp_path):
+    k = np.arange(400)
+    path = tmp_path / "events"
+    with path.open("wb") as file:
+        np.savez(file, t_us=k, x=k % 64, y=k % 48, p=1 + k % 2, width=64, height=48)
+    with pytest.raises(RecordingError, match=r"which polarity is ON cannot be told.*got 1, 2; give --polarity"):
+        read_all(path)
+    (source,) = open_sources(path)
+    report = DecodeReport(stated=Stated(polarity={"1": True, "2": False}))
+    events = concatenate_events(list(source.read(report)), source.sensor)
+    np.testing.assert_array_equal(events.on, k % 2 == 0)
+
+
+@pytest.mark.parametrize(
+    ("t", "unit", "first_us", "last_us"),
+    [
+        (1_700_000_000_000_000_000 + np.arange(500) * 1_000_000, None, 1_700_000_000_000_000, 1_700_000_000_499_000),
+        (1_700_000_000.0 + np.arange(500) / 1024, None, 1_700_000_000_000_000, None),
+        (np.arange(500) * 1000, "ns", 0, 499),
+        (np.arange(500), "ms", 0, 499_000),
+        (np.arange(500) * 0.5, "ms", 0, 249_500),
+    ],
+)
+def test_units_are_told_by_the_values_or_stated(tmp_path, t, unit, first_us, last_us):
+    k = np.arange(500)
+    path = tmp_path / "events"
+    with path.open("wb") as file:
+        np.savez(file, t=t, x=k % 64, y=k % 48, p=k % 2, width=64, height=48)
+    (source,) = open_sources(path)
+    report = DecodeReport(stated=Stated(time_unit=unit))
+    events = concatenate_events(list(source.read(report)), source.sensor)
+    assert events.t_us[0] == first_us and last_us in (None, events.t_us[-1])
+    assert len(report.notes) == (1 if unit is None else 0)
+
+
+def test_times_that_could_be_nanoseconds_are_asked_for(tmp_path):
+    k = np.arange(500)
+    path = tmp_path / "events"
+    with path.open("wb") as file:
+        np.savez(file, t=k * 1_000_000, x=k % 64, y=k % 48, p=k % 2, width=64, height=48)
+    with pytest.raises(RecordingError, match=r"unit of the times cannot be told.*give --time-unit ns"):
+        read_all(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufefft_us,x,y,p\r\n5,0,239,1\r\n5,319,0,0\r\n9,3,7,0\r\n1500000,100,50,1\r\n",
+        '"t_us","x","y","p"\n"5","0","239","1"\n"5","319","0","0"\n"9","3","7","0"\n"1500000","100","50","1"\n',
+        "t_us;x;y;p\n5,0;0;239;True\n5,0;319;0;False\n9,0;3;7;False\n1500000,0;100;50;True\n",
+        "0,000005 0 239 1\n0,000005 319 0 0\n0,000009 3 7 0\n1,500000 100 50 1\n",
+    ],
+)
+def test_text_of_other_programs_and_countries(tmp_path, text):
+    path = tmp_path / "events"
+    for encoding in ("utf-8", "utf-16"):
+        path.write_bytes(text.removeprefix("\ufeff" if encoding == "utf-16" else "").encode(encoding))
+        assert_the_four_events(path)
+
+
+@pytest.mark.parametrize(
+    "head", ["%geometry:1280,720\n", "# width: 1280, height: 720\n", "1280 720\n", "# sensor size 1280x720\n"]
+)
+def test_sizes_in_headers_of_text(tmp_path, head):
+    path = tmp_path / "events"
+    path.write_text(head + "0.000005 0 239 1\n0.000005 319 0 0\n0.000009 3 7 0\n1.500000 100 50 1\n")
+    report = assert_the_four_events(path, "1280x720")
+    assert not any("sensor size" in note for note in report.notes)
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [
+        {"geometry": np.bytes_(b"1280x720")},
+        {"width": "1280", "height": np.bytes_(b"720")},
+        {"resolution": np.array([1280, 720])},
+        {"sensor_resolution": (720, 1280)},
+    ],
+)
+def test_sizes_in_attributes_as_numbers_text_or_bytes(attributes):
+    assert size_in_attributes(attributes, (319, 239)) == SensorSize(1280, 720)
+
+
+def test_a_sensor_that_stands_upright_is_told_by_its_events():
+    assert size_in_attributes({"sensor_resolution": (1280, 720)}, (700, 1200)) == SensorSize(720, 1280)
+    assert size_in_attributes({"sensor_resolution": (1280, 720)}, (1200, 700)) == SensorSize(1280, 720)
 
 
 @pytest.mark.parametrize("form", ["columns", "other names", "records", "rows", "npy"])
@@ -104,7 +269,8 @@ def test_numpy_files_in_the_usual_forms(tmp_path, form):
             case "npy":
                 np.save(file, records)
     report = assert_the_four_events(path)
-    assert len(report.notes) == (0 if form == "columns" else 1)
+    assert len(report.notes) == (1 if form == "columns" else 2)
+    assert any("the unit of its times" in note for note in report.notes)
 
 
 def test_numpy_files_without_events_are_refused(tmp_path):
@@ -162,7 +328,7 @@ def test_the_sensor_resolution_attribute_lists_the_height_first(tmp_path):
         for name, column in (("ts", T / 1e6), ("xs", X), ("ys", Y), ("ps", P.astype(bool))):
             file[f"events/{name}"] = column
         file.attrs["sensor_resolution"] = (260, 346)
-    assert assert_the_four_events(path, "346x260").notes == []
+    assert assert_the_four_events(path, "346x260").notes[1:] == []
 
 
 def test_hdf5_files_without_events_are_refused(tmp_path):

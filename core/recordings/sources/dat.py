@@ -1,0 +1,69 @@
+"""Prophesee DAT files: eight bytes an event, decoded here.
+
+Source: Prophesee's DAT format description. Event type 0x0C holds events of change, 0x00 the same under an older number
+(N-CARS, the first ATIS sets): a time of 32 bits in us, then 14 bits of column, 14 of row and the polarity in bit 28.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from core.errors import RecordingError
+from core.events import SensorSize
+from core.recordings.sources.checking import check_stream
+from core.recordings.sources.making import make_source
+from core.recordings.sources.prophesee_header import read_prophesee_header
+from core.recordings.sources.source import Columns, DecodeReport, EventSource
+
+_EVENTS_OF_CHANGE: Final = (0x00, 0x0C)
+_EVENT_BYTES: Final = 8
+_BLOCK_EVENTS: Final = 1 << 17
+_CLOCK_US: Final = 1 << 32
+
+
+def open_dat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
+    """The one camera of a Prophesee DAT file.
+
+    Raises:
+        RecordingError: if it holds other things than events of change.
+    """
+    header = read_prophesee_header(path)
+    with path.open("rb") as file:
+        file.seek(header.size_bytes)
+        following = file.read(2)
+    if len(following) < 2:
+        raise RecordingError("the file cannot be decoded", got="a header alone", where=path)
+    kind, size = following
+    if kind not in _EVENTS_OF_CHANGE or size != _EVENT_BYTES:
+        expected = "events of type 0x00 or 0x0C, 8 bytes each"
+        got = f"type 0x{kind:02X}, {size} bytes"
+        raise RecordingError("a DAT file without events of change", expected=expected, got=got, where=path)
+    start = header.size_bytes + 2
+
+    def decode(report: DecodeReport) -> Iterator[Columns]:
+        return _decode(path, start, report)
+
+    def check(parts, sensor, report, *, where):
+        return check_stream(parts, sensor, report, where=where, clock_lengths_us=(_CLOCK_US,))
+
+    return [make_source(path, "camera", "Prophesee DAT", sensor or header.sensor, decode, check)]
+
+
+def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
+    end = path.stat().st_size
+    done = start
+    with path.open("rb") as file:
+        file.seek(start)
+        while data := file.read(_BLOCK_EVENTS * _EVENT_BYTES):
+            words = np.frombuffer(data, "<u4", 2 * (len(data) // _EVENT_BYTES))
+            t, address = words[0::2].astype(np.int64), words[1::2]
+            yield Columns(t, address & 0x3FFF, (address >> 14) & 0x3FFF, (address >> 28) & 1 == 1)
+            done += len(data)
+            report.share = done / end
+    if (end - start) % _EVENT_BYTES:
+        rest = (end - start) % _EVENT_BYTES
+        report.notes.append(f"{path.name}: the last {rest} bytes are not a whole event; the file was cut short.")

@@ -1,0 +1,141 @@
+"""Which events of a decoded stream can be true: strays in time and addresses outside the sensor are told from the rest.
+
+A stray is an event whose time lies apart from its neighbours: of the events that follow, more go on from the time
+before it than from its own. So a few wrong times cost a few events, wherever they stand.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.jit import njit
+
+LOOK_AHEAD: Final = 64
+"""Events that are asked whether a time is wrong or right."""
+FEW: Final = 64
+"""So many events at the very start may be left over from before a clock was set."""
+
+GOOD, STRAY, OUTSIDE, DAMAGED = range(4)
+"""What an event is: to be kept, of a wrong time, beside the sensor, or both."""
+RUNNING, BACK, AHEAD = range(3)
+"""How a stream ended: not yet, or because its time jumps for good."""
+NOW, STARTED, KEPT, LATE, LATEST, WRAPS, EPOCH, END, MAX_X, MAX_Y = range(10)
+"""Places in the state of `sift`."""
+
+
+class Rows(NamedTuple):
+    """Rows that are judged, of equal length: times (us), columns, rows, and what each is found to be."""
+
+    t: NDArray[np.int64]
+    x: NDArray[np.int64]
+    y: NDArray[np.int64]
+    kind: NDArray[np.uint8]
+
+
+class Bounds(NamedTuple):
+    """What events must keep to."""
+
+    width: int
+    height: int
+    jitter: int
+    """An event that comes so late (us) is in its place."""
+    longest: int
+    """The longest pause, us."""
+    lengths: NDArray[np.int64]
+    """Of clocks that may begin again at 0, us."""
+    hold: bool
+    """Whether a late event gets the time before it; without, it keeps its own."""
+
+
+def start_sifting() -> np.ndarray:
+    """The state in front of the first event."""
+    return np.zeros(10, np.int64)
+
+
+@njit
+def _votes(t, i, epoch, now, here, bounds):
+    """Of the events after `i`: how many go on from `now`, and how many from the time `here` of event `i`."""
+    on, off = 0, 0
+    low, high = min(now, here), max(now, here)
+    for j in range(i + 1, min(i + 1 + LOOK_AHEAD, len(t))):
+        t_j = t[j] + epoch
+        if low - bounds.jitter <= t_j < high - bounds.jitter:
+            on += here > now
+            off += here < now
+        elif high - bounds.jitter <= t_j <= high + bounds.longest:
+            on += here < now
+            off += here > now
+    return on, off
+
+
+@njit
+def _wrap(now, raw, epoch, lengths):
+    """The length of the clock that has begun again between `now` and the raw time; 0 if none has."""
+    for length in lengths:
+        ahead = raw + epoch + length - now
+        near_end = now - epoch >= length - (length >> 4) or raw < 0
+        if 0 <= ahead <= length >> 4 and near_end and abs(now - epoch) < length:
+            return length
+    return np.int64(0)
+
+
+@njit
+def _judge_step(t, i, epoch, now, bounds):
+    """Whether a step of more than the jitter is right, what it ends (RUNNING, BACK, AHEAD), and the clock's length."""
+    here = t[i] + epoch
+    on, off = _votes(t, i, epoch, now, here, bounds)
+    if here > now:
+        good = on < off or (on == 0 and here - now <= bounds.longest)
+        return good, AHEAD if good and here - now > bounds.longest else RUNNING, np.int64(0)
+    wrapped = _wrap(now, t[i], epoch, bounds.lengths)
+    good = off > on or (wrapped > 0 and on == 0)
+    return good, BACK if good and wrapped == 0 else RUNNING, wrapped
+
+
+@njit
+def sift(rows, ready, bounds, state):
+    """Judge the first `ready` of the rows; the others are only looked at. Returns how many were judged.
+
+    Writes what each event is to `kind`, and puts right the times: clocks that begin again at 0 run on, and of late
+    events those that `bounds` says.
+    """
+    t, x, y, kind = rows
+    fresh = state[KEPT] == 0
+    now = state[NOW]
+    for i in range(ready):
+        here = t[i] + state[EPOCH]
+        outside = x[i] < 0 or y[i] < 0 or x[i] >= bounds.width or y[i] >= bounds.height
+        good, end, wrapped = True, RUNNING, np.int64(0)
+        if state[STARTED] and abs(here - now) > bounds.jitter:
+            good, end, wrapped = _judge_step(t, i, state[EPOCH], now, bounds)
+        if outside or not good:
+            kind[i] = STRAY if not outside else OUTSIDE if good else DAMAGED
+            if kind[i] == OUTSIDE:
+                state[MAX_X], state[MAX_Y] = max(state[MAX_X], x[i]), max(state[MAX_Y], y[i])
+            continue
+        if end != RUNNING:
+            if not fresh or state[KEPT] > FEW:
+                state[END], state[NOW] = end, now
+                return i
+            for j in range(i):  # what stands before is left over from before the clock was set
+                kind[j] = STRAY if kind[j] == GOOD else kind[j]
+            state[KEPT] = 0
+        if wrapped:
+            state[EPOCH] += wrapped
+            state[WRAPS] += 1
+            here += wrapped
+        kind[i] = GOOD
+        state[KEPT] += 1
+        if state[STARTED] and now - bounds.jitter <= here < now:
+            state[LATE] += 1
+            state[LATEST] = max(state[LATEST], now - here)
+            t[i] = now if bounds.hold else here
+            continue
+        state[STARTED] = 1
+        now = here
+        t[i] = here
+    state[NOW] = now
+    return ready

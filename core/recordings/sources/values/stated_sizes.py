@@ -1,0 +1,81 @@
+"""The size of the sensor as files state it: in attributes of HDF5 and in headers of text, in their many spellings."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+import numpy as np
+
+from core.events import SensorSize
+
+_LARGEST_PX: Final = 16384
+_PAIR: Final = re.compile(
+    r"(?:geometry|resolution|sensor[_ ]?size|image[_ ]?size|frame[_ ]?size|dimensions?|\bsize)\W{0,4}"
+    r"(\d+)\s*[x,;*\s]\s*(\d+)",
+    re.IGNORECASE,
+)
+_SIDES: Final = tuple(
+    re.compile(rf"(?:\b|_){side}(?:_px)?\W{{0,4}}(\d+)", re.IGNORECASE) for side in ("width", "height")
+)
+_WIDTHS: Final = ("width", "sensor_width", "width_px", "image_width")
+_PAIRS: Final = ("geometry", "resolution", "sensor_size", "image_size")
+"""Attributes that list the width first."""
+_UPRIGHT: Final = "sensor_resolution"
+"""An attribute that lists the height first, or, in some files, the width."""
+
+
+def size_of(width: object, height: object) -> SensorSize | None:
+    """A size if both are whole numbers that a sensor can have."""
+    try:
+        w, h = int(str(width)), int(str(height))
+    except ValueError:
+        return None
+    return SensorSize(w, h) if 0 < w <= _LARGEST_PX and 0 < h <= _LARGEST_PX else None
+
+
+def size_in_text(lines: Iterable[str]) -> SensorSize | None:
+    """The size that comment lines state, such as `%geometry:1280,720` or `# width 346, height 260`."""
+    text = "\n".join(lines)
+    pair = _PAIR.search(text)
+    if pair is not None:
+        return size_of(*pair.groups())
+    sides = [side.search(text) for side in _SIDES]
+    return size_of(*(found.group(1) for found in sides if found)) if all(sides) else None
+
+
+def size_in_attributes(attributes: Mapping[str, object], largest: tuple[int, int] | None = None) -> SensorSize | None:
+    """The size that attributes state, as numbers, text or bytes.
+
+    `sensor_resolution` is (height, width) or (width, height); `largest`, the largest column and row, tells which.
+    """
+    words = {str(name).lower(): _word(value) for name, value in attributes.items()}
+    for name in _WIDTHS:
+        if name in words and name.replace("width", "height") in words:
+            found = size_of(words[name], words[name.replace("width", "height")])
+            if found is not None:
+                return found
+    for name in _PAIRS:
+        numbers = re.findall(r"\d+", words.get(name, ""))
+        if len(numbers) >= 2 and (found := size_of(*numbers[:2])) is not None:
+            return found
+    numbers = re.findall(r"\d+", words.get(_UPRIGHT, ""))
+    if len(numbers) < 2:
+        return None
+    a, b = (int(number) for number in numbers[:2])
+    if largest is not None and largest[0] >= b > largest[1] and largest[0] < a:
+        return size_of(a, b)  # the width first: the columns do not fit otherwise
+    if largest is not None and largest[1] >= min(a, b) and largest[0] < min(a, b):
+        return size_of(min(a, b), max(a, b))  # a sensor that stands upright
+    return size_of(max(a, b), min(a, b))
+
+
+def _word(value: object) -> str:
+    array = np.asarray(value)
+    if array.dtype.kind == "S" or isinstance(value, bytes):
+        return " ".join(item.decode("latin-1") for item in array.reshape(-1).tolist())
+    return " ".join(
+        str(int(item)) if isinstance(item, float) and item == int(item) else str(item)
+        for item in array.reshape(-1).tolist()
+    )

@@ -1,0 +1,256 @@
+"""What the values of a table mean: the unit of its times and its polarities, told from all of its rows.
+
+The file's own words come first (the name of a column), then what a person states, then what the values can only be.
+What is taken for granted is said in a note; what cannot be told is refused, and an option is named that states it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from core.errors import RecordingError
+from core.recordings.layout import MAX_TIME_US
+from core.recordings.sources.source import Columns, DecodeReport, RawColumns, Stated
+from core.recordings.sources.table_columns import addresses_from_column
+
+UNITS_US: Final = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
+"""Unit of time -> microseconds."""
+UNIT_NAMES: Final = {"ns": "nanoseconds", "us": "microseconds", "ms": "milliseconds", "s": "seconds"}
+CLOCK_BITS: Final = (24, 31, 32)
+"""Lengths of clocks that begin again at 0."""
+_EPOCHS: Final = (("ns", 1e17, 1e19), ("us", 1e14, 1e17), ("ms", 1e12, 3e12), ("s", 1e9, 3e9))
+"""Times since 1970 of today, by unit."""
+_SLOW_HZ: Final = 50.0
+_LONG_US: Final = 60e6
+_MAX_VALUES: Final = 1000
+_ODD_SHARE: Final = 0.01
+_FEW_ODD: Final = 3
+_LARGEST_PX: Final = 4096
+"""No event camera has more columns or rows; a few addresses beyond are odd rows, no size."""
+_WORDS: Final = {
+    "true": True, "on": True, "pos": True, "positive": True, "+": True, "+1": True, "up": True,
+    "false": False, "off": False, "neg": False, "negative": False, "-": False, "down": False,
+}  # fmt: skip
+_NUMBERS: Final[tuple[dict[float, bool], ...]] = (
+    {0.0: False, 1.0: True},
+    {-1.0: False, 1.0: True},
+    {0.0: False, 255.0: True},
+    *({2.0**bits - 1: False, 1.0: True} for bits in (8, 16, 32, 64)),
+)
+"""Pairs of values with one meaning; the last ones are -1 in a column that has no sign."""
+
+
+@dataclass(slots=True)
+class Survey:
+    """What all rows of a table have in common."""
+
+    rows: int = 0
+    polarities: dict[str | float, int] = field(default_factory=dict)
+    """Value -> how often."""
+    whole: bool = True
+    thousands: bool = True
+    """Whether all times are multiples of 1000."""
+    first_t: float = 0.0
+    low_t: float = np.inf
+    high_t: float = -np.inf
+    largest: tuple[int, int] = (0, 0)
+    """Column and row, of those that a sensor can have."""
+
+    def add(self, part: RawColumns) -> None:
+        """Take in some rows."""
+        if not len(part.t):
+            return
+        self.first_t = self.first_t if self.rows else float(part.t[0])
+        self.rows += len(part.t)
+        if part.t.dtype.kind == "f":
+            finite = part.t[np.isfinite(part.t)]
+            self.whole &= bool((finite == np.floor(finite)).all())
+        else:
+            finite = part.t
+        if len(finite):
+            self.low_t, self.high_t = min(self.low_t, float(finite.min())), max(self.high_t, float(finite.max()))
+            self.thousands = self.thousands and self.whole and bool((finite % 1000 == 0).all())
+        values, counts = np.unique(part.p, return_counts=True)
+        for value, count in zip(values.tolist()[:_MAX_VALUES], counts.tolist(), strict=False):
+            key = value.decode("latin-1") if isinstance(value, bytes) else value
+            key = key.strip().lower() if isinstance(key, str) else float(key)
+            self.polarities[key] = self.polarities.get(key, 0) + count
+        sides = (addresses_from_column(column) for column in (part.x, part.y))
+        largest = (int(side[side < _LARGEST_PX].max(initial=0)) for side in sides)
+        self.largest = tuple(map(max, self.largest, largest))  # pyright: ignore[reportAttributeAccessIssue] - two of them
+
+
+def survey(parts: Iterable[RawColumns]) -> Survey:
+    """Look at all rows once."""
+    seen = Survey()
+    for part in parts:
+        seen.add(part)
+    return seen
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """How the rows of a table are read."""
+
+    unit: str
+    on: Mapping[str | float, bool]
+
+    @property
+    def clock_lengths_us(self) -> tuple[int, ...]:
+        """Of the clocks that may have begun again, in whole microseconds."""
+        return tuple(round((1 << bits) * UNITS_US[self.unit]) for bits in CLOCK_BITS)
+
+    def columns(self, part: RawColumns) -> tuple[Columns, int]:
+        """The rows in microseconds and polarities, and how many were left out because their values are odd."""
+        on, known = _polarity_column(part.p, self.on)
+        t = part.t
+        if t.dtype.kind == "f":
+            known &= np.abs(np.where(np.isfinite(t), t, np.inf)) < 2**62 / UNITS_US[self.unit]
+        odd = len(t) - int(np.count_nonzero(known))
+        x, y = addresses_from_column(part.x), addresses_from_column(part.y)
+        if odd:
+            t, x, y, on = t[known], x[known], y[known], on[known]
+        return Columns(in_us(t, self.unit), x, y, on), odd
+
+
+def in_us(t: NDArray, unit: str) -> NDArray[np.int64]:
+    """Times of a unit in whole microseconds."""
+    if t.dtype.kind == "f":
+        return np.rint(t.astype(np.float64) * UNITS_US[unit]).astype(np.int64)
+    t = t.astype(np.int64)
+    return t // 1000 if unit == "ns" else t * int(UNITS_US[unit])
+
+
+def find_meaning(seen: Survey, hint: str | None, report: DecodeReport, *, where: str) -> Meaning:
+    """What the values mean; `hint` is the unit that the file itself states.
+
+    Raises:
+        RecordingError: if it cannot be told.
+    """
+    unit = _unit(seen, hint, report, where)
+    on = _polarity(seen, report.stated, report, where)
+    return Meaning(unit, on)
+
+
+def _unit(seen: Survey, hint: str | None, report: DecodeReport, where: str) -> str:
+    stated = report.stated.time_unit
+    if stated is not None or hint is not None or not seen.rows:
+        unit = stated or hint or "us"
+        whence = "stated by --time-unit" if stated else "as the file says"
+        report.facts["time unit"] = f"{UNIT_NAMES[unit]}, {whence}"
+        return unit
+    span = seen.high_t - seen.low_t
+    epoch = next((unit for unit, low, high in _EPOCHS if low <= seen.low_t and seen.high_t < high), None)
+    if epoch is not None and not (epoch == "s" and seen.whole) and not (epoch == "ms" and _us_is_likelier(seen)):
+        unit, why = epoch, "they count from 1970"
+    elif seen.whole:
+        unit, why = "us", "they are whole numbers"
+        slow = span > _LONG_US and seen.rows < _SLOW_HZ * span / 1e6
+        if seen.thousands and slow and seen.rows > 20:
+            raise RecordingError(
+                "the unit of the times cannot be told: as microseconds the file would be implausibly long",
+                got=f"{seen.rows:,} events in {span / 1e6:,.0f} s, every time a multiple of 1000 as of nanoseconds",
+                where=where,
+                remedy="give --time-unit ns, or --time-unit us",
+            )
+        if slow:
+            why += f", though only {1e6 * seen.rows / span:.1f} events/s; nanoseconds would be --time-unit ns"
+        elif seen.thousands and seen.rows > 20 and seen.high_t > 0:
+            why += ", though all are multiples of 1000; nanoseconds would be --time-unit ns"
+    else:
+        unit, why = "s", "they have fractions"
+        if span * UNITS_US["s"] > MAX_TIME_US:
+            raise RecordingError(
+                "the unit of the times cannot be told: as seconds the file would last days",
+                got=f"times with fractions from {seen.low_t:g} to {seen.high_t:g}",
+                where=where,
+                remedy="give --time-unit ns, us or ms",
+            )
+    report.facts["time unit"] = f"{UNIT_NAMES[unit]}, assumed: {why}"
+    report.notes.append(f"{where} does not name the unit of its times; {UNIT_NAMES[unit]} are assumed: {why}.")
+    return unit
+
+
+def _us_is_likelier(seen: Survey) -> bool:
+    """Whether whole numbers that could be milliseconds since 1970 are finer than milliseconds of a camera are."""
+    return seen.whole and seen.high_t - seen.low_t > 4 * seen.rows
+
+
+def _polarity(seen: Survey, stated: Stated, report: DecodeReport, where: str) -> Mapping[str | float, bool]:
+    values = seen.polarities
+    listed = ", ".join(_shown(value) for value in sorted(values, key=str)[:8]) + (", ..." if len(values) > 8 else "")
+    if stated.polarity is not None:
+        on = {_key(word): value for word, value in stated.polarity.items()}
+        known = sum(count for value, count in values.items() if value in on)
+        found: Mapping[str | float, bool] | None = on
+    else:
+        found, known = _known_pair(values)
+    allowed = max(_FEW_ODD, _ODD_SHARE * seen.rows) if known else 0
+    if found is None or seen.rows - known > allowed:
+        raise RecordingError(
+            "which polarity is ON cannot be told",
+            expected="0 and 1, -1 and 1, or true and false",
+            got=listed,
+            where=where,
+            remedy="give --polarity, such as --polarity 1=on,2=off",
+        )
+    kept = {value: on for value, on in found.items() if value in values}
+    said = ", ".join(f"{_shown(value)} = {'ON' if on else 'OFF'}" for value, on in sorted(kept.items(), key=str))
+    report.facts["polarity"] = said or "no events"
+    if stated.polarity is not None:
+        report.facts["polarity"] += ", stated by --polarity"
+    elif any(isinstance(value, float) and value > 1 for value in kept):
+        wrapped = any(isinstance(value, float) and value > 1 and not on for value, on in kept.items())
+        why = " (-1 in a column without a sign)" if wrapped else ""
+        report.notes.append(f"{where}: the polarities are read as {said}{why}.")
+    elif len(kept) == 1 and seen.rows > _FEW_ODD:
+        report.notes.append(f"{where}: all polarities are alike: {said}.")
+    return found
+
+
+def _known_pair(values: Mapping[str | float, int]) -> tuple[Mapping[str | float, bool] | None, int]:
+    """The pair of values that covers most rows, and how many it covers."""
+    pairs: list[Mapping[str | float, bool]] = [*_NUMBERS, _WORDS]  # pyright: ignore[reportAssignmentType]
+    covered = [sum(count for value, count in values.items() if value in pair) for pair in pairs]
+    best = int(np.argmax(covered))
+    used = [value for value in values if value in pairs[best]]
+    if len(used) == 1 and isinstance(used[0], float) and used[0] > 1:  # all 255: ON or OFF?
+        return None, 0
+    return (pairs[best], covered[best]) if covered[best] or not values else (None, 0)
+
+
+def _polarity_column(p: NDArray, on: Mapping[str | float, bool]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which rows are ON, and which have one of the known values."""
+    if p.dtype.kind == "b":
+        return p, np.ones(len(p), np.bool_)
+    if p.dtype.kind in "SU":
+        words = np.char.lower(np.char.strip(p.astype(str)))
+        values, places = np.unique(words, return_inverse=True)
+        table = np.array([on.get(str(value), None) for value in values], object)
+        known = np.array([item is not None for item in table], np.bool_)
+        return np.array([bool(item) for item in table], np.bool_)[places], known[places]
+    is_on, known = np.zeros(len(p), np.bool_), np.zeros(len(p), np.bool_)
+    as_float = p.astype(np.float64)
+    for value, positive in on.items():
+        if isinstance(value, float | int):
+            here = as_float == value
+            known |= here
+            if positive:
+                is_on |= here
+    return is_on, known
+
+
+def _key(word: str) -> str | float:
+    try:
+        return float(word)
+    except ValueError:
+        return word.strip().lower()
+
+
+def _shown(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:.20g}"
