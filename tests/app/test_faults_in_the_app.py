@@ -23,7 +23,7 @@ from app.shared.library import Library
 from app.shared.workspace import Workspace
 from app.state.client_state import ClientState
 from app.state.commands import Seek, SetMode, UseConfig
-from app.web import door
+from app.web import gateway
 from benchmarks.app.bare_browser import BareBrowser
 from benchmarks.app.soak.process_usage import usage_of
 from core.config import replace_setting
@@ -194,7 +194,7 @@ def test_a_browser_that_comes_back_finds_what_it_had(lab: App, away_s: float, mo
 def test_a_port_that_is_taken_at_the_last_moment_is_one_line(
     workspace: Workspace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(door, "check_address", lambda host, port: None)
+    monkeypatch.setattr(gateway, "check_address", lambda host, port: None)
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()

@@ -10,8 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.charts import ChartLine, CirclePanel, circle_panels, heat_map, line_chart
+from benchmarks.charts import ChartLine, CirclePanel, circle_panels, line_chart
 from core.errors import RallyscopeError
+from core.metrics.charts import heat_map
 
 TEXT = "{http://www.w3.org/2000/svg}text"
 NAN = float("nan")

@@ -38,10 +38,11 @@ def test_rows_are_said_as_they_are_measured(monkeypatch, capsys) -> None:
     assert said.err == "scene dark, ratio 2.000\n" and json.loads(said.out) == {"rows": rows}
 
 
-def test_a_bench_that_is_not_there_yet_says_so(monkeypatch, capsys) -> None:
-    monkeypatch.setitem(bench.BENCHES, "prediction", "core.events.bench_prediction")  # will never be
+def test_without_a_checkout_it_says_where_the_benches_are(monkeypatch, capsys, tmp_path) -> None:
+    monkeypatch.setattr(bench, "CHECKOUT", tmp_path)
     assert main(["bench", "prediction"]) == 2
-    assert "not built yet" in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "not installed with the package" in error and "clone the repository" in error and error.count("\n") == 1
 
 
 def test_an_unknown_bench_is_refused_in_one_line(capsys) -> None:
@@ -49,7 +50,7 @@ def test_an_unknown_bench_is_refused_in_one_line(capsys) -> None:
     assert capsys.readouterr().err.count("\n") == 1
 
 
-@pytest.mark.parametrize("arguments", [["rally", "--count", "3"], ["perceived-prediction", "--count", "0"]])
+@pytest.mark.parametrize("arguments", [["rally", "--count", "3"], ["drawn-scenes", "--count", "0"]])
 def test_a_count_is_for_benches_that_have_one(arguments, capsys) -> None:
     assert main(["bench", *arguments]) == 2
     error = capsys.readouterr().err

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from app.cli.main import split_plugins
-from core.config import get_setting, load_config
-from core.detection import DetectorConfig
+from core.config import get_setting
+from core.detection.saved import load_detector
 from core.errors import CommandError
 from core.recordings import open_recording
 from core.registry import forgotten_afterwards, use_plugins
@@ -84,7 +84,7 @@ def test_it_is_tuned_in_processes_and_its_section_is_used(names, detector, tmp_p
     assert "median.reach_px" in said
     with forgotten_afterwards():
         use_plugins([Path(str(detector[1]))])
-        found = dict(load_config(DetectorConfig, out).registered)["median"]
+        found = dict(load_detector(out).config.registered)["median"]
         assert get_setting(found, ("fewest",)) == 5, "through the start, the processes and the answer"
     left_out = rallyscope("detect", *names[:-1], "auto", "--config", out, "--out", tmp_path / "c.csv", code=2)
     assert "unknown setting 'median'" in left_out and "--plugin" in left_out and left_out.count("\n") == 1

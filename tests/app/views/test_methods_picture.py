@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from app.modes.tune.compare.report import method_css
+from app.modes.tune.compare_run import method_css
 from app.pictures.canvas import Region
 from app.pictures.palette import METHOD_RGB, RAMP_COLOURS, PaletteIndex, method_colour_index, palette
 from app.state.client_state import RenderSettings, TuneView

@@ -12,7 +12,6 @@ from benchmarks.learning.plan import Counts, plan
 from benchmarks.learning.real_balls import built_in_score, real_experiments, real_rows
 from benchmarks.learning.report import replace_section
 from benchmarks.learning.runs import fingerprint
-from benchmarks.learning.slow_serves import slow_serve_rows, slow_serves_section
 from core.errors import ConfigError
 from core.jobs import ALONE
 from core.learning.config import environment_profile, spinning_environment
@@ -112,13 +111,3 @@ def test_the_built_in_controller_and_the_limit_hit_the_same_targets() -> None:
     assert np.median(built_in.errors_mm) < 5
     assert np.median(landing_errors_mm(best, balls.goals_m)) < 15
     assert landing_errors_mm(best, balls.goals_m).mean() < built_in.error_mm + 5
-
-
-def test_slow_serves_are_limited_by_angle_and_place() -> None:
-    rows = {str(row["bounds"]): row for row in slow_serve_rows(balls=16)}
-    share = {name: float(str(row["returnable"])) for name, row in rows.items()}
-    now = share["as they are: +-15 degrees, 3.8 m/s"]
-    assert 0.2 < now < 0.9
-    assert share["the racket's speed chosen, 0 to 4.5 m/s"] >= now - 0.1
-    assert share["+-40 degrees"] > now and share["hit at x = -1.20 m"] > 0.9
-    assert "## What limits slow serves" in slow_serves_section(list(rows.values()))

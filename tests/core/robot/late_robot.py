@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-import core.chain
+import core.robot
 
 LATE_US = round(1e6 * float(sys.argv.pop(1)))
 EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "example_robot.py"
 
 
-class LateServer(core.chain.RobotServer):
+class LateServer(core.robot.RobotServer):
     """Told where the motors are sent to, it tells where they are."""
 
     def __init__(self, *args, **settings) -> None:
@@ -34,5 +34,5 @@ class LateServer(core.chain.RobotServer):
         return super().turn(p, q / np.linalg.norm(q), v)
 
 
-core.chain.RobotServer = LateServer
+core.robot.RobotServer = LateServer
 runpy.run_path(str(EXAMPLE), run_name="__main__")
