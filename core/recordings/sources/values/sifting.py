@@ -35,7 +35,7 @@ class Rows(NamedTuple):
     kind: NDArray[np.uint8]
 
 
-class Bounds(NamedTuple):
+class AddressBounds(NamedTuple):
     """What events must keep to."""
 
     width: int
@@ -57,7 +57,7 @@ def start_sifting() -> np.ndarray:
 
 @njit
 def _votes(t, i, epoch, now, here, bounds):
-    """Of the events after `i`: how many go on from `now`, and how many from the time `here` of event `i`."""
+    """Counts of the events after `i`: how many go on from `now`, and how many from the time `here` of event `i`."""
     on, off = 0, 0
     low, high = min(now, here), max(now, here)
     for j in range(i + 1, min(i + 1 + LOOK_AHEAD, len(t))):

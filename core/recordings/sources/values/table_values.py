@@ -102,7 +102,7 @@ class Meaning:
 
     @property
     def clock_lengths_us(self) -> tuple[int, ...]:
-        """Of the clocks that may have begun again, in whole microseconds."""
+        """Value of the clocks that may have begun again, in whole microseconds."""
         return tuple(round((1 << bits) * UNITS_US[self.unit]) for bits in CLOCK_BITS)
 
     def columns(self, part: RawColumns) -> tuple[Columns, int]:
