@@ -128,7 +128,7 @@ class _Check:
         kind = np.full(len(rows.t_us), sifting.STRAY, np.uint8)
         size = self.sensor.width_px, self.sensor.height_px
         lengths = np.array(self.lengths, np.int64)
-        bounds = sifting.Bounds(*size, self.jitter_us, self.longest_us, lengths, not self.table)
+        bounds = sifting.AddressBounds(*size, self.jitter_us, self.longest_us, lengths, not self.table)
         used = sifting.sift(sifting.Rows(*rows[:3], kind), ready, bounds, self.state)
         kind = kind[:used]
         self.counts += np.bincount(kind, minlength=4)
