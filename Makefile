@@ -69,6 +69,7 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/bin/python
 	@echo "Installing what Rallyscope and its tests need into $(VENV), once; this takes a minute or two ..."
 	$(BIN)/pip install --constraint constraints.txt --editable '.[dev]'
 	$(BIN)/pip install --quiet --constraint constraints.txt --no-deps labelImg # its readers are checkers; not its Qt
+	-$(BIN)/pip install --quiet --constraint constraints.txt mlcroissant # not in `dev`: a part of it has no wheel
 	touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-docs: pyproject.toml constraints.txt | $(VENV)/bin/python

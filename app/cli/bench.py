@@ -91,8 +91,9 @@ class BenchArguments:
 
 def run(arguments: BenchArguments) -> None:
     """Run the module of the name and print what it returns: "rows", "machine" and what else it has."""
-    module = BENCHES[arguments.name] if arguments.recorded is None else OWN_RECORDINGS.get(arguments.name)
-    module = module or BENCHES[arguments.name]
+    module = BENCHES[arguments.name]
+    if arguments.recorded is not None:
+        module = OWN_RECORDINGS.get(arguments.name, module)
     measure: Callable[..., dict[str, object]] = load_bench(module).run
     options: dict[str, object] = given({name: getattr(arguments, name) for name in OPTIONS})
     taken = inspect.signature(measure).parameters.keys()

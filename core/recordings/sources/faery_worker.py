@@ -1,4 +1,4 @@
-"""Decodes one file with faery, in a process of its own: `python faery_worker.py dat|es|aedat4 PATH [TRACK]`.
+"""Decodes one file with faery, in a process of its own: `python faery_worker.py es|aedat4 PATH [TRACK]`.
 
 A damaged AEDAT4 file can make faery abort its whole process, and Rust reports to standard error what it likes. Here
 that harms nobody. The answers go to standard output as messages of kind (one byte), length (uint64) and content:
@@ -20,16 +20,12 @@ from collections.abc import Iterator
 from contextlib import suppress
 
 import numpy as np
-from faery import aedat, dat, es
+from faery import aedat, es
 
 try:
     import resource
 except ImportError:  # Windows: there nothing limits the worker
     resource = None
-
-LARGEST_PX = 8192
-"""Of a sensor, where a DAT header does not say."""
-
 
 MEMORY_BYTES = 4 << 30
 """A damaged file may claim any size; what it asks for beyond this ends the worker instead of the machine."""
@@ -41,19 +37,11 @@ def main(kind: str, path: str, track: int | None) -> None:
         with suppress(ValueError, OSError):  # macOS may know no such limit
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     try:
-        {"dat": _decode_dat, "es": _decode_es, "aedat4": _decode_aedat4}[kind](path, track)
+        {"es": _decode_es, "aedat4": _decode_aedat4}[kind](path, track)
         _send(b"Z")
     except BaseException as error:  # noqa: BLE001 (a panic of Rust is no Exception)
         _send(b"X", " ".join(str(error).split()).encode())
     os._exit(0)  # decoders that failed may abort when they are taken down
-
-
-def _decode_dat(path: str, _: int | None) -> None:
-    decoder = dat.Decoder(path, (LARGEST_PX, LARGEST_PX), "dat2")
-    width, height = decoder.dimensions or (0, 0)
-    _send_info(decoder.event_type, [(0, width, height)])
-    for packet in decoder:
-        _send_events(packet["t"], packet["x"], packet["y"], packet["payload"] > 0)
 
 
 def _decode_es(path: str, _: int | None) -> None:

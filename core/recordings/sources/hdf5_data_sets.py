@@ -7,9 +7,7 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -22,19 +20,15 @@ from core.errors import CalibrationError, RecordingError
 from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.checking import check_table
-from core.recordings.sources.hdf5_errors import UNREADABLE, explain
+from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_source
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
 from core.recordings.sources.table_columns import addresses_from_column
 
-ROWS: Final = 1 << 18
 _WRAPPED_OFF: Final = (255, 65_535, 2**32 - 1)
 """A polarity of -1 in an unsigned column."""
 _INDEX_TOLERANCE: Final = 2.0
 """By this factor the time of an event may be off its place in the index before its unit is another one."""
-
-Rows = Callable[[h5py.File, int, int], Columns]
-"""Reads rows first to last - 1."""
 
 
 def open_hdf5_data_set(path: Path, sensor: SensorSize | None) -> list[EventSource] | None:
@@ -64,29 +58,6 @@ def polarity_is_on(p: NDArray, *, where: str) -> NDArray[np.bool_]:
         found = ", ".join(str(value) for value in np.unique(odd)[:5])
         raise RecordingError("polarities that are not known", expected="0 and 1, or -1 and 1", got=found, where=where)
     return on
-
-
-def read_in_parts(path: Path, rows: Rows, count: int, report: DecodeReport) -> Iterator[Columns]:
-    """All rows of a file, part after part; what cannot be read ends them with a note.
-
-    Raises:
-        RecordingError: if not even the first part can be read.
-    """
-    with suppress(ImportError):  # what needs no plug-in is read without
-        importlib.import_module("hdf5plugin")
-    first = 0
-    with h5py.File(path, "r") as file:
-        while first < count:
-            try:
-                part = rows(file, first, min(first + ROWS, count))
-            except UNREADABLE as error:
-                if not first:
-                    raise RecordingError("the events cannot be read", got=explain(error), where=path) from error
-                report.notes.append(f"{path.name}: stopped at event {first:,} of {count:,}: {explain(error)}.")
-                return
-            yield part
-            first += len(part.t_us)
-            report.share = first / count
 
 
 def _open_v2e(path: Path, file: h5py.File, sensor: SensorSize | None) -> EventSource:

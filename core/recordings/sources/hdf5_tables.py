@@ -8,8 +8,6 @@
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -19,20 +17,16 @@ import numpy as np
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
-from core.recordings.sources.hdf5_errors import UNREADABLE, explain
+from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
 from core.recordings.sources.table_columns import unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_values import Survey, survey
 
-_ROWS: Final = 1 << 18
 _UNIT_WORDS: Final = {"seconds": "s", "milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns", "µs": "us"}
 _DSEC_SENSOR: Final = SensorSize(640, 480)
 _MVSEC_SENSOR: Final = SensorSize(346, 260)
-
-Rows = Callable[[h5py.File, int, int], RawColumns]
-"""Reads rows first to last - 1."""
 
 
 def open_hdf5_table(path: Path, sensor: SensorSize | None) -> list[EventSource] | None:
@@ -71,12 +65,12 @@ def _open_columns(
     unit = unit_of_name(_unit_attribute(dataset_at(group_at(file, group), names[0]))) or ("us" if dsec else None)
     seen: Survey | None = None
     if sensor is None and any("sensor_resolution" in item.attrs for item in (file, group_at(file, group))):
-        seen = survey(_decode(path, rows, count, DecodeReport()))
+        seen = survey(read_in_parts(path, rows, count, DecodeReport()))
     sensor = sensor or _stated_sensor(file, group, seen)
     if sensor is None and dsec and "t_offset" in file:
         sensor = _DSEC_SENSOR
     return make_table_source(
-        path, "camera", label, sensor, lambda report: _decode(path, rows, count, report),
+        path, "camera", label, sensor, lambda report: read_in_parts(path, rows, count, report),
         unit=unit, shift_us=offset_us, seen=seen,
     )  # fmt: skip
 
@@ -111,7 +105,7 @@ def _open_mvsec(path: Path, davis: h5py.Group, sensor: SensorSize | None) -> lis
                 side,
                 "MVSEC HDF5",
                 size,
-                lambda report, rows=rows, count=count: _decode(path, rows, count, report),
+                lambda report, rows=rows, count=count: read_in_parts(path, rows, count, report),
                 unit="s",
             )
         )
@@ -130,28 +124,3 @@ def _stated_sensor(file: h5py.File, group: str, seen: Survey | None) -> SensorSi
         if found is not None:
             return found
     return None
-
-
-def _decode(path: Path, rows: Rows, count: int, report: DecodeReport) -> Iterator[RawColumns]:
-    _load_filters()
-    first = 0
-    with h5py.File(path, "r") as file:
-        while first < count:
-            try:
-                part = rows(file, first, min(first + _ROWS, count))
-            except UNREADABLE as error:
-                if not first:
-                    raise RecordingError("the events cannot be read", got=explain(error), where=path) from error
-                report.notes.append(f"{path.name}: stopped at event {first:,} of {count:,}: {explain(error)}.")
-                return
-            yield part
-            first += len(part.t)
-            report.share = first / count
-
-
-def _load_filters() -> None:
-    """DSEC files are packed with blosc; the plug-in for it is optional."""
-    try:
-        importlib.import_module("hdf5plugin")
-    except ImportError:
-        return

@@ -15,7 +15,7 @@ from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.checking import check_stream
 from core.recordings.sources.ecf import decode_ecf
-from core.recordings.sources.hdf5_errors import UNREADABLE, explain
+from core.recordings.sources.hdf5_reading import UNREADABLE, explain
 from core.recordings.sources.making import make_source
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
 from core.recordings.sources.values.stated_sizes import size_in_attributes

@@ -13,7 +13,7 @@ from core.recordings.sources.aedat2 import open_aedat2
 from core.recordings.sources.dat import open_dat
 from core.recordings.sources.faery_formats import open_aedat4, open_es
 from core.recordings.sources.hdf5_data_sets import open_hdf5_data_set
-from core.recordings.sources.hdf5_errors import explain
+from core.recordings.sources.hdf5_reading import explain
 from core.recordings.sources.hdf5_tables import open_hdf5_table
 from core.recordings.sources.metavision_hdf5 import open_metavision_hdf5
 from core.recordings.sources.nmnist import open_nmnist

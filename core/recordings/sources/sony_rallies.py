@@ -22,7 +22,8 @@ from core.events import SensorSize
 from core.geometry import invert_transform
 from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.checking import check_table
-from core.recordings.sources.hdf5_data_sets import polarity_is_on, read_in_parts
+from core.recordings.sources.hdf5_data_sets import polarity_is_on
+from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_source
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
 from core.recordings.sources.table_columns import addresses_from_column

@@ -102,5 +102,6 @@ def test_a_detector_is_chosen_its_slider_moves_and_the_picture_follows(page, sav
     page.get_by_role("button", name="Export", exact=True).first.click()
     choose(page, "Format", "NumPy arrays (.npz)")
     page.get_by_role("button", name="Train", exact=True).first.click()
+    page.get_by_text("A new training", exact=True).click()
     choose(page, "reward", "smooth")
     save_screenshot(page, "plugin-train")

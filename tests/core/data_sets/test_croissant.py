@@ -53,7 +53,7 @@ def test_the_fields_are_the_plain_columns_of_the_index(card: dict) -> None:
 
 
 def test_mlcroissant_accepts_the_card_and_reads_the_records(made: Path) -> None:
-    croissant = pytest.importorskip("mlcroissant")
+    croissant = pytest.importorskip("mlcroissant", reason="its package could not be installed")
     data_set = croissant.Dataset(jsonld=str(made / CROISSANT))
     assert not data_set.metadata.ctx.issues.errors
     records = list(data_set.records(record_set="recordings"))
