@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from core.detection import Detection, Detector
 from core.events import Window
 from core.metrics import WindowAnswers, score_answers
+from core.metrics.streaming import after_delay
+from core.metrics.timed import TimedDetector
 from core.recordings import CameraStream, PixelTruth
 from labels.arrays import SOURCES, STATES, LabelArrays, label_arrays
 from labels.model import LabelState, PositionSource
@@ -86,6 +88,7 @@ def answers_at(
     lead_in = max(LEAD_IN_WINDOWS, LEAD_IN_US // window_us)
     late_us = 0
     rows: list[tuple[float, float, float, int]] = []
+    detections: list[Detection] = []
     seen_until = -1
     for number, time_us in enumerate(t_us.tolist()):
         start = time_us + late_us - window_us
@@ -100,11 +103,51 @@ def answers_at(
             rows.append((np.nan, np.nan, np.nan, detector.extra_circles))
         else:
             rows.append((found.u_px, found.v_px, found.r_px, detector.extra_circles))
+            detections.append(found)
             late_us = seen_until - found.t_us
         if progress is not None:
             progress((number + 1) / len(t_us))
     u, v, r, extra = np.array(rows, np.float64).reshape(-1, 4).T
-    return WindowAnswers(t_us + late_us, t_us, u, v, r, extra.astype(np.int32))
+    return WindowAnswers(t_us + late_us, t_us, u, v, r, extra.astype(np.int32), tuple(detections))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InTime:
+    """The newest answers that have arrived by the times of labels, as `core.metrics.streaming` has them."""
+
+    delay_us: int
+    """From the moment that an answer is about to its arrival."""
+    held: WindowAnswers
+    moved: WindowAnswers
+
+
+def answers_in_time(
+    stream: CameraStream,
+    detector: TimedDetector,
+    answers: WindowAnswers,
+    window_us: int,
+    added_us: int,
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> InTime:
+    """What a robot would have at the labels' times: answers about balls one delay earlier, held or moved on.
+
+    The delay is what a detector that is always asked in time has: the rest of the window after the moment that the
+    answer is about, the median time of computing, and what is added.
+
+    Args:
+        stream: the camera.
+        detector: the one that gave the answers, with the times that its steps took.
+        answers: what `answers_at` gave for the labels' own times.
+        window_us: length of its windows.
+        added_us: what every answer takes besides.
+        progress: is given the share that is done.
+    """
+    rest_us = int(np.median((answers.end_us - answers.t_us)[answers.detected])) if answers.detected.any() else 0
+    delay_us = rest_us + round(1e6 * float(np.median(detector.seconds or [0.0]))) + added_us
+    earlier = answers_at(stream, detector, answers.t_us - delay_us, window_us, progress=progress)
+    moved = after_delay(earlier, answers.t_us, moved=True)
+    return InTime(delay_us, after_delay(earlier, answers.t_us, moved=False), moved)
 
 
 def _step(stream: CameraStream, detector: Detector, start_us: int, window_us: int) -> Detection | None:

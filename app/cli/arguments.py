@@ -171,6 +171,14 @@ def positive_int(text: str) -> int:
     return value
 
 
+def whole_number(text: str) -> int:
+    """A whole number from 0."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"expected a whole number from 0, got {text!r}")
+    return value
+
+
 def positive_float(text: str) -> float:
     """A number above 0."""
     value = float(text)
@@ -197,6 +205,7 @@ def _name(text: str) -> str:
     return text
 
 
+WholeNumber = Annotated[int, whole_number]
 PositiveInt = Annotated[int, positive_int]
 PositiveFloat = Annotated[float, positive_float]
 Numbers = Annotated[tuple[float, ...], separated(float, "numbers")]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from app.cli.arguments import flag, given, positional
 from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.detector_arguments import AnyMethodArguments
 from app.cli.files import csv_text
+from app.cli.streaming import StreamingArguments, say_streaming, streaming_summary
 from app.cli.tabulate import RecordingTable, Summary, tabulate
 from app.cli.terminal import say
 from core.detection import DetectorConfig, RefinedDetection, make_detector
@@ -21,9 +23,12 @@ from core.errors import CommandError
 from core.jobs import TaskControl
 from core.metrics import WindowAnswers, run_detector, score_answers
 from core.metrics.run import run_on_frames
+from core.metrics.timed import TimedDetector, one_opencv_thread
 from core.recordings import CameraStream, PixelTruth, Recording, open_recording
 from core.recordings.frames import FrameStream
 from core.recordings.reader import FileRecording
+
+WARM_UP_US: Final = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +39,7 @@ class DetectArguments:
     camera: str | None = flag("which camera; needed if there are several", "NAME")
     detector: AnyMethodArguments
     out: Path = flag("columns t_us,u_px,v_px,r_px; of several recordings a folder with a CSV of each", "CSV|DIR")
+    in_time: StreamingArguments
     engine: SharedBackendArguments
     json: bool = flag("print a summary as JSON")
 
@@ -51,11 +57,14 @@ def _say(summary: Summary) -> None:
     say(f"{found}: {summary['out']}")
     if isinstance(score, dict):
         say(f"precision {score['precision']}, recall {score['recall']}, median error {score['median_error_px']} px")
+    in_time = summary.get("streaming")
+    if isinstance(in_time, dict):
+        say_streaming(in_time)
 
 
 def _find_in_events(arguments: DetectArguments) -> DetectInEvents:
     method, config, window_us = arguments.detector.settings()
-    return DetectInEvents(arguments.camera, method, config, window_us)
+    return DetectInEvents(arguments.camera, method, config, window_us, arguments.in_time.added_us())
 
 
 def _find_in_frames(arguments: DetectArguments, method: str) -> DetectInFrames:
@@ -64,7 +73,8 @@ def _find_in_frames(arguments: DetectArguments, method: str) -> DetectInFrames:
     for name, value in given({"config": asked.config, "window-us": asked.window_us}).items():
         remedy = "leave it out: all settings of yolo are in its weights, and a picture is a window"
         raise CommandError(f"{method} has no such setting", got=value, where=f"--{name}", remedy=remedy)
-    return DetectInFrames(arguments.camera, method, asked.weights and asked.weights.absolute())
+    weights = asked.weights and asked.weights.absolute()
+    return DetectInFrames(arguments.camera, method, weights, arguments.in_time.added_us())
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +85,21 @@ class DetectInEvents:
     method: Method
     config: DetectorConfig
     window_us: int
+    added_us: int | None
+    """Delay besides computing, for a score in time; None without one."""
 
     def __call__(self, path: Path, control: TaskControl) -> RecordingTable:
         """Detect."""
         with closing(open_recording(path)) as recording:
             stream = choose_camera(recording, self.camera)
-            detector = make_detector(self.method, stream.sensor, self.config)
-            answers = run_detector(stream, detector, self.window_us, progress=control)
-            return _table(stream.name, self.method, self.window_us, answers, stream.truth)
+            detector = TimedDetector(make_detector(self.method, stream.sensor, self.config))
+            with one_opencv_thread() if self.added_us is not None else nullcontext():
+                if self.added_us is not None:  # its code is loaded before the first window that is timed
+                    run_detector(stream, detector, self.window_us, end_us=WARM_UP_US)
+                    detector.seconds.clear()
+                answers = run_detector(stream, detector, self.window_us, progress=control)
+            table = _table(stream.name, self.method, self.window_us, answers, stream.truth)
+            return _in_time(table, answers, stream.truth, detector, self.added_us)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +109,8 @@ class DetectInFrames:
     camera: str | None
     method: str
     weights: Path | None
+    added_us: int | None
+    """As of events."""
 
     def __call__(self, path: Path, control: TaskControl) -> RecordingTable:
         """Detect; raises CommandError if there are no pictures."""
@@ -100,10 +119,25 @@ class DetectInFrames:
             from core.detection.yolo.detector import YoloDetector  # late: torch takes a second, a mistake should not
             from core.detection.yolo.weights import load_weights
 
-            detector = YoloDetector(load_weights(self.weights))
+            detector = TimedDetector(YoloDetector(load_weights(self.weights)))
             answers = run_on_frames(frames, detector, progress=control)
             truth = recording.cameras[name].truth if name in recording.cameras else None
-            return _table(name, self.method, int(np.median(frames.exposure_us)), answers, truth)
+            table = _table(name, self.method, int(np.median(frames.exposure_us)), answers, truth)
+            return _in_time(table, answers, truth, detector, self.added_us)
+
+
+def _in_time(
+    table: RecordingTable,
+    answers: WindowAnswers,
+    truth: PixelTruth | None,
+    detector: TimedDetector,
+    added_us: int | None,
+) -> RecordingTable:
+    """With the score in time, if it is asked for."""
+    if added_us is None:
+        return table
+    scores = streaming_summary(answers, truth, np.array(detector.seconds), added_us)
+    return RecordingTable(table.text, table.summary | {"streaming": scores})
 
 
 def choose_pictures(recording: FileRecording, name: str | None) -> tuple[str, FrameStream]:

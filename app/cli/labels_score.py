@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
@@ -13,18 +13,20 @@ from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.detector_arguments import MethodArguments
 from app.cli.labels_layer import LayerArguments, read_layer
 from app.cli.progress import progress_bar
+from app.cli.streaming import StreamingArguments
 from app.modes.label.sources import LabelSource
 from core.detection import DetectorConfig, make_detector
 from core.detection.methods import Method
 from core.errors import CommandError
 from core.jobs import TaskControl, open_jobs
 from core.metrics import WindowAnswers
+from core.metrics.timed import TimedDetector, one_opencv_thread
 from core.recordings import open_recording
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES, LabelArrays
 from labels.formats.exchange import write_text
 from labels.model import LabelState
-from labels.score import GroupScore, answers_at, pooled, score_groups
+from labels.score import GroupScore, InTime, answers_at, answers_in_time, pooled, score_groups
 from labels.score_picture import measure_curves, score_svg
 from labels.store import LabelStore, Layer, has_labels
 
@@ -43,6 +45,7 @@ class LabelScoreArguments:
     json: bool = flag("print the result as JSON")
     detector: MethodArguments
     window_us: PositiveInt | None = flag("length of a window", "N", "the config's")
+    in_time: StreamingArguments
     picture: Path | None = flag("precision, recall and errors as a picture", "FILE.svg")
     engine: SharedBackendArguments
 
@@ -70,6 +73,16 @@ class LabelledRecording:
         return str(self.path)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class LabelAnswers:
+    """What a detector says at the labels of a recording."""
+
+    own_time: WindowAnswers
+    """Of the balls at the labels' own times."""
+    in_time: InTime | None
+    """The newest answers that have arrived by then; None if nobody asked."""
+
+
 @dataclass(frozen=True, slots=True)
 class AnswerLabels:
     """What a detector says at the labels of a recording."""
@@ -77,38 +90,66 @@ class AnswerLabels:
     method: Method
     config: DetectorConfig
     window_us: int
+    added_us: int | None
+    """Delay besides computing, for a score in time; None without one."""
 
-    def __call__(self, piece: LabelledRecording, control: TaskControl) -> WindowAnswers:
+    def __call__(self, piece: LabelledRecording, control: TaskControl) -> LabelAnswers:
         """Detect where there are labels."""
         with closing(open_recording(piece.path)) as recording:
             stream = recording.cameras[piece.camera]
-            detector = make_detector(self.method, stream.sensor, self.config)
-            return answers_at(stream, detector, piece.asked.t_us, self.window_us, progress=control)
+            detector = TimedDetector(make_detector(self.method, stream.sensor, self.config))
+            with one_opencv_thread() if self.added_us is not None else nullcontext():
+                answers = answers_at(stream, detector, piece.asked.t_us, self.window_us, progress=control)
+                if self.added_us is None:
+                    return LabelAnswers(answers, None)
+                in_time = answers_in_time(stream, detector, answers, self.window_us, self.added_us)
+                return LabelAnswers(answers, in_time)
 
 
 def run_score(arguments: LabelScoreArguments) -> None:
     """Read the labels here, detect wherever the engine says, and compare."""
     paths, (method, config) = arguments.recordings, arguments.detector.settings()
-    work = AnswerLabels(method, config, arguments.window_us or config.window.window_us)
+    added_us = arguments.in_time.added_us()
+    work = AnswerLabels(method, config, arguments.window_us or config.window.window_us, added_us)
     with open_jobs(arguments.engine.engine(), len(paths)) as jobs, progress_bar("Scoring") as progress:
         pieces = [_piece(arguments.layer(path), jobs.share_file(path)) for path in paths]
         answers = jobs.run(work, pieces, name=str, progress=progress)
-    scores = [score_groups(found, piece.asked) for found, piece in zip(answers, pieces, strict=True)]
-    together, labels = pooled([(found, piece.asked) for found, piece in zip(answers, pieces, strict=True)])
+    scores = [score_groups(found.own_time, piece.asked) for found, piece in zip(answers, pieces, strict=True)]
+    together, labels = pooled([(found.own_time, piece.asked) for found, piece in zip(answers, pieces, strict=True)])
     if arguments.picture is not None:
         title, noise_px = _title(work, pieces)
         write_text(arguments.picture, score_svg(measure_curves(together, labels), title, noise_px=noise_px))
-    reports = [_report(work, *each) for each in zip(pieces, scores, strict=True)]
+    reports = [_report(work, *each) for each in zip(pieces, scores, answers, strict=True)]
     layer = arguments.layer(paths[0])
     if len(paths) == 1:
-        layer.tell(reports[0], [*_score_table(scores[0]), _noise_line(pieces[0].noise)])
+        lines = [*_score_table(scores[0]), _noise_line(pieces[0].noise), *_lines_in_time(pieces, answers)]
+        layer.tell(reports[0], lines)
         return
     everything = score_groups(together, labels)
     named = [{"recording": str(path)} | report for path, report in zip(paths, reports, strict=True)]
     told = {"method": work.method, "window_us": work.window_us, "recordings": named}
     told["rows"] = [asdict(score) for score in everything]
     lines = [_line(*each) for each in zip(paths, pieces, scores, strict=True)]
-    layer.tell(told, [*lines, f"all {len(paths)} recordings", *_score_table(everything)])
+    lines += [f"all {len(paths)} recordings", *_score_table(everything), *_lines_in_time(pieces, answers)]
+    layer.tell(told, lines)
+
+
+def _lines_in_time(pieces: Sequence[LabelledRecording], answers: Sequence[LabelAnswers]) -> list[str]:
+    """A table of the newest answers, held and moved on, over all recordings; nothing where nobody asked."""
+    found = [(one.in_time, piece.asked) for one, piece in zip(answers, pieces, strict=True) if one.in_time is not None]
+    if not found:
+        return []
+    lines = []
+    for title, each in (
+        ("held where they were", [(one.held, asked) for one, asked in found]),
+        ("moved on by the ball's velocity", [(one.moved, asked) for one, asked in found]),
+    ):
+        delays_ms = " and ".join(sorted({f"{1e-3 * one.delay_us:.2f}" for one, _ in found}))
+        lines += [
+            f"newest answers, {delays_ms} ms after the light, {title}",
+            *_score_table(score_groups(*pooled(each))),
+        ]
+    return lines
 
 
 def _piece(arguments: LayerArguments, path: Path) -> LabelledRecording:
@@ -124,13 +165,23 @@ def _piece(arguments: LayerArguments, path: Path) -> LabelledRecording:
     )
 
 
-def _report(work: AnswerLabels, piece: LabelledRecording, scores: tuple[GroupScore, ...]) -> dict[str, object]:
+def _report(
+    work: AnswerLabels, piece: LabelledRecording, scores: tuple[GroupScore, ...], answers: LabelAnswers
+) -> dict[str, object]:
+    in_time: dict[str, object] = {}
+    if answers.in_time is not None:
+        rows = {
+            name: [asdict(score) for score in score_groups(found, piece.asked)]
+            for name, found in (("held", answers.in_time.held), ("moved", answers.in_time.moved))
+        }
+        in_time = {"streaming": {"delay_us": answers.in_time.delay_us, **rows}}
     return {
         "annotator": piece.annotator,
         "method": work.method,
         "window_us": work.window_us,
         "rows": [asdict(score) for score in scores],
         "annotator_noise": None if piece.noise is None else asdict(piece.noise),
+        **in_time,
     }
 
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from app.formatting.text import html_text, table_row
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector
+from core.metrics.timed import TimedDetector
 from core.recordings import CameraStream
 from labels.agreement import Agreement, measure_agreement
 from labels.arrays import STATES
 from labels.model import LabelState
-from labels.score import GroupScore, answers_at, score_groups
+from labels.score import GroupScore, answers_at, answers_in_time, score_groups
 from labels.score_picture import ScoreCurves, measure_curves, score_svg
 from labels.store import LabelStore, Layer, find_layers, has_labels
 
@@ -30,6 +31,8 @@ class LabelScore:
     labels: int
     groups: tuple[GroupScore, ...]
     curves: ScoreCurves
+    in_time: tuple[GroupScore, ...]
+    """All labels with the newest answers that have arrived by then: held, and moved on. Nothing without labels."""
     noise: Agreement | None
     """Between the annotator's first and second looks; None without any."""
 
@@ -55,11 +58,12 @@ def score_with_labels(
     stream: CameraStream,
     method: Method,
     config: DetectorConfig,
+    added_us: int,
     *,
     progress: Callable[[float], None],
     cancelled: Callable[[], bool],
 ) -> LabelScore:
-    """Run a method with a config at every label and score it.
+    """Run a method with a config at every label and score it; `added_us` is what answers take besides computing.
 
     Raises:
         ScoreCancelled: when `cancelled()` becomes true.
@@ -72,18 +76,32 @@ def score_with_labels(
             raise ScoreCancelledError
         progress(share)
 
-    detector = make_detector(method, stream.sensor, config)
-    answers = answers_at(stream, detector, asked.t_us, config.window.window_us, progress=report)
-    groups = score_groups(answers, asked)
-    noise = _own_noise(folder, reference)
-    return LabelScore(reference.layer.annotator, len(labels), groups, measure_curves(answers, asked), noise)
+    detector, window_us = TimedDetector(make_detector(method, stream.sensor, config)), config.window.window_us
+    answers = answers_at(stream, detector, asked.t_us, window_us, progress=lambda share: report(share / 2))
+    later = answers_in_time(
+        stream, detector, answers, window_us, added_us, progress=lambda share: report(0.5 + share / 2)
+    )
+    late = f"all, {1e-3 * later.delay_us:.2f} ms later"
+    in_time = [
+        replace(score_groups(found, asked)[0], group=f"{late}, {name}")
+        for name, found in (("held", later.held), ("moved on", later.moved))
+        if len(asked)
+    ]
+    return LabelScore(
+        annotator=reference.layer.annotator,
+        labels=len(labels),
+        groups=score_groups(answers, asked),
+        curves=measure_curves(answers, asked),
+        in_time=tuple(in_time),
+        noise=_own_noise(folder, reference),
+    )
 
 
 def label_score_html(title: str, score: LabelScore) -> str:
     """A table of the groups, and the picture."""
     titles = ("", "labels", *(f"P / R at {px:g} px" for px in SHOWN_PX), "median", "p95", "along", "across")
     head = "".join(f"<th style='text-align:left;font-weight:500;padding-right:14px'>{name}</th>" for name in titles)
-    rows = "".join(_row(group) for group in score.groups)
+    rows = "".join(_row(group) for group in (*score.groups, *score.in_time))
     noise = score.noise.sigma_px if score.noise is not None and score.noise.both_seen else None
     said = "not known: no second looks yet" if noise is None else f"{noise:.2f} px a coordinate"
     svg = score_svg(score.curves, f"{title}, against {score.labels} labels by {score.annotator}", noise_px=noise)

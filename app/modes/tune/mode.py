@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+import numpy as np
+
 from app.background.jobs import LoopJob, Progress
 from app.background.worker import LatestWins
 from app.modes.mode import Middle, ModeHost
@@ -23,7 +25,9 @@ from app.views.requests import PictureAnswer, TuneRequest, answer_request
 from core.detection import DetectorConfig
 from core.detection.methods import Method, make_detector
 from core.detection.saved import load_detector
-from core.metrics import Score, judge_answers, known_truth, run_detector, score_answers
+from core.metrics import judge_answers, known_truth, run_detector
+from core.metrics.streaming import TimedRun
+from core.metrics.timed import TimedDetector
 from core.recordings import Recording
 
 PROGRESS_EVERY_S: Final = 0.1
@@ -42,7 +46,7 @@ class TuneMode:
         self._shown: ClientState | None = None
         self._requested: object = None
         self._progress_s = self._offered_s = float("-inf")
-        self._score = LoopJob[Score | LabelScore](
+        self._score = LoopJob[TimedRun | LabelScore](
             host.later, host.report, lambda: self._results.score.show_running(False)
         )
         self._answers = AnswerCache()
@@ -229,21 +233,26 @@ class TuneMode:
         if state is None or recording is None or self._score.running:
             return
         stream, config = recording.cameras[state.camera], state.config
-        method = state.tune.method
+        method, added_us = state.tune.method, self._results.score.added_us
         title = f"{state.recording}, {state.camera}, {method}, config {state.tune.slot}"
         folder, uuid, later = self._host.services.workspace.labels, recording.uuid, self._host.later
 
-        def work(progress: Progress, cancelled: Callable[[], bool]) -> Score | LabelScore:
+        def work(progress: Progress, cancelled: Callable[[], bool]) -> TimedRun | LabelScore:
             # What a person said, else what the simulation knows.
             reference = find_reference(folder, uuid, stream.name, annotator)
             if reference is None:
-                detector, window_us = make_detector(method, stream.sensor, config), config.window.window_us
+                detector, window_us = (
+                    TimedDetector(make_detector(method, stream.sensor, config)),
+                    config.window.window_us,
+                )
                 truth = known_truth(stream)
                 answers = run_detector(stream, detector, window_us, progress=progress, cancelled=cancelled)
                 runs = runs_of_verdicts(judge_answers(answers, truth), window_us)
                 later(lambda: self._show_verdicts(uuid, runs))
-                return score_answers(answers, truth)
-            return score_with_labels(folder, reference, stream, method, config, progress=progress, cancelled=cancelled)
+                return TimedRun(answers, truth, 1e6 * np.array(detector.seconds))
+            return score_with_labels(
+                *(folder, reference, stream, method, config, added_us), progress=progress, cancelled=cancelled
+            )
 
         self._score.start(work, lambda score: self._score_done(title, score, announced=annotator is not None))
         self._results.score.show_running(True)
@@ -254,7 +263,7 @@ class TuneMode:
         if self._score.running and recording is not None and recording.uuid == uuid:
             self._host.show_runs("detector", runs)
 
-    def _score_done(self, title: str, score: Score | LabelScore, *, announced: bool) -> None:
+    def _score_done(self, title: str, score: TimedRun | LabelScore, *, announced: bool) -> None:
         self._results.score.show_score(title, score)
         if announced and self._active:
             self._results.score.show_window()

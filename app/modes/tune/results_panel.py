@@ -15,13 +15,15 @@ from app.modes.tune.settings import stage_anchor, stage_counts_html
 from app.panels.keys import float_below_pictures, place_below_pictures
 from app.pictures.palette import palette
 from app.views.stage_picture import cluster_colour_index
-from app.widgets import when_clicked
+from app.widgets import when_changed, when_clicked
 from core.detection import Candidate, Detection, PipelineTrace, RefinedDetection
 from core.metrics import Score
 from core.metrics.one_window import WindowAnswer
+from core.metrics.streaming import StreamingScore, TimedRun
 
 KEPT = 6
 """Scores shown below each other, newest first, so that changes can be compared."""
+MAX_DELAY_MS: Final = 1000.0
 
 
 class ScorePanel:
@@ -34,9 +36,23 @@ class ScorePanel:
         self._progress = gui.add_progress_bar(0.0, visible=False)
         self._table = gui.add_html(stage_counts_html("not scored yet"))
         self._labels = gui.add_html("", visible=False)
-        self._rows: list[str] = []
+        self._delay = gui.add_number(
+            "Delay of my system [ms]",
+            0.0,
+            min=0.0,
+            max=MAX_DELAY_MS,
+            step=0.5,
+            hint="What an answer takes besides computing: cables, the network, the robot. For the score in time",
+        )
+        self._runs: list[tuple[str, TimedRun]] = []
+        when_changed(self._delay, lambda _: self._show_runs())
         when_clicked(self._start, start)
         when_clicked(self._cancel, cancel)
+
+    @property
+    def added_us(self) -> int:
+        """What an answer takes besides computing."""
+        return round(1e3 * min(max(float(self._delay.value), 0.0), MAX_DELAY_MS))
 
     def show_running(self, running: bool) -> None:
         """Swap the start button for progress and cancel."""
@@ -56,30 +72,39 @@ class ScorePanel:
             self._gui.add_html(f"<div data-rallyscope='wide' style='overflow-x:auto'>{self._labels.content}</div>")
             when_clicked(self._gui.add_button("Close", icon=viser.Icon.CHECK), modal.close)
 
-    def show_score(self, title: str, score: Score | LabelScore) -> None:
+    def show_score(self, title: str, score: TimedRun | LabelScore) -> None:
         """Add a row; a score against labels has a table and a picture of its own."""
         if isinstance(score, LabelScore):
             self._labels.content = label_score_html(title, score)
             self._labels.visible = True
-            self._table.visible = bool(self._rows)
+            self._table.visible = bool(self._runs)
             return
         self._table.visible = True
-        self._rows = [_score_row(title, score), *self._rows][:KEPT]
-        self._table.content = score_html(self._rows)
+        self._runs = [(title, score), *self._runs][:KEPT]
+        self._show_runs()
+
+    def _show_runs(self) -> None:
+        if self._runs:
+            rows = [_score_row(title, run.score(), run.in_time(self.added_us)) for title, run in self._runs]
+            self._table.content = score_html(rows)
 
 
 def score_html(rows: list[str]) -> str:
     """The table of scores."""
-    titles = ("", "precision", "recall", "mean error", "median error", "found", "missed", "false")
+    titles = (
+        *("", "precision", "recall", "mean error", "median error", "found", "missed", "false"),
+        *("in time: age", "recall", "error held", "moved on"),
+    )
     head = table_row(titles, "text-align:left;font-weight:500", tag="th")
     return (
         "<div style='font-size:12.5px;padding:4px 12px'>"
         f"<table style='width:100%'>{head}{''.join(rows)}</table>"
-        "a ball counts as found within 8 px of the truth at the estimate's own time</div>"
+        "a ball counts as found within 8 px of the truth at the estimate's own time; in time: the newest answer "
+        "that has arrived by then, its median age and error where it was and moved on by the ball's velocity</div>"
     )
 
 
-def _score_row(title: str, score: Score) -> str:
+def _score_row(title: str, score: Score, in_time: StreamingScore) -> str:
     cells = (
         html_text(title),
         f"{score.precision:.3f}",
@@ -89,6 +114,10 @@ def _score_row(title: str, score: Score) -> str:
         score.found,
         score.missed,
         score.false,
+        f"{1e-3 * in_time.age_median_us:.2f} ms",
+        f"{in_time.moved.recall:.3f}",
+        f"{in_time.held_median_px:.2f} px",
+        f"{in_time.moved_median_px:.2f} px",
     )
     return table_row(cells)
 

@@ -244,8 +244,13 @@ def a_number_may_be_typed_through_values_that_do_not_go_with_the_others(tune, wa
 def a_config_is_scored_over_the_recording(tune) -> None:
     tune.page.get_by_role("tab", name="Score").click()
     tune.press("Score this config on the whole recording")
-    tune.page.get_by_text("serve, left, auto, config A").first.wait_for()
+    row = tune.page.get_by_role("row").filter(has_text="serve, left, auto, config A").first
+    row.wait_for()
     tune.screenshot("score")
+    assert re.search(r"\t\d\.\d\d ms", row.inner_text()), "the newest answer is a few windows old at most"
+    tune.fill(tune.field("Delay of my system [ms]"), "30")
+    row.get_by_text(re.compile(r"^3\d\.\d\d ms$")).wait_for()
+    tune.screenshot("score-in-time")
 
 
 def thresholds_are_tuned_and_the_result_is_b_beside_a(tune, wait_for) -> None:

@@ -50,6 +50,28 @@ def test_the_table_has_a_row_per_detection_with_the_columns_of_the_contract(reco
     assert summary["method"] == "refined" and summary["camera"] == "left" and summary["window_us"] == 1000
 
 
+def test_the_score_in_time_is_worse_the_later_answers_come_and_only_where_it_is_asked_for(
+    recording, tmp_path, capsys
+) -> None:
+    out = tmp_path / "det.csv"
+    assert detect(recording, out, "--camera", "left", "--json") == 0
+    assert "streaming" not in json.loads(capsys.readouterr().out)
+    assert detect(recording, out, "--camera", "left", "--json", "--streaming", "--delay-us", "3000") == 0
+    summary = json.loads(capsys.readouterr().out)
+    score, in_time = summary["score"], summary["streaming"]
+    assert in_time["added_us"] == 3000 <= in_time["delay_us"]["median_us"] <= in_time["age_median_us"] < 20_000
+    assert in_time["held"]["windows"] == score["windows"] and in_time["compute_us"]["median"] > 0
+    assert score["median_error_px"] < in_time["moved_median_px"] < in_time["held_median_px"]
+    curve = in_time["by_added_delay"]
+    assert [row["added_us"] for row in curve] == [3000 + more for more in range(0, 20_001, 1000)]
+    assert curve[0]["fresh"] == in_time["fresh"] and curve[-1]["fresh"] == 0
+    assert curve[0]["age_median_us"] < curve[10]["age_median_us"] < curve[20]["age_median_us"]
+    assert detect(recording, out, "--camera", "left", "--streaming") == 0
+    assert "us old and" in capsys.readouterr().out
+    assert detect(recording, out, "--camera", "left", "--delay-us", "10") == 2
+    assert "add --streaming" in capsys.readouterr().err
+
+
 def test_several_recordings_make_a_folder_of_the_same_tables_in_their_order(recording, tmp_path, capsys) -> None:
     second = tmp_path / "second.h5"
     shutil.copy(recording, second)

@@ -114,6 +114,15 @@ def test_a_detector_is_scored_against_the_labels(
     code, text, _ = call(capsys, "score", *common(recording, data))
     assert code == 0
     assert "the annotator's own noise: median" in text
+    code, text, _ = call(capsys, "score", *common(recording, data), "--streaming", "--delay-us", "2000", "--json")
+    assert code == 0
+    again = json.loads(text)
+    in_time = again.pop("streaming")
+    assert again["rows"] == report["rows"] and in_time["delay_us"] >= 2000
+    held, moved = in_time["held"][0], in_time["moved"][0]
+    assert held["labels"] == moved["labels"] == 9
+    assert held["along_px"] < everything["along_px"] - 1, "it is where the ball was"
+    assert moved["median_px"] < held["median_px"]
     code, text, _ = call(capsys, "agree", *common(recording, data))
     assert code == 0
     assert "blind repeats: 1 common" in text
