@@ -19,7 +19,7 @@ from core.recordings.frame_import import FRAME_CAMERA, FrameInput, first_image_s
 from core.recordings.identity import files_of, source_uuid
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
-from core.recordings.sources.source import ASSUMED, DecodeReport, PictureTrack, Stated
+from core.recordings.sources.source import DecodeReport, PictureTrack, Stated, Whence
 from core.recordings.writer import RecordingWriter
 
 _FLUSH_S: Final = 1.0
@@ -188,10 +188,10 @@ def _choices(stated: Stated | None) -> str:
 def _refuse_assumed_sizes(feeds: list[_Feed]) -> None:
     """A calibration and pictures hang on the size of the sensor: there it is not guessed."""
     for feed in feeds:
-        if feed.source.sensor_from == ASSUMED:
+        if feed.source.sensor_from == Whence.ASSUMED:
             raise RecordingError(
                 f"camera {feed.name}: the file does not name its sensor size, and a calibration or pictures hang on it",
-                got=f"{feed.source.sensor}, {ASSUMED}",
+                got=f"{feed.source.sensor}, assumed from the events",
                 remedy="give --width and --height",
             )
 

@@ -9,7 +9,7 @@ import pytest
 from core.errors import RecordingError
 from core.events import SensorSize, concatenate_events
 from core.recordings.sources import open_sources
-from core.recordings.sources.source import DecodeReport, Stated
+from core.recordings.sources.source import DecodeReport, Stated, Whence
 from core.recordings.sources.table_columns import counts_seconds, times_us
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_order import guess_columns
@@ -97,7 +97,7 @@ def test_one_address_outside_is_left_out_and_counted(tmp_path):
     assert len(events) == 199 and 70 not in events.t_us
     assert report.notes == ["events: 1 events outside the 10x10 sensor were left out (addresses up to 1, 33014)."]
     assert str(open_sources(path)[0].sensor) == "128x128"  # nor does it make the sensor larger
-    assert sources[0].sensor_from == "the file"
+    assert sources[0].sensor_from == Whence.FILE
 
 
 def test_rows_out_of_order_are_sorted_and_noted(tmp_path):
