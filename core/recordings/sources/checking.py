@@ -31,7 +31,9 @@ _MIN_ROWS: Final = 4096
 NO_WRAPS: Final[tuple[int, ...]] = ()
 OUTSIDE: Final = "outside the sensor"
 WRONG_TIME: Final = "wrong time"
-CUT_SHORT: Final = "bytes of a part cut short"
+CUT_SHORT: Final = "bytes at the end"
+RESERVED_WORDS: Final = "reserved words"
+DAMAGED_TIMES: Final = "damaged time words"
 """Reasons for which something is left out."""
 
 

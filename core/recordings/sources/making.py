@@ -66,13 +66,15 @@ def make_table_source(
     *,
     unit: str | None = None,
     shift_us: int = 0,
+    unit_from: Whence = Whence.FILE,
     seen: Survey | None = None,
     sensor_from: Whence = Whence.FILE,
+    assumed: str | None = None,
 ) -> EventSource:
     """The camera `name` of a table, whose values are looked at as a whole before they are read.
 
-    `unit` is the unit of time that the file states, `shift_us` is added to its times, `seen` what all `rows` have in
-    common if that is known already.
+    `unit` is the unit of time that the file or its format states, `shift_us` is added to its times, `seen` what all
+    `rows` have in common if that is known already, `assumed` what was taken for granted on opening it.
     """
     known = [] if seen is None else [seen]
 
@@ -95,7 +97,9 @@ def make_table_source(
 
     def read(report: DecodeReport) -> Iterator[Events]:
         _note_size(report, path, size, whence, label)
-        meaning = find_meaning(look(), unit, report, where=path.name)
+        if assumed is not None:
+            report.assume(assumed)
+        meaning = find_meaning(look(), unit, report, where=path.name, unit_from=unit_from)
         lengths = meaning.clock_lengths_us
         return check_table(decode(report, meaning), size, report, where=path.name, clock_lengths_us=lengths)
 
@@ -106,7 +110,7 @@ def _note_size(report: DecodeReport, path: Path, size: SensorSize, whence: Whenc
     """Say of a sensor size that the file does not state why it is taken."""
     if whence == Whence.ASSUMED:
         report.assume(f"{path.name} does not name its sensor size; {size} is assumed from the events.")
-    elif whence == Whence.MODEL:
+    elif whence == Whence.DATA_SET:
         report.assume(f"{path.name} does not name its sensor size; {size} is assumed, that of {label}.")
 
 

@@ -30,8 +30,10 @@ class Whence(StrEnum):
     OPTION = "option"
     """A person has said it."""
     CALIBRATION = "calibration"
-    MODEL = "model"
-    """Known of the camera or the data set that the file is recognised as; the file itself does not say it."""
+    CAMERA = "camera"
+    """Known of the camera that the file names."""
+    DATA_SET = "data set"
+    """Known of the data set that the file is recognised as; the file itself does not say it."""
     ASSUMED = "assumed"
     """Assumed from the events."""
 

@@ -126,23 +126,27 @@ def in_us(t: NDArray, unit: str) -> NDArray[np.int64]:
     return t // 1000 if unit == "ns" else t * int(UNITS_US[unit])
 
 
-def find_meaning(seen: Survey, hint: str | None, report: DecodeReport, *, where: str) -> Meaning:
-    """What the values mean; `hint` is the unit that the file itself states.
+def find_meaning(
+    seen: Survey, hint: str | None, report: DecodeReport, *, where: str, unit_from: Whence = Whence.FILE
+) -> Meaning:
+    """What the values mean; `hint` is the unit that the file itself, or as `unit_from` says its format, states.
 
     Raises:
         RecordingError: if it cannot be told.
     """
-    unit = _unit(seen, hint, report, where)
+    unit = _unit(seen, hint, unit_from, report, where)
     on = _polarity(seen, report.stated, report, where)
     return Meaning(unit, on)
 
 
-def _unit(seen: Survey, hint: str | None, report: DecodeReport, where: str) -> str:
+def _unit(seen: Survey, hint: str | None, unit_from: Whence, report: DecodeReport, where: str) -> str:
     stated = report.stated.time_unit
     if stated is not None or hint is not None or not seen.rows:
         unit = stated or hint or "us"
-        whence = Whence.OPTION if stated else Whence.FILE if hint is not None else Whence.FORMAT
+        whence = Whence.OPTION if stated else unit_from if hint is not None else Whence.ASSUMED
         report.facts[TIME_UNIT] = Fact(UNIT_NAMES[unit], whence)
+        if stated is not None and hint not in (None, stated):
+            report.assume(f"{where}: its times are read as {UNIT_NAMES[unit]} (--time-unit), though it says {hint}.")
         return unit
     span = seen.high_t - seen.low_t
     epoch = next((unit for unit, low, high in _EPOCHS if low <= seen.low_t and seen.high_t < high), None)
