@@ -15,6 +15,7 @@ from core.recordings.sources.source import (
     EventSource,
     Whence,
 )
+from core.text.plain_text import encodable
 
 IMPORTED_FROM: Final = "Imported from "
 """How the note begins that only names the files."""
@@ -103,7 +104,7 @@ def camera_facts(
     time_unit, polarity = found[TIME_UNIT], found[POLARITY]
     return CameraFacts(
         name=name,
-        file=file,
+        file=encodable(file),
         format=source.format,
         width_px=source.sensor.width_px,
         height_px=source.sensor.height_px,
@@ -122,7 +123,7 @@ def camera_facts(
         calibration_from=None if calibration_from is None else str(calibration_from),
         left_out=dict(report.left_out),
         changed=dict(report.changed),
-        assumed=list(report.assumed),
+        assumed=[encodable(line) for line in report.assumed],
     )
 
 

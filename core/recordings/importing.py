@@ -23,6 +23,7 @@ from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
 from core.recordings.sources.source import DecodeReport, PictureTrack, Stated, Whence
 from core.recordings.writer import RecordingWriter
+from core.text.plain_text import encodable
 
 _FLUSH_S: Final = 1.0
 """What a killed import may lose."""
@@ -417,4 +418,4 @@ def _notes(feeds: list[_Feed], sources: Sequence[Path], remarks: Sequence[str]) 
     starts = [feed.first_us for feed in feeds if feed.first_us is not None]
     if len(starts) > 1 and max(starts) - min(starts) > min(feed.last_us for feed in feeds):
         notes.append("The cameras do not overlap in time; an offset between their clocks may be missing.")
-    return tuple(dict.fromkeys(notes))
+    return tuple(dict.fromkeys(map(encodable, notes)))
