@@ -18,7 +18,7 @@ from core.cameras import Camera
 from core.cameras.calibration_file import read_calibration_file
 from core.cameras.distortion import COEFFICIENTS, LensModel
 from core.cameras.units import METRES, Unit
-from core.errors import CommandError
+from core.errors import CommandError, EventsError
 from core.events import SensorSize
 from core.events.clock_table import ClockTable, read_clock_table
 from core.recordings.frame_import import FrameInput
@@ -159,7 +159,12 @@ def _found(facts: ImportFacts) -> dict[str, object]:
 def _sensor(width: int | None, height: int | None) -> SensorSize | None:
     if (width is None) != (height is None):
         raise CommandError("--width and --height go together", remedy="give both")
-    return None if width is None or height is None else SensorSize(width, height)
+    if width is None or height is None:
+        return None
+    try:
+        return SensorSize(width, height)
+    except EventsError as error:
+        raise CommandError(str(error), where="--width and --height") from error
 
 
 def _frames(images: Path | None, times: Path | None, exposure_us: int | None) -> FrameInput | None:

@@ -27,6 +27,8 @@ from core.text.plain_text import encodable
 
 _FLUSH_S: Final = 1.0
 """What a killed import may lose."""
+_FARTHEST_US: Final = 1 << 61
+"""Of an offset between clocks: sums with times of files stay within 64 bits."""
 _UNRELATED_US: Final = 3_600_000_000
 """Clocks of one stereo pair are not further apart than this."""
 
@@ -260,6 +262,8 @@ def _open_feeds(
 ) -> list[_Feed]:
     if not 1 <= len(paths) <= 2:
         raise RecordingError("wrong number of sources", expected="one, or two of a stereo pair", got=len(paths))
+    if abs(offset_us) > _FARTHEST_US:
+        raise RecordingError("no such offset", expected=f"at most {_FARTHEST_US} us", got=offset_us, where="offset_us")
     opened = [(number, source) for number, path in enumerate(paths) for source in open_sources(path, sensor)]
     if names is None:
         names = ("left", "right") if len(paths) == len(opened) == 2 else [source.name for _, source in opened]
