@@ -213,7 +213,7 @@ def test_a_type_of_its_own_reads_the_word() -> None:
         ),
         (
             "import {csv} --check --width 99999 --height 5",
-            "--width and --height: impossible sensor size; expected 1 to",
+            "--width and --height: impossible sensor size; expected",
         ),
     ],
 )
