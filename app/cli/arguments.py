@@ -18,7 +18,7 @@ from types import NoneType
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
 from core.config import field_spec
-from core.errors import CommandError
+from core.errors import CommandError, RallyscopeError
 
 A = TypeVar("A")
 DATA = Path("rallyscope-data")
@@ -55,7 +55,8 @@ def setting_flag(config: type, setting: str, metavar: str | None = None, what: s
     spec = field_spec(config, setting)
     (item,) = (item for item in dataclasses.fields(config) if item.name == setting)
     registered = item.metadata.get("choices")  # of a text; those of a Literal are known by the field's type
-    return flag(what or spec.doc.removesuffix("."), metavar, spec.default, choices=registered)
+    made = flag(what or spec.doc.removesuffix("."), metavar, spec.default, choices=registered)
+    return dataclasses.field(metadata={**made.metadata, "sets": f"{config.__name__}.{setting}"})
 
 
 def positional(what: str, metavar: str, *, choices: Iterable[object] | None = None) -> Any:
@@ -82,7 +83,36 @@ def add_verb(parser: argparse.ArgumentParser, run: Callable[[A], None]) -> None:
     except argparse.ArgumentError as error:
         remedy = "a plugin has taken the name of a flag: register what it adds by another name"
         raise CommandError("two flags of one name", got=error, where=parser.prog, remedy=remedy) from error
-    parser.set_defaults(run=lambda parsed: run(read_arguments(kind, parsed)))
+    parser.set_defaults(run=lambda parsed: _run(run, read_arguments(kind, parsed)))
+
+
+def _run(run: Callable[[A], None], arguments: A) -> None:
+    """Run the verb; an error about a setting that a flag has set names the flag.
+
+    Raises:
+        RallyscopeError: what the verb raises.
+    """
+    try:
+        run(arguments)
+    except RallyscopeError as error:
+        text = str(error)
+        for setting, name in _flags_given(arguments):
+            if text.startswith(f"{setting}: "):
+                raise CommandError(f"{name}{text.removeprefix(setting)}") from error
+        raise
+
+
+def _flags_given(arguments: object) -> Iterator[tuple[str, str]]:
+    """Settings of configs, and plain names, that flags on the command line have set, with the flags."""
+    for item, hint in _fields(type(arguments)):
+        value = getattr(arguments, item.name)
+        if _is_group(hint):
+            yield from _flags_given(value)
+        elif "name" in item.metadata and value is not None and value != item.metadata["settings"]["default"]:
+            name = f"--{item.metadata['name'] or item.name.replace('_', '-')}"
+            yield item.name, name
+            if "sets" in item.metadata:
+                yield item.metadata["sets"], name
 
 
 def arguments_of(run: Callable[[A], None]) -> type[A]:

@@ -5,21 +5,26 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Final, Literal, TypedDict
 
 from app.cli.arguments import Names, PositiveInt, flag, positional
 from app.cli.progress import progress_bar
-from app.cli.terminal import say
+from app.cli.terminal import print_lines, say
+from app.formatting.import_facts import check_lines
+from core.cameras import Camera
 from core.cameras.calibration_file import read_calibration_file
 from core.cameras.distortion import COEFFICIENTS, LensModel
 from core.cameras.units import METRES, Unit
-from core.errors import CommandError
+from core.errors import CommandError, EventsError
 from core.events import SensorSize
-from core.events.clock_table import read_clock_table
+from core.events.clock_table import ClockTable, read_clock_table
 from core.recordings.frame_import import FrameInput
-from core.recordings.importing import ImportSummary, import_recording
+from core.recordings.import_facts import ImportFacts
+from core.recordings.importing import ImportSummary, check_import, import_recording
+from core.recordings.opening import is_recording
 from core.recordings.sources.readers import event_files
 from core.recordings.sources.source import Stated
 
@@ -35,6 +40,7 @@ def _polarities(text: str) -> dict[str, bool]:
     return found
 
 
+_RECORDINGS: Final = (".h5", ".hdf5")
 Polarities = Annotated[dict[str, bool], _polarities]
 
 
@@ -45,7 +51,9 @@ class ImportArguments:
     recognised by content.
     """
 
-    USAGE: ClassVar = "rallyscope import SRC [SRC2] DST.h5 [options]"
+    USAGE: ClassVar = (
+        "rallyscope import SRC [SRC2] DST.h5 [options]\n       rallyscope import SRC [SRC2] --check [options]"
+    )
     paths: tuple[Path, ...] = positional(
         f"event file(s) ({', '.join(dict.fromkeys(event_files().values()))}), and the result", "SRC [SRC2] DST.h5"
     )
@@ -64,44 +72,99 @@ class ImportArguments:
     frames: Path | None = flag("pictures of an ordinary camera", "VIDEO|FOLDER")
     frame_times: Path | None = flag("a time in us on SRC's clock for each picture", "CSV")
     exposure_us: PositiveInt | None = flag("exposure of the pictures", "N")
+    check: bool = flag("show what the files hold and what would be assumed or left out; write nothing")
     force: bool = flag("replace DST.h5 if it exists")
-    json: bool = flag("print what was made as JSON")
+    json: bool = flag("print what was made, or with --check what was found, as JSON")
 
 
 def run(arguments: ImportArguments) -> None:
-    """Import and say what was made."""
-    if not 2 <= len(arguments.paths) <= 3:
-        raise CommandError("wrong number of files", expected="SRC [SRC2] DST.h5", got=len(arguments.paths))
-    *sources, destination = arguments.paths
+    """Import and say what was made, or check and say what would be."""
+    sources, destination = _files(arguments)
     calibration = None
     if arguments.calibration is not None:
         calibration = read_calibration_file(
             arguments.calibration, unit=arguments.calibration_unit, model=arguments.calibration_model
         )
+    settings: _Settings = {
+        "names": arguments.names,
+        "sensor": _sensor(arguments.width, arguments.height),
+        "calibration": None if calibration is None else calibration.cameras,
+        "remarks": () if calibration is None else calibration.notes,
+        "offset_us": arguments.offset_us,
+        "clock": read_clock_table(arguments.clock) if arguments.clock is not None else None,
+        "stated": Stated(arguments.time_unit, arguments.polarity),
+        "frames": _frames(arguments.frames, arguments.frame_times, arguments.exposure_us),
+    }
+    if destination is None:
+        with progress_bar(f"Checking {sources[0].name}") as progress:
+            facts = check_import(sources, **settings, progress=progress)
+        assert facts is not None  # nobody cancels but with Ctrl-C
+        _say_facts(facts, as_json=arguments.json)
+        return
     with progress_bar(f"Importing {destination.name}") as progress:
-        summary = import_recording(
-            sources,
-            destination,
-            names=arguments.names,
-            sensor=_sensor(arguments.width, arguments.height),
-            calibration=None if calibration is None else calibration.cameras,
-            remarks=() if calibration is None else calibration.notes,
-            offset_us=arguments.offset_us,
-            clock=read_clock_table(arguments.clock) if arguments.clock is not None else None,
-            stated=Stated(arguments.time_unit, arguments.polarity),
-            frames=_frames(arguments.frames, arguments.frame_times, arguments.exposure_us),
-            overwrite=arguments.force,
-            progress=progress,
-        )
-    assert summary is not None  # nobody cancels but with Ctrl-C
-    report = {**dataclasses.asdict(summary), "path": str(summary.path)}
-    say(json.dumps(report) if arguments.json else _describe(summary))
+        summary = import_recording(sources, destination, **settings, overwrite=arguments.force, progress=progress)
+    assert summary is not None
+    if not arguments.json:
+        say(_describe(summary))
+        return
+    made = {name: value for name, value in dataclasses.asdict(summary).items() if name != "facts"}
+    say(json.dumps({**made, "path": str(summary.path), **_found(summary.facts)}))
+
+
+class _Settings(TypedDict):
+    """Arguments that importing and checking share."""
+
+    names: Names | None
+    sensor: SensorSize | None
+    calibration: Mapping[str, Camera] | None
+    remarks: Sequence[str]
+    offset_us: int
+    clock: ClockTable | None
+    stated: Stated
+    frames: FrameInput | None
+
+
+def _files(arguments: ImportArguments) -> tuple[list[Path], Path | None]:
+    """The sources, and the recording to be made; None if nothing is to be written."""
+    paths = list(arguments.paths)
+    if not arguments.check:
+        if not 2 <= len(paths) <= 3:
+            raise CommandError("wrong number of files", expected="SRC [SRC2] DST.h5", got=len(paths))
+        return paths[:-1], paths[-1]
+    if len(paths) > 1 and _is_result(paths[-1]):  # the command of an import with --check behind it
+        paths.pop()
+    if len(paths) > 2:
+        raise CommandError("wrong number of files", expected="SRC [SRC2] --check", got=len(paths))
+    return paths, None
+
+
+def _is_result(path: Path) -> bool:
+    """Whether a file can only be the recording that an import would make."""
+    return is_recording(path) or (path.suffix.lower() in _RECORDINGS and not path.exists())
+
+
+def _say_facts(facts: ImportFacts, *, as_json: bool) -> None:
+    if as_json:
+        say(json.dumps({"duration_us": facts.duration_us, "notes": list(facts.notes), **_found(facts)}))
+    else:
+        print_lines([*check_lines(facts), "Nothing was written."])
+
+
+def _found(facts: ImportFacts) -> dict[str, object]:
+    """What importing and checking both say in JSON: each camera, and what is assumed."""
+    cameras = [dataclasses.asdict(camera) for camera in facts.cameras]
+    return {"cameras": cameras, "assumed": list(facts.assumed)}
 
 
 def _sensor(width: int | None, height: int | None) -> SensorSize | None:
     if (width is None) != (height is None):
         raise CommandError("--width and --height go together", remedy="give both")
-    return None if width is None or height is None else SensorSize(width, height)
+    if width is None or height is None:
+        return None
+    try:
+        return SensorSize(width, height)
+    except EventsError as error:
+        raise CommandError(str(error), where="--width and --height") from error
 
 
 def _frames(images: Path | None, times: Path | None, exposure_us: int | None) -> FrameInput | None:

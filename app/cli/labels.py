@@ -26,7 +26,7 @@ from labels.agreement import Agreement, made_independently, measure_agreement
 from labels.formats import FORMATS, ExportOptions, ImportContext
 from labels.formats.import_report import ImportReport, describe_label, report_of
 from labels.formats.picture_names import stem_of
-from labels.store import LabelStore, Layer
+from labels.store import LabelStore, Layer, find_layers
 
 NAME_COLUMNS = ("name", "file_name", "filename", "file", "picture", "image")
 """Of a table of frame times: what pictures are called."""
@@ -48,6 +48,7 @@ class LabelImportArguments:
     ball_class: str | None = flag("the class that is the ball, where it has another name or no list", "NAME|N", "ball")
     scale_pictures: bool = flag("scale labels if all pictures have one size, another than the sensor's")
     replace: bool = flag("replace labels that are there already")
+    check: bool = flag("show what would be imported and what would be rejected; write nothing")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,15 +92,20 @@ def run_import(arguments: LabelImportArguments) -> None:
             scale_pictures=arguments.scale_pictures,
         )
         found = FORMATS[arguments.format].read(arguments.source, context)
-        tool = f"rallyscope {version('rallyscope')}"
-        with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
-            new = [label for label in found.labels if arguments.replace or store.at(label.t_us) is None]
-            store.edit(put=new)  # one step: one undo takes the whole import back
+        if arguments.check:
+            known = _labelled_us(layer.folder, recording.uuid, stream.name, annotator)
+            new = [label for label in found.labels if arguments.replace or label.t_us not in known]
+        else:
+            tool = f"rallyscope {version('rallyscope')}"
+            with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
+                new = [label for label in found.labels if arguments.replace or store.at(label.t_us) is None]
+                store.edit(put=new)  # one step: one undo takes the whole import back
     there, rejections = len(found.labels) - len(new), [str(rejection) for rejection in found.rejections]
     if not found.labels and rejections:
         raise LabelError(f"nothing could be imported, {len(rejections)} rejected", got=rejections[0])
     report = report_of(found)
-    lines = [f"{len(new)} labels imported for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
+    done = "would be imported" if arguments.check else "imported"
+    lines = [f"{len(new)} labels {done} for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
     layer.tell(
         {
             "annotator": annotator,
@@ -108,14 +114,28 @@ def run_import(arguments: LabelImportArguments) -> None:
             "rejected": rejections,
             **_report_json(report),
         },
-        [*lines, *_report_lines(report)],
+        [*lines, *_report_lines(report), *(["Nothing was written."] if arguments.check else [])],
     )
+
+
+def _labelled_us(folder: Path, uuid: str, camera: str, annotator: str) -> set[int]:
+    """Times at which an annotator has labels of a camera; no store is made where there is none."""
+    wanted = (camera, annotator, False)
+    layers = [one for one in find_layers(folder, uuid) if (one.camera, one.annotator, one.blind) == wanted]
+    times: set[int] = set()
+    for layer in layers:
+        with LabelStore.read(folder, layer) as store:
+            times.update(store.labels().t_us.tolist())
+    return times
 
 
 def _report_json(report: ImportReport) -> dict[str, object]:
     return {
         "files": report.files,
         "taken": report.taken,
+        "states": report.states,
+        "first_us": report.first_us,
+        "last_us": report.last_us,
         "rejected_by_reason": [asdict(item) for item in report.rejected],
         "examples": [
             {"t_us": one.t_us, "state": str(one.state), "x_px": one.x_px, "y_px": one.y_px, "r_px": one.r_px}
@@ -130,6 +150,9 @@ def _report_lines(report: ImportReport) -> list[str]:
     lines = [example for item in report.rejected for example in item.examples]
     lines += [f"for example {describe_label(label)}" for label in report.examples]
     lines += list(report.notes)
+    if report.first_us is not None:
+        states = ", ".join(f"{count:,} {state}" for state, count in report.states.items())
+        lines.append(f"{states}; from {report.first_us:,} us to {report.last_us:,} us of the recording")
     width = max(len(number) for _, number in report.rows)
     return [*lines, *(f"{number:>{width}}  {what}" for what, number in report.rows)]
 

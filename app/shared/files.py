@@ -19,8 +19,9 @@ from app.shared.library import Library
 from app.shared.workspace import Workspace, slug_from
 from core.errors import CommandError, RecordingError
 from core.files import begin_unfinished, end_unfinished, put_beside
-from core.recordings import import_recording, open_recording
+from core.recordings import check_import, import_recording, open_recording
 from core.recordings.identity import source_uuid
+from core.recordings.import_facts import ImportFacts
 from core.recordings.log.growing import is_growing
 from core.recordings.opening import is_recording
 from core.recordings.sources import open_sources
@@ -36,6 +37,26 @@ MIN_FREE_BYTES: Final = 200_000_000
 """So much of the disk stays free: packed files can be very much larger than they look."""
 LOOK_EVERY_S: Final = 0.5
 UNNAMED: Final = "recording"
+LONGEST_LOOK_S: Final = 2.0
+"""So long the events of a file are read before a person is asked; of a large file that is the first part."""
+
+
+def look_at(
+    path: Path,
+    library: Library,
+    workspace: Workspace,
+    *,
+    progress: Callable[[float], None] = lambda share: None,
+    cancelled: Callable[[], bool] = lambda: False,
+) -> ImportFacts | None:
+    """What a file holds before `bring_in` makes a recording of it; None for what is one already, or if cancelled.
+
+    Raises:
+        RecordingError: if the file cannot be read.
+    """
+    if is_growing(path) or is_recording(path) or _known(path, workspace)[2] is not None:
+        return None
+    return check_import([path], longest_s=LONGEST_LOOK_S, progress=progress, cancelled=cancelled)
 
 
 def bring_in(
@@ -60,9 +81,7 @@ def bring_in(
         if own:
             return path.stem
         return _keep_recording(path, workspace) if received else library.add_external(path)
-    wanted = path.stem if own else _slug(path.stem)
-    uuid = source_uuid([path], [source.name for source in open_sources(path)], "None", 0)  # as importing it makes it
-    known = _already_there(workspace, wanted, uuid)
+    wanted, uuid, known = _known(path, workspace)
     if known is not None:
         return known
     folder = incoming_folder(workspace)
@@ -74,6 +93,13 @@ def bring_in(
         return _place(decoded, workspace, wanted, uuid)
     finally:
         end_unfinished(folder)
+
+
+def _known(path: Path, workspace: Workspace) -> tuple[str, str, str | None]:
+    """The name and the identity of the recording that an event file becomes, and its name if it is there already."""
+    wanted = path.stem if path.parent == workspace.recordings else _slug(path.stem)
+    uuid = source_uuid([path], [source.name for source in open_sources(path)], "None", 0)  # as importing it makes it
+    return wanted, uuid, _already_there(workspace, wanted, uuid)
 
 
 def _keep_recording(path: Path, workspace: Workspace) -> str:

@@ -1,6 +1,6 @@
 """Recordings on disk: one way to open every format, and the writer of ours."""
 
-from core.recordings.importing import import_recording
+from core.recordings.importing import check_import, import_recording
 from core.recordings.opening import open_recording
 from core.recordings.recording import CameraStream, Recording, Triggers, knows_ball
 from core.recordings.truth import BallTruth, PixelTruth
@@ -13,6 +13,7 @@ __all__ = [
     "Recording",
     "RecordingWriter",
     "Triggers",
+    "check_import",
     "import_recording",
     "knows_ball",
     "open_recording",

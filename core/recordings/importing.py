@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,13 +18,17 @@ from core.events import Events, SensorSize
 from core.events.clock_table import ClockTable
 from core.recordings.frame_import import FRAME_CAMERA, FrameInput, first_image_size, read_frame_times, read_images
 from core.recordings.identity import files_of, source_uuid
+from core.recordings.import_facts import CameraFacts, EventCounts, ImportFacts, camera_facts, unused_options
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
-from core.recordings.sources.source import ASSUMED, DecodeReport, PictureTrack, Stated
+from core.recordings.sources.source import DecodeReport, PictureTrack, Stated, Whence
 from core.recordings.writer import RecordingWriter
+from core.text.plain_text import encodable
 
 _FLUSH_S: Final = 1.0
 """What a killed import may lose."""
+_FARTHEST_US: Final = 1 << 61
+"""Of an offset between clocks: sums with times of files stay within 64 bits."""
 _UNRELATED_US: Final = 3_600_000_000
 """Clocks of one stereo pair are not further apart than this."""
 
@@ -38,6 +43,7 @@ class ImportSummary:
     triggers: dict[str, int]
     duration_us: int
     notes: tuple[str, ...]
+    facts: ImportFacts
 
 
 @dataclass(slots=True)
@@ -49,6 +55,7 @@ class _Feed:
     clock_us: int
     """Added to the source's times to get those of the first source."""
     weight: float
+    file: str
     clock: ClockTable | None = None
     """Added to that, where the difference changes."""
     report: DecodeReport = field(default_factory=DecodeReport)
@@ -58,6 +65,7 @@ class _Feed:
     last_us: int = 0
     triggers: int = 0
     last_trigger_us: int | None = None
+    counts: EventCounts = field(default_factory=EventCounts)
 
     def __post_init__(self) -> None:
         self.parts = self.source.read(self.report)
@@ -67,6 +75,47 @@ class _Feed:
     def common_us(self, t_us: NDArray[np.int64]) -> NDArray[np.int64]:
         """Times of the source on the clock of the first one."""
         return (t_us if self.clock is None else self.clock.shifted(t_us)) + self.clock_us
+
+    def count(self, part: Events) -> None:
+        """Take in a part that is imported."""
+        counts, events = self.counts, len(part)
+        if events:
+            first_us = int(part.t_us[0]) if counts.first_us is None else counts.first_us
+            on = counts.on + int(np.count_nonzero(part.on))
+            self.counts = dataclasses.replace(
+                counts, events=counts.events + events, on=on, first_us=first_us, last_us=int(part.t_us[-1])
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """What is to be imported, when the files are open."""
+
+    sources: Sequence[Path]
+    feeds: list[_Feed]
+    zero_us: int
+    """Time 0 of the recording, on the clock of the first source."""
+    sensors: dict[str, SensorSize]
+    calibration: dict[str, Camera]
+    given: frozenset[str]
+    """Cameras whose calibration is not from the files."""
+    frames: FrameInput | None
+    remarks: Sequence[str]
+
+    def facts(self, *, complete: bool) -> ImportFacts:
+        """What has been found up to now."""
+        duration_us = max((feed.last_us + 1 for feed in self.feeds if feed.counts.events), default=0)
+        notes = _notes(self.feeds, self.sources, self.remarks)
+        return ImportFacts(tuple(map(self._camera, self.feeds)), duration_us, complete, notes)
+
+    def _camera(self, feed: _Feed) -> CameraFacts:
+        known = feed.name in self.calibration
+        whence = Whence.OPTION if feed.name in self.given else Whence.FILE
+        counts = dataclasses.replace(feed.counts, triggers=feed.triggers)
+        return camera_facts(
+            feed.source, feed.report, counts,
+            name=feed.name, file=feed.file, calibration_from=whence if known else None,
+        )  # fmt: skip
 
 
 def import_recording(
@@ -99,18 +148,12 @@ def import_recording(
     if destination.exists() and not overwrite:  # found before long work on the sources
         raise RecordingError("the file exists", where=destination, remedy="choose another name, or --force")
     feeds = _open_feeds(sources, names, sensor, offset_us, clock, stated or Stated())
-    zero_us = _common_zero(feeds)
-    sensors = {feed.name: feed.source.sensor for feed in feeds}
-    if calibration or frames is not None:
-        _refuse_assumed_sizes(feeds)
-    matched = {name: camera for name, camera in _own_calibration(feeds).items() if name not in (calibration or {})}
-    matched |= _match_calibration(calibration or {}, list(sensors))
-    for name, pictures in _pictures_of(feeds):
-        sensors.setdefault(name, pictures.sensor)
-    if frames is not None:
-        sensors[FRAME_CAMERA] = first_image_size(frames.images)
+    plan = _plan(sources, feeds, calibration or {}, frames, remarks)
     uuid = source_uuid(
-        sources, list(sensors), str(sensor) + (clock.digest if clock is not None else "") + _choices(stated), offset_us
+        sources,
+        list(plan.sensors),
+        str(sensor) + (clock.digest if clock is not None else "") + _choices(stated),
+        offset_us,
     )
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
@@ -120,21 +163,19 @@ def import_recording(
     try:
         writer = RecordingWriter(
             destination,
-            sensors,
-            calibration=matched,
-            time_offsets_us={feed.name: zero_us - feed.clock_us for feed in feeds},
+            plan.sensors,
+            calibration=plan.calibration,
+            time_offsets_us={feed.name: plan.zero_us - feed.clock_us for feed in feeds},
             uuid=uuid,
             overwrite=overwrite,
         )
-        done = _copy_events(writer, feeds, zero_us, progress, cancelled)
-        if done:
-            _copy_pictures(writer, feeds, zero_us)
-        if done and frames is not None:
-            _copy_frames(writer, frames, zero_us)
-        if not done:
+        if not _copy_events(writer, plan, progress, cancelled):
             writer.discard()
             return None
-        notes = _write_notes(writer, feeds, sources, remarks)
+        _copy_pictures(writer, plan)
+        facts = plan.facts(complete=True)
+        for note in facts.notes:
+            writer.note(note)
         writer.close()
     except BaseException as error:
         if writer is None:
@@ -148,7 +189,67 @@ def import_recording(
     if progress is not None:
         progress(1.0)
     events = {feed.name: writer.event_count(feed.name) for feed in feeds}
-    return ImportSummary(destination, events, {feed.name: feed.triggers for feed in feeds}, writer.duration_us, notes)
+    triggers = {feed.name: feed.triggers for feed in feeds}
+    return ImportSummary(destination, events, triggers, writer.duration_us, facts.notes, facts)
+
+
+def check_import(
+    sources: Sequence[Path],
+    *,
+    names: Sequence[str] | None = None,
+    sensor: SensorSize | None = None,
+    calibration: Mapping[str, Camera] | None = None,
+    offset_us: int = 0,
+    clock: ClockTable | None = None,
+    remarks: Sequence[str] = (),
+    stated: Stated | None = None,
+    frames: FrameInput | None = None,
+    longest_s: float | None = None,
+    progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> ImportFacts | None:
+    """What `import_recording` would find with the same arguments; nothing is written. None if `cancelled` said so.
+
+    After `longest_s` seconds of reading events the rest is left unread, and the facts say so.
+
+    Raises:
+        RecordingError: what the import would raise on reading.
+    """
+    feeds = _open_feeds(sources, names, sensor, offset_us, clock, stated or Stated())
+    plan = _plan(sources, feeds, calibration or {}, frames, remarks)
+    end_s = None if longest_s is None else time.monotonic() + longest_s
+
+    def over() -> bool:
+        return (cancelled is not None and cancelled()) or (end_s is not None and time.monotonic() > end_s)
+
+    complete = _copy_events(None, plan, progress, over)
+    if cancelled is not None and cancelled():
+        return None
+    if complete:
+        _copy_pictures(None, plan)
+        if progress is not None:
+            progress(1.0)
+    return plan.facts(complete=complete)
+
+
+def _plan(
+    sources: Sequence[Path],
+    feeds: list[_Feed],
+    calibration: Mapping[str, Camera],
+    frames: FrameInput | None,
+    remarks: Sequence[str],
+) -> _Plan:
+    zero_us = _common_zero(feeds)
+    sensors = {feed.name: feed.source.sensor for feed in feeds}
+    if calibration or frames is not None:
+        _refuse_assumed_sizes(feeds)
+    own = {name: camera for name, camera in _own_calibration(feeds).items() if name not in calibration}
+    given = _match_calibration(calibration, list(sensors))
+    for name, pictures in _pictures_of(feeds):
+        sensors.setdefault(name, pictures.sensor)
+    if frames is not None:
+        sensors[FRAME_CAMERA] = first_image_size(frames.images)
+    return _Plan(sources, feeds, zero_us, sensors, own | given, frozenset(given), frames, remarks)
 
 
 def _open_feeds(
@@ -161,6 +262,8 @@ def _open_feeds(
 ) -> list[_Feed]:
     if not 1 <= len(paths) <= 2:
         raise RecordingError("wrong number of sources", expected="one, or two of a stereo pair", got=len(paths))
+    if abs(offset_us) > _FARTHEST_US:
+        raise RecordingError("no such offset", expected=f"at most {_FARTHEST_US} us", got=offset_us, where="offset_us")
     opened = [(number, source) for number, path in enumerate(paths) for source in open_sources(path, sensor)]
     if names is None:
         names = ("left", "right") if len(paths) == len(opened) == 2 else [source.name for _, source in opened]
@@ -173,6 +276,7 @@ def _open_feeds(
             source,
             offset_us if number else 0,
             weight / max(1, sum(weights)),
+            paths[number].name,
             clock if number else None,
             DecodeReport(stated=stated),
         )
@@ -188,10 +292,10 @@ def _choices(stated: Stated | None) -> str:
 def _refuse_assumed_sizes(feeds: list[_Feed]) -> None:
     """A calibration and pictures hang on the size of the sensor: there it is not guessed."""
     for feed in feeds:
-        if feed.source.sensor_from == ASSUMED:
+        if feed.source.sensor_from == Whence.ASSUMED:
             raise RecordingError(
                 f"camera {feed.name}: the file does not name its sensor size, and a calibration or pictures hang on it",
-                got=f"{feed.source.sensor}, {ASSUMED}",
+                got=f"{feed.source.sensor}, assumed from the events",
                 remedy="give --width and --height",
             )
 
@@ -227,13 +331,13 @@ def _pictures_of(feeds: list[_Feed]) -> list[tuple[str, PictureTrack]]:
 
 
 def _copy_events(
-    writer: RecordingWriter,
-    feeds: list[_Feed],
-    zero_us: int,
+    writer: RecordingWriter | None,
+    plan: _Plan,
     progress: Callable[[float], None] | None,
     cancelled: Callable[[], bool] | None,
 ) -> bool:
-    """Write all events, the camera that is behind first; False if cancelled."""
+    """Read all events, the camera that is behind first, and write them if there is a writer; False if cancelled."""
+    feeds, zero_us = plan.feeds, plan.zero_us
     flushed_s = time.monotonic()
     while active := [feed for feed in feeds if feed.pending is not None]:
         if cancelled is not None and cancelled():
@@ -243,12 +347,15 @@ def _copy_events(
         assert part is not None
         t_us = feed.common_us(part.t_us) - zero_us
         t_us.flags.writeable = False
-        writer.append(feed.name, Events(t_us, part.x_px, part.y_px, part.on, part.sensor))
+        feed.count(part)
+        if writer is not None:
+            writer.append(feed.name, Events(t_us, part.x_px, part.y_px, part.on, part.sensor))
         feed.last_us = int(t_us[-1])
         feed.pending = next(feed.parts, None)
         if time.monotonic() - flushed_s > _FLUSH_S:
             _copy_triggers(writer, feeds, zero_us)
-            writer.flush()
+            if writer is not None:
+                writer.flush()
             flushed_s = time.monotonic()
         if progress is not None:
             progress(sum(feed.report.share * feed.weight for feed in feeds))
@@ -260,7 +367,7 @@ def _next_us(feed: _Feed) -> int:
     return 0 if feed.pending is None else int(feed.common_us(feed.pending.t_us[:1])[0])
 
 
-def _copy_triggers(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) -> None:
+def _copy_triggers(writer: RecordingWriter | None, feeds: list[_Feed], zero_us: int) -> None:
     for feed in feeds:
         parts, feed.report.triggers = feed.report.triggers, []
         if not parts:
@@ -271,25 +378,31 @@ def _copy_triggers(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) ->
         t_us = np.maximum.accumulate(t_us)  # edges of a disordered read-out, as with events
         rising = np.concatenate([part.rising for part in parts])
         channel = np.concatenate([part.channel for part in parts])
-        writer.write_triggers(feed.name, Triggers(t_us, rising, channel))
+        if writer is not None:
+            writer.write_triggers(feed.name, Triggers(t_us, rising, channel))
         feed.last_trigger_us = int(t_us[-1])
         feed.triggers += len(t_us)
 
 
-def _copy_pictures(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) -> None:
-    for feed in feeds:
+def _copy_pictures(writer: RecordingWriter | None, plan: _Plan) -> None:
+    """Read the pictures in the files and those that were given beside them, and write them if there is a writer."""
+    for feed in plan.feeds:
         for name, pictures in _pictures_of([feed]):
             for picture in pictures.read(feed.report):
-                t_us = feed.common_us(np.array([picture.t_us], np.int64)) - zero_us
-                writer.write_frames(name, t_us, np.array([picture.exposure_us]), picture.image[None])
+                t_us = feed.common_us(np.array([picture.t_us], np.int64)) - plan.zero_us
+                feed.counts = dataclasses.replace(feed.counts, pictures=feed.counts.pictures + 1)
+                if writer is not None:
+                    writer.write_frames(name, t_us, np.array([picture.exposure_us]), picture.image[None])
+    if plan.frames is not None:
+        _copy_frames(writer, plan.frames, plan.zero_us)
 
 
-def _copy_frames(writer: RecordingWriter, frames: FrameInput, zero_us: int) -> None:
+def _copy_frames(writer: RecordingWriter | None, frames: FrameInput, zero_us: int) -> None:
     times_us = read_frame_times(frames.times) - zero_us
     exposure_us = np.array([frames.exposure_us])
     count = 0
     for image in read_images(frames.images):
-        if count < len(times_us):
+        if count < len(times_us) and writer is not None:
             writer.write_frames(FRAME_CAMERA, times_us[count : count + 1], exposure_us, image[None])
         count += 1
     if count != len(times_us):
@@ -298,19 +411,15 @@ def _copy_frames(writer: RecordingWriter, frames: FrameInput, zero_us: int) -> N
         )
 
 
-def _write_notes(
-    writer: RecordingWriter, feeds: list[_Feed], sources: Sequence[Path], remarks: Sequence[str]
-) -> tuple[str, ...]:
+def _notes(feeds: list[_Feed], sources: Sequence[Path], remarks: Sequence[str]) -> tuple[str, ...]:
+    """What the recording keeps of its files and of what was assumed."""
     files = " and ".join(path.name for path in sources)
     notes = [*remarks, f"Imported from {files} ({', '.join(dict.fromkeys(feed.source.format for feed in feeds))})."]
     for feed in feeds:
         if feed.first_us is None:
             notes.append(f"Camera {feed.name} has no events.")
-        notes.extend(feed.report.notes)
+        notes += [*feed.report.notes, *unused_options(feed.source, feed.report)]
     starts = [feed.first_us for feed in feeds if feed.first_us is not None]
     if len(starts) > 1 and max(starts) - min(starts) > min(feed.last_us for feed in feeds):
         notes.append("The cameras do not overlap in time; an offset between their clocks may be missing.")
-    notes = list(dict.fromkeys(notes))
-    for note in notes:
-        writer.note(note)
-    return tuple(notes)
+    return tuple(dict.fromkeys(map(encodable, notes)))

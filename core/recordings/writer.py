@@ -25,6 +25,7 @@ from core.recordings.log.assemble import assemble
 from core.recordings.log.growing import GrowingFile, Json
 from core.recordings.recording import Triggers
 from core.recordings.truth import BallTruth, PixelTruth
+from core.text.plain_text import encodable
 
 _PACKERS = 2
 _FLUSHES_PER_START = 100
@@ -162,7 +163,7 @@ class RecordingWriter:
 
     def note(self, text: str) -> None:
         """Say something that a reader of the recording should know."""
-        self._append_frame({"kind": "note", "text": text})
+        self._append_frame({"kind": "note", "text": encodable(text)})
 
     def extend_duration(self, duration_us: int) -> None:
         """Make the recording at least this long, though nothing may happen at its end."""

@@ -20,6 +20,11 @@ def plain(text: str, most: int | None = LONGEST) -> str:
     return _UNFIT.sub(_escape, text[:most] if cut else text) + (" ..." if cut else "")
 
 
+def encodable(text: str) -> str:
+    """The text with an escape for what no encoding takes: bytes of a file's name that are no characters."""
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 def _escape(found: re.Match[str]) -> str:
     mark = found.group()
     return _KNOWN.get(mark) or (f"\\x{ord(mark):02x}" if ord(mark) < 0x100 else f"\\u{ord(mark):04x}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Final
 
@@ -33,6 +34,11 @@ class ImportReport:
     """Up to three labels that were taken, with a ball if there are any, spread over the import."""
     notes: tuple[str, ...]
     """What the files do not say themselves and where it was found."""
+    states: dict[str, int]
+    """State of a label -> how many were taken."""
+    first_us: int | None
+    """Time of the first label that was taken, as `last_us` that of the last; None if none was."""
+    last_us: int | None
 
     @property
     def rows(self) -> tuple[tuple[str, str], ...]:
@@ -53,7 +59,12 @@ def report_of(imported: Imported) -> ImportReport:
     seen = [label for label in imported.labels if label.x_px is not None] or list(imported.labels)
     spread = {0, len(seen) // 2, len(seen) - 1} if seen else set()
     examples = tuple(seen[index] for index in sorted(spread))
-    return ImportReport(imported.files, len(imported.labels), rejected, examples, imported.notes)
+    times = [label.t_us for label in imported.labels]
+    states = dict(sorted(Counter(str(label.state) for label in imported.labels).items()))
+    return ImportReport(
+        imported.files, len(times), rejected, examples, imported.notes,
+        states, min(times, default=None), max(times, default=None),
+    )  # fmt: skip
 
 
 def describe_label(label: Label) -> str:

@@ -11,13 +11,15 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from app.background.jobs import Job, Progress
+from app.formatting.import_facts import fact_rows
 from app.formatting.text import notice_of
 from app.modes.services import Services
-from app.shared.files import OfferedFile, bring_in
+from app.shared.files import OfferedFile, bring_in, look_at
 from app.web.pages import Json, Message
 from core.errors import RallyscopeError, RecordingError
 from core.files import end_unfinished
 from core.recordings import Recording, knows_ball
+from core.recordings.import_facts import IMPORTED_FROM, ImportFacts
 from core.recordings.sources.kinds import kind_of
 
 MAX_LISTED: Final = 1_000
@@ -38,10 +40,27 @@ def facts_message(name: str, source: str, kind: str | None, recording: Recording
     cameras: list[Json] = [
         f"{camera}: {stream.sensor}, {stream.event_count:,} events" for camera, stream in recording.cameras.items()
     ]
-    said = [note[:LONGEST_NOTE] for note in recording.notes if not note.startswith("Imported from ")]
-    notes: list[Json] = [*said[:MAX_NOTES], *([f"... and {len(said) - MAX_NOTES} more"] if said[MAX_NOTES:] else [])]
+    notes = _shortened(recording.notes)
     facts: list[Json] = [*cameras, f"{recording.duration_us / 1e6:.3f} s", *_extras(recording)]
     return {"state": "done", "file": source, "name": name, "kind": kind or "", "facts": facts, "notes": notes}
+
+
+def question_message(facts: ImportFacts) -> Message:
+    """What a person sees before a file is imported: the facts of each camera, what is assumed, and the notes."""
+    cameras: list[Json] = []
+    for camera in facts.cameras:
+        found = fact_rows(camera, complete=facts.complete)
+        rows: list[Json] = [[label, value[:LONGEST_NOTE]] for label, value in found]
+        cameras.append({"name": camera.name, "rows": rows})
+    assumed = _shortened(facts.assumed)
+    notes = _shortened([note for note in facts.notes if note not in facts.assumed])
+    return {"state": "question", "cameras": cameras, "assumed": assumed, "notes": notes, "complete": facts.complete}
+
+
+def _shortened(notes: Sequence[str]) -> list[Json]:
+    """As many notes as have room, without the one that only names the file."""
+    said = [note[:LONGEST_NOTE] for note in notes if not note.startswith(IMPORTED_FROM)]
+    return [*said[:MAX_NOTES], *([f"... and {len(said) - MAX_NOTES} more"] if said[MAX_NOTES:] else [])]
 
 
 def problem_message(source: str, path: Path, error: RallyscopeError) -> Message:
@@ -110,6 +129,9 @@ class FileOpening:
         self._pool = pool
         self._session = session
         self._job: Job[Message | None] | None = None
+        self._question: _Source | None = None
+        """Looked at, and not to be imported before the person says so."""
+        self._said: Message = {}
         self._called = ""
         self._number = 0
         self._dialogs = 0
@@ -144,7 +166,7 @@ class FileOpening:
         """The browser is gone: what it still wanted is not wanted any more."""
         with self._lock:
             self._closed = True
-            arrived, self._arrived = self._arrived, set()
+            arrived, self._arrived = self._arrived, set[_Source]()
         for source in arrived:
             source.release()
         self._cancel()
@@ -158,6 +180,9 @@ class FileOpening:
             case "open":
                 key = str(message.get("key"))[:64]
                 self._pool.submit(self._find, key)
+            case "import":
+                number = message.get("number")
+                self._session.later(lambda: self._confirmed(number))
             case "cancel":
                 self._cancel()
 
@@ -195,35 +220,68 @@ class FileOpening:
         with self._lock:
             self._arrived.discard(source)
             closed = self._closed
-        if closed or self._job is not None:
+        if closed or self._job is not None or self._question is not None:
             source.release()
             if not closed:
-                self._tell({"state": "importing", "share": round(self._told_share, 3), "problem": BUSY})
+                self._tell({**self._said, "problem": BUSY})
             return
-        services, number = self._services, self._number + 1
+        services = self._services
+
+        def work(progress: Progress, cancelled: Callable[[], bool]) -> Message | None:
+            kept = False
+            try:
+                facts = look_at(source.path, services.library, services.workspace, cancelled=cancelled)
+                if facts is None or not facts.needs_a_look:
+                    return None if cancelled() else self._bring_in(source, progress, cancelled)
+                with self._lock:
+                    kept = not cancelled() and not self._closed
+                    self._question = source if kept else None
+                return question_message(facts)
+            finally:
+                if not kept:
+                    source.release()
+
+        self._tell_anew(source.name, {"state": "importing", "share": 0.0})
+        self._start(source, work)
+
+    def _confirmed(self, number: Json) -> None:
+        """The person wants the file of the question of this number."""
+        with self._lock:
+            source = self._question if number == self._number else None
+            self._question = None if source is not None else self._question
+        if source is None:
+            return
 
         def work(progress: Progress, cancelled: Callable[[], bool]) -> Message | None:
             try:
-                kind = kind_of(source.path)
-                name = bring_in(
-                    source.path,
-                    services.library,
-                    services.workspace,
-                    received=source.received,
-                    progress=progress,
-                    cancelled=cancelled,
-                )
-                if name is None:
-                    return None
-                recording = services.library.open(name)
-                if not recording.cameras:
-                    raise RecordingError("no cameras in this recording", where=source.path, remedy="choose another")
-                return facts_message(name, source.name, kind, recording)
+                return self._bring_in(source, progress, cancelled)
             finally:
                 source.release()
 
+        self._tell({"state": "importing", "share": 0.0})
+        self._start(source, work)
+
+    def _bring_in(self, source: _Source, progress: Progress, cancelled: Callable[[], bool]) -> Message | None:
+        """In the thread of a job: the file as a recording, and what was recognised; None if it was cancelled."""
+        services, kind = self._services, kind_of(source.path)
+        name = bring_in(
+            source.path,
+            services.library,
+            services.workspace,
+            received=source.received,
+            progress=progress,
+            cancelled=cancelled,
+        )
+        if name is None:
+            return None
+        recording = services.library.open(name)
+        if not recording.cameras:
+            raise RecordingError("no cameras in this recording", where=source.path, remedy="choose another")
+        return facts_message(name, source.name, kind, recording)
+
+    def _start(self, source: _Source, work: Callable[[Progress, Callable[[], bool]], Message | None]) -> None:
+        number = self._number
         self._told_share = 0.0
-        self._tell_anew(source.name, {"state": "importing", "share": 0.0})
         self._job = Job(
             work,
             lambda facts: self._session.later(lambda: self._done(number, facts)),
@@ -234,8 +292,10 @@ class FileOpening:
         if number != self._number or self._job is None:
             return
         self._job = None
-        if facts is not None:
-            self._tell(facts)
+        if facts is None:
+            return
+        self._tell(facts)
+        if facts["state"] == "done":
             self._session.open_recording(str(facts["name"]))
 
     def _failed(self, number: int, source: _Source, error: Exception) -> None:
@@ -249,9 +309,14 @@ class FileOpening:
             self._tell({"state": "failed", "problem": "This is a bug; the terminal shows where."})
 
     def _cancel(self) -> None:
-        if self._job is not None:
-            self._job.cancel()
-            self._job = None
+        job, self._job = self._job, None
+        if job is not None:
+            job.cancel()
+        with self._lock:  # after that no job makes a question any more
+            source, self._question = self._question, None
+        if source is not None:
+            source.release()
+        if job is not None or source is not None:
             self._tell({"state": "cancelled"})
 
     def _tell_anew(self, name: str, values: Message) -> None:
@@ -260,4 +325,5 @@ class FileOpening:
         self._tell(values)
 
     def _tell(self, values: Message) -> None:
+        self._said = {name: value for name, value in values.items() if name != "problem"}
         self._page.send("opening", {"number": self._number, "file": self._called, **values})

@@ -10,6 +10,10 @@
       <input type="file" aria-label="File of this computer" tabindex="-1" hidden></p>
     <input type="search" aria-label="Search the files" placeholder="Search" autocomplete="off" hidden>
     <ul aria-label="Files of the server"></ul>
+    <div class="question" hidden>
+      <p></p><div class="facts"></div>
+      <div class="end"><button type="button" data-do="cancel">Cancel</button><button type="button" data-do="import" class="main">Import</button></div>
+    </div>
     <p class="more"></p>
     <div class="busy" role="status" hidden>
       <span></span><progress max="1" aria-label="Progress"></progress><button type="button" data-do="cancel">Cancel</button>
@@ -25,7 +29,7 @@
   veil.hidden = true;
   veil.textContent = "Drop the file to open it";
   const find = (selector) => dialog.querySelector(selector);
-  const list = find("ul"), search = find("[type=search]"), chosen = find("[type=file]"), busy = find(".busy");
+  const list = find("ul"), search = find("[type=search]"), chosen = find("[type=file]"), busy = find(".busy"), question = find(".question");
   const element = (name, text) => { const made = document.createElement(name); made.textContent = text; return made; };
 
   let files = [], leftOut = 0, upload = null, importing = false, seen = 0, asked = 0;
@@ -77,6 +81,7 @@
 
   rallyscope.handlers.opening = (message) => {
     importing = message.state === "importing";
+    ask(message);
     if (importing) {
       if (message.number !== seen) say("");
       const number = (seen = message.number), text = `Opening ${message.file} ...`;
@@ -99,11 +104,44 @@
     card.timer = setTimeout(() => { if (!card.matches(":hover, :focus-within")) card.hidden = true; }, SHOWN_S * 1000);
   };
 
+  // What stands in a file that assumes something, before it is imported -----------------------------------------------
+
+  const ask = (message) => {
+    const asks = message.state === "question";
+    if (asks && !question.hidden) return;
+    question.hidden = !asks;
+    dialog.classList.toggle("asks", asks);
+    if (!asks) return;
+    if (!dialog.open) open();
+    const facts = question.querySelector(".facts");
+    question.querySelector("p").textContent = `${message.file}: please look at this before it is imported.`
+      + (message.complete ? "" : " It is large: only its first part was read.");
+    facts.replaceChildren(...message.cameras.map(({ name, rows }) => {
+      const table = document.createElement("table");
+      if (message.cameras.length > 1) table.append(element("caption", `Camera ${name}`));
+      table.append(...rows.map(([label, value]) => {
+        const row = document.createElement("tr"), head = element("th", label);
+        head.scope = "row";
+        row.append(head, element("td", value));
+        return row;
+      }));
+      return table;
+    }));
+    for (const [title, lines] of [["Assumed", message.assumed], ["Notes", message.notes]]) {
+      if (!lines.length) continue;
+      const found = document.createElement("ul");
+      found.setAttribute("aria-label", title);
+      found.append(...lines.map((line) => element("li", line)));
+      facts.append(element("h3", title), found);
+    }
+    question.querySelector("[data-do=import]").focus();
+  };
+
   // Sending a file --------------------------------------------------------------------------------------------------
 
   const send = (file) => {
     say("");
-    if (upload || importing) return say("A file is being opened already; wait for it, or cancel it.");
+    if (upload || importing || !question.hidden) return say("A file is being opened already; wait for it, or cancel it.");
     if (file.size > MOST_BYTES)
       return say(`${file.name} has ${Math.ceil(file.size / 1e6)} MB, and up to 200 MB can be sent. Put it into the server's folder of recordings instead.`);
     const socket = new WebSocket(rallyscope.socketUrl("/rallyscope/upload", { page: rallyscope.page }));
@@ -149,10 +187,12 @@
     if (!button) return;
     if (button.dataset.key) { say(""); rallyscope.send("files", { do: "open", key: button.dataset.key }); }
     else if (button.dataset.do === "choose") chosen.click();
+    else if (button.dataset.do === "import") rallyscope.send("files", { do: "import", number: seen });
     else if (button.dataset.do === "cancel") cancel();
     else if (button.dataset.do === "close") dialog.close();
   });
   chosen.addEventListener("change", () => { if (chosen.files.length) send(chosen.files[0]); chosen.value = ""; });
+  dialog.addEventListener("close", () => { if (!question.hidden) cancel(); });
   dialog.addEventListener("keydown", (event) => event.stopPropagation()); // keys of the app mean nothing here
   addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey || event.key.toLowerCase() !== "o") return;

@@ -2,6 +2,14 @@
 
 from core.recordings.sources.readers import register_reader
 from core.recordings.sources.recognise import open_sources
-from core.recordings.sources.source import DecodeReport, EventSource
+from core.recordings.sources.source import BINARY_FACTS, DecodeReport, EventSource, Fact, Whence
 
-__all__ = ["DecodeReport", "EventSource", "open_sources", "register_reader"]
+__all__ = [
+    "BINARY_FACTS",
+    "DecodeReport",
+    "EventSource",
+    "Fact",
+    "Whence",
+    "open_sources",
+    "register_reader",
+]

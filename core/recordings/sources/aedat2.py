@@ -20,9 +20,18 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.sources.checking import check_stream
+from core.recordings.sources.checking import CUT_SHORT, check_stream
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.source import (
+    MICROSECONDS,
+    POLARITY,
+    TIME_UNIT,
+    Columns,
+    DecodeReport,
+    EventSource,
+    Fact,
+    Whence,
+)
 
 _VERSION_1: Final = b"#!AER-DAT1.0"
 _MAX_HEADER: Final = 16 << 20
@@ -59,12 +68,15 @@ def open_aedat2(path: Path, sensor: SensorSize | None) -> list[EventSource]:
 
     def decode(report: DecodeReport) -> Iterator[Columns]:
         if header.chip is None:
-            report.notes.append(f"{path.name} does not name its camera; by its size it is taken for a {camera.name}.")
+            report.assume(f"{path.name} does not name its camera; by its size it is taken for a {camera.name}.")
         if not camera.davis:
-            report.notes.append(f"{path.name}: bit 0 of an address is OFF, as in jAER, not as iniVation describes it.")
+            report.assume(f"{path.name}: bit 0 of an address is OFF, as in jAER, not as iniVation describes it.")
         yield from _decode(path, header, camera, report)
 
-    return [make_source(path, "camera", label, camera.sensor, decode, check_stream)]
+    polarity = Fact("0 = OFF, 1 = ON", Whence.FORMAT) if camera.davis else Fact("0 = ON, 1 = OFF", Whence.ASSUMED)
+    whence = Whence.CAMERA if header.chip is not None else Whence.OPTION  # without a name the size tells the camera
+    facts = {TIME_UNIT: MICROSECONDS, POLARITY: polarity}
+    return [make_source(path, "camera", label, camera.sensor, decode, check_stream, sensor_from=whence, facts=facts)]
 
 
 def _read_header(path: Path) -> _Header:
@@ -131,10 +143,10 @@ def _decode(path: Path, header: _Header, camera: _Camera, report: DecodeReport) 
             _add_triggers(t_us[external], address[external], camera, report)
             yield _pixels(t_us[pixels], address[pixels], camera)
             report.share = (done - header.size_bytes) / max(1, end - header.size_bytes)
-    if (end - header.size_bytes) % header.row.itemsize:
-        report.notes.append(f"{path.name}: the last bytes are no whole event; the file was cut short.")
-    if skipped:
-        report.notes.append(f"{path.name}: {skipped:,} samples of pictures and of the IMU were left out.")
+    rest = (end - header.size_bytes) % header.row.itemsize
+    report.leave_out(CUT_SHORT, rest, f"{path.name}: the last bytes are no whole event; the file was cut short.")
+    note = f"{path.name}: {skipped:,} samples of pictures and of the IMU were left out."
+    report.leave_out("pictures and IMU", skipped, note)
 
 
 def _kinds(address: NDArray[np.int64], camera: _Camera) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -29,6 +29,12 @@ FEW_LEFT_OUT: Final = 3
 _MIN_ROWS: Final = 4096
 """Parts are judged together up to this number, so that there are neighbours to look at."""
 NO_WRAPS: Final[tuple[int, ...]] = ()
+OUTSIDE: Final = "outside the sensor"
+WRONG_TIME: Final = "wrong time"
+CUT_SHORT: Final = "bytes at the end"
+RESERVED_WORDS: Final = "reserved words"
+DAMAGED_TIMES: Final = "damaged time words"
+"""Reasons for which something is left out."""
 
 
 def check_stream(
@@ -166,23 +172,26 @@ class _Check:
         """Say what was left out, or refuse what cannot be true as a whole."""
         good, stray, outside, damaged = self.counts.tolist()
         largest = int(self.state[sifting.MAX_X]), int(self.state[sifting.MAX_Y])
-        notes, where = self.report.notes, self.where
+        where = self.where
         total = good + stray + outside + damaged
         refuse_many_outside(outside, total, self.sensor, largest, where)
         if self.table and stray + damaged > max(FEW_LEFT_OUT, MAX_LEFT_OUT * total):
             what = f"the times of {stray + damaged:,} of {total:,} events lie apart from those of their neighbours"
             raise RecordingError(what, where=where, remedy="check which column is the time, and sort the events by it")
-        if outside:
-            notes.append(outside_note(outside, self.sensor, largest, where))
-        if stray + damaged:
-            notes.append(f"{where}: {stray + damaged:,} events were left out: their times lie apart from the others.")
+        report = self.report
+        report.leave_out(OUTSIDE, outside, outside_note(outside, self.sensor, largest, where))
+        apart = f"{where}: {stray + damaged:,} events were left out: their times lie apart from the others."
+        report.leave_out(WRONG_TIME, stray + damaged, apart)
         late, latest_us = int(self.state[sifting.LATE]), int(self.state[sifting.LATEST])
-        if late and self.table:
-            notes.append(f"{where}: {late:,} events were out of order by up to {latest_us / 1e3:g} ms; now sorted.")
-        elif late:
-            notes.append(f"{where}: {late:,} events came up to 1 ms too early; they have the time before them.")
-        if self.state[sifting.WRAPS]:
-            notes.append(f"{where}: the clock began again at 0 {self.state[sifting.WRAPS]} times; its time runs on.")
+        if self.table:
+            note = f"{where}: {late:,} events were out of order by up to {latest_us / 1e3:g} ms; now sorted."
+            report.change("sorted by time", late, note)
+        else:
+            note = f"{where}: {late:,} events came up to 1 ms too early; they have the time before them."
+            report.change("time stepped back", late, note)
+        wraps = int(self.state[sifting.WRAPS])
+        note = f"{where}: the clock began again at 0 {wraps} times; its time runs on."
+        report.change("clock began again", wraps, note)
 
 
 def _large_enough(parts: Iterable[Columns]) -> Iterator[Columns]:

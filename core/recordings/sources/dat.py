@@ -14,10 +14,10 @@ import numpy as np
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.sources.checking import check_stream
+from core.recordings.sources.checking import CUT_SHORT, check_stream
 from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import read_prophesee_header
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.source import Columns, DecodeReport, EventSource, Whence
 
 _EVENTS_OF_CHANGE: Final = (0x00, 0x0C)
 _EVENT_BYTES: Final = 8
@@ -50,7 +50,9 @@ def open_dat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     def check(parts, sensor, report, *, where):
         return check_stream(parts, sensor, report, where=where, clock_lengths_us=(_CLOCK_US,))
 
-    return [make_source(path, "camera", "Prophesee DAT", sensor or header.sensor, decode, check)]
+    whence = Whence.CAMERA if sensor is None and header.sensor_by_camera else Whence.FILE
+    size = sensor or header.sensor
+    return [make_source(path, "camera", "Prophesee DAT", size, decode, check, sensor_from=whence)]
 
 
 def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
@@ -64,6 +66,6 @@ def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
             yield Columns(t, address & 0x3FFF, (address >> 14) & 0x3FFF, (address >> 28) & 1 == 1)
             done += len(data)
             report.share = done / end
-    if (end - start) % _EVENT_BYTES:
-        rest = (end - start) % _EVENT_BYTES
-        report.notes.append(f"{path.name}: the last {rest} bytes are not a whole event; the file was cut short.")
+    rest = (end - start) % _EVENT_BYTES
+    note = f"{path.name}: the last {rest} bytes are not a whole event; the file was cut short."
+    report.leave_out(CUT_SHORT, rest, note)

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.jit import njit
-from core.recordings.sources.checking import check_stream
+from core.recordings.sources.checking import CUT_SHORT, DAMAGED_TIMES, RESERVED_WORDS, check_stream
 from core.recordings.sources.evt_time import Decoded
 from core.recordings.sources.making import make_source
 from core.recordings.sources.prophesee_header import PropheseeHeader
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.source import Columns, DecodeReport, EventSource, Whence
 
 VERSIONS: Final = ("EVT4", "EVT4.0")
 """As headers spell it."""
@@ -40,7 +40,7 @@ _MAX_RESERVED: Final = 0.01
 """Of the first words: in a stream of this format there are none."""
 _MASK: Final = 0xFFFFFFF
 _SECOND: Final = 1_000_000 // 64
-HIGH, EPOCH, RESERVED, DAMAGED_TIMES = range(4)
+HIGH, EPOCH, RESERVED, DAMAGED = range(4)
 
 
 def open_evt4(path: Path, header: PropheseeHeader, sensor: SensorSize | None) -> EventSource:
@@ -63,9 +63,11 @@ def open_evt4(path: Path, header: PropheseeHeader, sensor: SensorSize | None) ->
     if state[RESERVED] > _MAX_RESERVED * max(1, len(words)):
         got = f"{state[RESERVED]:,} reserved words among the first {len(words):,}"
         raise RecordingError("the words are not those of EVT4, which the header names", got=got, where=path)
+    whence = Whence.CAMERA if sensor is None and header.sensor_by_camera else Whence.FILE
     return make_source(
-        path, "camera", "Prophesee EVT4", size, lambda report: _decode(path, header.size_bytes, report), check_stream
-    )
+        path, "camera", "Prophesee EVT4", size, lambda report: _decode(path, header.size_bytes, report), check_stream,
+        sensor_from=whence,
+    )  # fmt: skip
 
 
 def _start(words: NDArray[np.uint32]) -> NDArray[np.int64]:
@@ -97,12 +99,12 @@ def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
                 yield Columns(out.t_us[:events], out.x_px[:events], out.y_px[:events], out.on[:events])
             rest = data[4 * used :]
             report.share = (done - start) / max(1, end - start)
-    if rest:
-        report.notes.append(f"{path.name}: the last {len(rest)} bytes are no whole event; the file was cut short.")
-    if state is not None and state[RESERVED]:
-        report.notes.append(f"{path.name}: {state[RESERVED]:,} words of a reserved type were left out.")
-    if state is not None and state[DAMAGED_TIMES]:
-        report.notes.append(f"{path.name}: {state[DAMAGED_TIMES]:,} damaged time words were ignored.")
+    note = f"{path.name}: the last {len(rest)} bytes are no whole event; the file was cut short."
+    report.leave_out(CUT_SHORT, len(rest), note)
+    if state is not None:
+        reserved, damaged = int(state[RESERVED]), int(state[DAMAGED])
+        report.leave_out(RESERVED_WORDS, reserved, f"{path.name}: {reserved:,} words of a reserved type were left out.")
+        report.leave_out(DAMAGED_TIMES, damaged, f"{path.name}: {damaged:,} damaged time words were ignored.")
 
 
 @njit
@@ -153,7 +155,7 @@ def _decode_words(words, state, out):
         elif kind == TIME_HIGH:
             value = word & _MASK
             if _is_damaged_time(words, i, value, state[HIGH]):
-                state[DAMAGED_TIMES] += 1
+                state[DAMAGED] += 1
             else:
                 if state[HIGH] - value > _MASK // 2:
                     state[EPOCH] += 1 << 34

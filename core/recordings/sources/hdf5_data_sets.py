@@ -22,7 +22,16 @@ from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.checking import check_table
 from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.source import (
+    MICROSECONDS,
+    POLARITY,
+    TIME_UNIT,
+    Columns,
+    DecodeReport,
+    EventSource,
+    Fact,
+    Whence,
+)
 from core.recordings.sources.table_columns import addresses_from_column
 
 _WRAPPED_OFF: Final = (255, 65_535, 2**32 - 1)
@@ -45,8 +54,10 @@ def open_hdf5_data_set(path: Path, sensor: SensorSize | None) -> list[EventSourc
     return None
 
 
-def polarity_is_on(p: NDArray, *, where: str) -> NDArray[np.bool_]:
+def polarity_is_on(p: NDArray, *, where: str, report: DecodeReport) -> NDArray[np.bool_]:
     """Which events are ON, from polarities of 0 and 1, of -1 and 1, or of 1 and a -1 that wrapped around.
+
+    The report keeps the values that were found.
 
     Raises:
         RecordingError: if there is any other value.
@@ -57,6 +68,10 @@ def polarity_is_on(p: NDArray, *, where: str) -> NDArray[np.bool_]:
     if len(odd):
         found = ", ".join(str(value) for value in np.unique(odd)[:5])
         raise RecordingError("polarities that are not known", expected="0 and 1, or -1 and 1", got=found, where=where)
+    known = (-1, 0, 1, *(_WRAPPED_OFF if p.dtype.kind in "ui" else ()))
+    said = {f"{value} = {'ON' if value == 1 else 'OFF'}" for value in known if (p == value).any()}
+    said |= set(report.facts[POLARITY].value.split(", ") if POLARITY in report.facts else ())
+    report.facts[POLARITY] = Fact(", ".join(sorted(said)), Whence.FILE)
     return on
 
 
@@ -69,17 +84,18 @@ def _open_v2e(path: Path, file: h5py.File, sensor: SensorSize | None) -> EventSo
     if sensor is None and isinstance(frames, h5py.Dataset) and frames.ndim == 3:
         sensor = SensorSize(int(frames.shape[2]), int(frames.shape[1]))
 
-    def rows(file: h5py.File, first: int, last: int) -> Columns:
-        t, x, y, p = np.asarray(dataset_at(file, "events")[first:last]).T
-        on = polarity_is_on(p, where=f"{path}, /events")
-        return Columns(t.astype(np.int64), addresses_from_column(x), addresses_from_column(y), on)
-
     def decode(report: DecodeReport) -> Iterator[Columns]:
-        report.notes.append(f"{path.name}: the columns of /events are taken for v2e's: t in us, x, y, polarity.")
+        def rows(file: h5py.File, first: int, last: int) -> Columns:
+            t, x, y, p = np.asarray(dataset_at(file, "events")[first:last]).T
+            on = polarity_is_on(p, where=f"{path}, /events", report=report)
+            return Columns(t.astype(np.int64), addresses_from_column(x), addresses_from_column(y), on)
+
+        report.assume(f"{path.name}: the columns of /events are taken for v2e's: t in us, x, y, polarity.")
         return read_in_parts(path, rows, count, report)
 
     count = len(events)
-    return make_source(path, "camera", "v2e HDF5", sensor, decode, check_table)
+    facts = {TIME_UNIT: MICROSECONDS._replace(whence=Whence.ASSUMED, why="as v2e writes them")}
+    return make_source(path, "camera", "v2e HDF5", sensor, decode, check_table, facts=facts)
 
 
 def _open_m3ed(path: Path, cameras: h5py.Group, sensor: SensorSize | None) -> list[EventSource]:
@@ -100,18 +116,21 @@ def _open_m3ed(path: Path, cameras: h5py.Group, sensor: SensorSize | None) -> li
 def _m3ed_source(
     path: Path, side: str, sensor: SensorSize | None, count: int, camera: Camera | str | None
 ) -> EventSource:
-    def rows(file: h5py.File, first: int, last: int) -> Columns:
-        group = group_at(file, f"prophesee/{side}")
-        t, x, y, p = (dataset_at(group, name)[first:last] for name in ("t", "x", "y", "p"))
-        on = polarity_is_on(p, where=f"{path}, {side}")
-        return Columns(np.asarray(t).astype(np.int64), addresses_from_column(x), addresses_from_column(y), on)
-
     def decode(report: DecodeReport) -> Iterator[Columns]:
+        def rows(file: h5py.File, first: int, last: int) -> Columns:
+            group = group_at(file, f"prophesee/{side}")
+            t, x, y, p = (dataset_at(group, name)[first:last] for name in ("t", "x", "y", "p"))
+            on = polarity_is_on(p, where=f"{path}, {side}", report=report)
+            return Columns(np.asarray(t).astype(np.int64), addresses_from_column(x), addresses_from_column(y), on)
+
         if isinstance(camera, str):
             report.notes.append(camera)
         return read_in_parts(path, rows, count, report)
 
-    source = make_source(path, side, "M3ED HDF5", sensor, decode, check_table)
+    source = make_source(
+        path, side, "M3ED HDF5", sensor, decode, check_table,
+        sensor_from=Whence.CALIBRATION, facts={TIME_UNIT: MICROSECONDS},
+    )  # fmt: skip
     return dataclasses.replace(source, calibration=camera) if isinstance(camera, Camera) else source
 
 

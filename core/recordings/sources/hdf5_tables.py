@@ -19,7 +19,7 @@ from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_table_source
-from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
+from core.recordings.sources.source import DecodeReport, EventSource, RawColumns, Whence
 from core.recordings.sources.table_columns import unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_values import Survey, survey
@@ -62,16 +62,18 @@ def _open_columns(
 
     count = lengths[names[0]]
     dsec = label.startswith("DSEC") and "ms_to_idx" in file
-    unit = unit_of_name(_unit_attribute(dataset_at(group_at(file, group), names[0]))) or ("us" if dsec else None)
+    unit, unit_from = unit_of_name(_unit_attribute(dataset_at(group_at(file, group), names[0]))), Whence.FILE
+    if unit is None and dsec:
+        unit, unit_from = "us", Whence.FORMAT
     seen: Survey | None = None
     if sensor is None and any("sensor_resolution" in item.attrs for item in (file, group_at(file, group))):
         seen = survey(read_in_parts(path, rows, count, DecodeReport()))
-    sensor = sensor or _stated_sensor(file, group, seen)
+    sensor, sensor_from = sensor or _stated_sensor(file, group, seen), Whence.FILE
     if sensor is None and dsec and "t_offset" in file:
-        sensor = _DSEC_SENSOR
+        sensor, sensor_from = _DSEC_SENSOR, Whence.DATA_SET
     return make_table_source(
         path, "camera", label, sensor, lambda report: read_in_parts(path, rows, count, report),
-        unit=unit, shift_us=offset_us, seen=seen,
+        unit=unit, unit_from=unit_from, shift_us=offset_us, seen=seen, sensor_from=sensor_from,
     )  # fmt: skip
 
 
@@ -107,6 +109,8 @@ def _open_mvsec(path: Path, davis: h5py.Group, sensor: SensorSize | None) -> lis
                 size,
                 lambda report, rows=rows, count=count: read_in_parts(path, rows, count, report),
                 unit="s",
+                unit_from=Whence.FORMAT,
+                sensor_from=Whence.FILE if sensor is not None else Whence.DATA_SET,
             )
         )
     if not sources:

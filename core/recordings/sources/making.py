@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final, Protocol
 
 from core.events import Events, SensorSize
 from core.recordings.sources.checking import check_table
-from core.recordings.sources.source import ASSUMED, Columns, DecodeReport, EventSource, RawColumns
+from core.recordings.sources.source import (
+    BINARY_FACTS,
+    Columns,
+    DecodeReport,
+    EventSource,
+    Fact,
+    RawColumns,
+    Whence,
+)
 from core.recordings.sources.values.table_values import Meaning, Survey, find_meaning, survey
 
 _USUAL: Final = tuple(
@@ -17,7 +25,6 @@ _USUAL: Final = tuple(
 )
 _LARGEST_PX: Final = 4096
 """No event camera has more columns or rows; a few addresses beyond are odd rows, no size."""
-THE_FILE: Final = "the file"
 
 
 class Check(Protocol):
@@ -35,16 +42,19 @@ def make_source(
     sensor: SensorSize | None,
     decode: Callable[[DecodeReport], Iterator[Columns]],
     check: Check,
+    *,
+    sensor_from: Whence = Whence.FILE,
+    facts: Mapping[str, Fact] = BINARY_FACTS,
 ) -> EventSource:
-    """The camera `name` of a file whose columns `decode` finds."""
+    """The camera `name` of a file whose columns `decode` finds; `sensor_from` is where a `sensor` is from."""
     size = sensor or _assume_sensor(decode(DecodeReport()))
+    whence = Whence.ASSUMED if sensor is None else sensor_from
 
     def read(report: DecodeReport) -> Iterator[Events]:
-        if sensor is None:
-            report.notes.append(assumed_note(path, size))
+        _note_size(report, path, size, whence, label)
         return check(decode(report), size, report, where=path.name)
 
-    return EventSource(name, label, size, read, sensor_from=ASSUMED if sensor is None else THE_FILE)
+    return EventSource(name, label, size, read, sensor_from=whence, facts=facts)
 
 
 def make_table_source(
@@ -56,12 +66,15 @@ def make_table_source(
     *,
     unit: str | None = None,
     shift_us: int = 0,
+    unit_from: Whence = Whence.FILE,
     seen: Survey | None = None,
+    sensor_from: Whence = Whence.FILE,
+    assumed: str | None = None,
 ) -> EventSource:
     """The camera `name` of a table, whose values are looked at as a whole before they are read.
 
-    `unit` is the unit of time that the file states, `shift_us` is added to its times, `seen` what all `rows` have in
-    common if that is known already.
+    `unit` is the unit of time that the file or its format states, `shift_us` is added to its times, `seen` what all
+    `rows` have in common if that is known already, `assumed` what was taken for granted on opening it.
     """
     known = [] if seen is None else [seen]
 
@@ -71,6 +84,7 @@ def make_table_source(
         return known[0]
 
     size = sensor or usual_sensor(*look().largest)
+    whence = Whence.ASSUMED if sensor is None else sensor_from
 
     def decode(report: DecodeReport, meaning: Meaning) -> Iterator[Columns]:
         odd = 0
@@ -78,22 +92,26 @@ def make_table_source(
             columns, left_out = meaning.columns(part)
             odd += left_out
             yield columns._replace(t_us=columns.t_us + shift_us) if shift_us else columns
-        if odd:
-            report.notes.append(f"{path.name}: {odd:,} events were left out: their times or polarities are no such.")
+        note = f"{path.name}: {odd:,} events were left out: their times or polarities are no such."
+        report.leave_out("odd values", odd, note)
 
     def read(report: DecodeReport) -> Iterator[Events]:
-        if sensor is None:
-            report.notes.append(assumed_note(path, size))
-        meaning = find_meaning(look(), unit, report, where=path.name)
+        _note_size(report, path, size, whence, label)
+        if assumed is not None:
+            report.assume(assumed)
+        meaning = find_meaning(look(), unit, report, where=path.name, unit_from=unit_from)
         lengths = meaning.clock_lengths_us
         return check_table(decode(report, meaning), size, report, where=path.name, clock_lengths_us=lengths)
 
-    return EventSource(name, label, size, read, sensor_from=ASSUMED if sensor is None else THE_FILE)
+    return EventSource(name, label, size, read, sensor_from=whence)
 
 
-def assumed_note(path: Path, size: SensorSize) -> str:
-    """What is said of a sensor size that no file states."""
-    return f"{path.name} does not name its sensor size; {size} is assumed from the events."
+def _note_size(report: DecodeReport, path: Path, size: SensorSize, whence: Whence, label: str) -> None:
+    """Say of a sensor size that the file does not state why it is taken."""
+    if whence == Whence.ASSUMED:
+        report.assume(f"{path.name} does not name its sensor size; {size} is assumed from the events.")
+    elif whence == Whence.DATA_SET:
+        report.assume(f"{path.name} does not name its sensor size; {size} is assumed, that of {label}.")
 
 
 def _assume_sensor(parts: Iterable[Columns]) -> SensorSize:

@@ -15,9 +15,17 @@ from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.checking import check_stream
 from core.recordings.sources.ecf import decode_ecf
+from core.recordings.sources.hdf5_data_sets import polarity_is_on
 from core.recordings.sources.hdf5_reading import UNREADABLE, explain
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.source import (
+    BINARY_FACTS,
+    MICROSECONDS,
+    TIME_UNIT,
+    Columns,
+    DecodeReport,
+    EventSource,
+)
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 
 _ECF_FILTER: Final = 0x8ECF
@@ -34,9 +42,11 @@ def open_metavision_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSou
         events = dataset_at(group_at(file, "CD"), "events")
         if not {"x", "y", "p", "t"} <= set(events.dtype.names or ()):
             raise RecordingError("/CD/events has other fields", expected="x, y, p, t", got=events.dtype, where=path)
-        name = "Metavision HDF5, ECF" if _is_ecf(events) else "Metavision HDF5"
+        packed = _is_ecf(events)
         sensor = sensor or size_in_attributes(dict(file.attrs))
-    return [make_source(path, "camera", name, sensor, lambda report: _decode(path, report), check_stream)]
+    name = "Metavision HDF5, ECF" if packed else "Metavision HDF5"
+    facts = BINARY_FACTS if packed else {TIME_UNIT: MICROSECONDS}
+    return [make_source(path, "camera", name, sensor, lambda report: _decode(path, report), check_stream, facts=facts)]
 
 
 def _decode(path: Path, report: DecodeReport) -> Iterator[Columns]:
@@ -47,7 +57,7 @@ def _decode(path: Path, report: DecodeReport) -> Iterator[Columns]:
                 _read_triggers(dataset_at(group_at(file, "EXT_TRIGGER"), "events"), report)
             events = dataset_at(group_at(file, "CD"), "events")
             total = max(1, len(events))
-            for columns in _ecf_chunks(events) if _is_ecf(events) else _records(events):
+            for columns in _ecf_chunks(events) if _is_ecf(events) else _records(events, report):
                 yield columns
                 done += len(columns.t_us)
                 report.share = done / total
@@ -76,9 +86,11 @@ def _ecf_chunks(dataset: h5py.Dataset) -> Iterator[Columns]:
             yield Columns(*(column[:expected] for column in columns))
 
 
-def _records(dataset: h5py.Dataset) -> Iterator[Columns]:
+def _records(dataset: h5py.Dataset, report: DecodeReport) -> Iterator[Columns]:
     for start in range(0, len(dataset), _ROWS):
-        yield _columns(dataset[start : start + _ROWS])
+        records = dataset[start : start + _ROWS]
+        on = polarity_is_on(records["p"], where=f"{dataset.file.filename}, {dataset.name}", report=report)
+        yield _columns(records)._replace(on=on)
 
 
 def _columns(records: NDArray) -> Columns:

@@ -14,7 +14,7 @@ import numpy as np
 from core.events import SensorSize
 from core.recordings.sources.checking import check_stream
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.source import Columns, DecodeReport, EventSource, Whence
 
 EVENT_BYTES: Final = 5
 _OVERFLOW_Y: Final = 240
@@ -35,13 +35,12 @@ def open_nmnist(path: Path, sensor: SensorSize | None) -> list[EventSource] | No
     small = columns.x_px.max() < _N_MNIST.width_px and columns.y_px.max() < _N_MNIST.height_px
 
     def decode(report: DecodeReport) -> Iterator[Columns]:
-        if sensor is None and small:
-            report.notes.append(f"{path.name} does not name its sensor size; N-MNIST's {_N_MNIST} is assumed.")
         yield columns
         report.share = 1.0
 
     known = sensor or (_N_MNIST if small else None)
-    return [make_source(path, "camera", "N-MNIST, 40-bit events", known, decode, check_stream)]
+    whence = Whence.FILE if sensor is not None else Whence.DATA_SET
+    return [make_source(path, "camera", "N-MNIST, 40-bit events", known, decode, check_stream, sensor_from=whence)]
 
 
 def _columns(data: bytes) -> Columns:

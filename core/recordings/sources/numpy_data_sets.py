@@ -22,7 +22,7 @@ from core.events import SensorSize
 from core.recordings.sources.checking import check_table
 from core.recordings.sources.hdf5_data_sets import polarity_is_on
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.source import TIME_UNIT, Columns, DecodeReport, EventSource, Fact, Whence
 from core.recordings.sources.table_columns import addresses_from_column, times_us
 
 _ROWS: Final = 1 << 18
@@ -98,10 +98,9 @@ def _open_n_imagenet(path: Path, sensor: SensorSize | None) -> EventSource:
     if not {"x", "y", "t", "p"} <= set(events.dtype.names or ()):
         raise RecordingError("event_data has other fields", expected="x, y, t, p", got=events.dtype, where=path)
     columns = tuple(events[name].reshape(-1) for name in ("t", "x", "y", "p"))
-    remark = None
-    if sensor is None:
-        remark = f"{path.name} does not name its sensor size; N-ImageNet's {_N_IMAGENET_SENSOR} is assumed."
-    return _source(path, "N-ImageNet NumPy", sensor or _N_IMAGENET_SENSOR, columns, remark, seconds=False)
+    whence = Whence.DATA_SET if sensor is None else Whence.FILE
+    size = sensor or _N_IMAGENET_SENSOR
+    return _source(path, "N-ImageNet NumPy", size, columns, None, seconds=False, sensor_from=whence)
 
 
 def _open_evimo(path: Path, sensor: SensorSize | None) -> EventSource:
@@ -123,18 +122,22 @@ def _source(
     remark: str | None,
     *,
     seconds: bool,
+    sensor_from: Whence = Whence.FILE,
 ) -> EventSource:
     def decode(report: DecodeReport) -> Iterator[Columns]:
         if remark is not None:
-            report.notes.append(remark)
+            report.assume(remark)
         count = len(columns[0])
         for first in range(0, count, _ROWS):
             t, x, y, p = (np.asarray(column[first : first + _ROWS]) for column in columns)
-            on = polarity_is_on(p, where=str(path))
+            on = polarity_is_on(p, where=str(path), report=report)
             yield Columns(times_us(t, seconds=seconds), addresses_from_column(x), addresses_from_column(y), on)
             report.share = min(1.0, (first + _ROWS) / count)
 
-    return make_source(path, "camera", label, sensor, decode, check_table)
+    unit = Fact("seconds" if seconds else "microseconds", Whence.FORMAT)
+    return make_source(
+        path, "camera", label, sensor, decode, check_table, sensor_from=sensor_from, facts={TIME_UNIT: unit}
+    )
 
 
 def _size_in(folder: Path) -> SensorSize | None:

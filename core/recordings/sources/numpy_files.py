@@ -10,7 +10,7 @@ import os
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,15 @@ _MEMORY_SHARE: Final = 0.5
 """An archive may unpack to this share of the machine's memory: a small one can hold a thousand times its size."""
 
 
+class _Loaded(NamedTuple):
+    rows: RawColumns
+    unit: str | None
+    """Of the times, as the file states it."""
+    sensor: SensorSize | None
+    assumed: str | None = None
+    """What is said of columns without names."""
+
+
 def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     """The one camera of the file.
 
@@ -37,11 +46,19 @@ def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     """
     try:
         _check_unpacked_size(path)
-        rows, unit, stated = _load(path)
+        loaded = _load(path)
     except _BROKEN as error:
         raise RecordingError("the NumPy file cannot be read", got=error, where=path) from error
     return [
-        make_table_source(path, "camera", "NumPy", sensor or stated, lambda report: _parts(rows, report), unit=unit)
+        make_table_source(
+            path,
+            "camera",
+            "NumPy",
+            sensor or loaded.sensor,
+            lambda report: _parts(loaded.rows, report),
+            unit=loaded.unit,
+            assumed=loaded.assumed,
+        )
     ]
 
 
@@ -52,25 +69,25 @@ def _parts(rows: RawColumns, report: DecodeReport) -> Iterator[RawColumns]:
         report.share = min(1.0, (first + _ROWS) / count)
 
 
-def _load(path: Path) -> tuple[RawColumns, str | None, SensorSize | None]:
-    """The columns, the unit of their times and the sensor's size, as far as the file states them."""
+def _load(path: Path) -> _Loaded:
+    """The columns, and what the file states of them."""
     loaded = np.load(path, allow_pickle=False)
     if isinstance(loaded, np.ndarray):
-        return *_from_array(loaded, path), None
+        return _from_array(loaded, path)
     with loaded:
         names = list(loaded.files)
         small = {name: loaded[name] for name in names if _is_about_size(name)}
         stated = size_in_attributes(small)
         whole = next((name for name in ("events", "arr_0") if name in names), None)
         if whole is not None:
-            return *_from_array(loaded[whole], path), stated
+            return _from_array(loaded[whole], path)._replace(sensor=stated)
         places = find_columns(names, where=str(path))
         arrays = {column: loaded[names[place]] for column, place in places.items()}
         arrays = {column: array.reshape(-1) if 1 in array.shape else array for column, array in arrays.items()}
         lengths = {column: array.shape for column, array in arrays.items()}
         if len(set(lengths.values())) != 1 or arrays["t"].ndim != 1:
             raise RecordingError("event columns differ in shape", expected="equal lengths", got=lengths, where=path)
-        return _columns(arrays), unit_of_name(names[places["t"]]), stated
+        return _Loaded(_columns(arrays), unit_of_name(names[places["t"]]), stated)
 
 
 def _is_about_size(name: str) -> bool:
@@ -103,15 +120,16 @@ def _memory_bytes() -> int:
         return 8 << 30
 
 
-def _from_array(array: NDArray, path: Path) -> tuple[RawColumns, str | None]:
+def _from_array(array: NDArray, path: Path) -> _Loaded:
     if array.dtype.names is not None:
         places = find_columns(array.dtype.names, where=str(path))
         named = {column: array[array.dtype.names[place]].reshape(-1) for column, place in places.items()}
-        return _columns(named), unit_of_name(array.dtype.names[places["t"]])
+        return _Loaded(_columns(named), unit_of_name(array.dtype.names[places["t"]]), None)
     if array.ndim != 2 or array.shape[1] != 4:
         raise RecordingError("not an array of events", expected="(N, 4) or records", got=array.shape, where=path)
     order = guess_columns(array[:10_000], where=str(path))
-    return _columns({column: array[:, place] for column, place in order.places.items()}), None
+    columns = {column: array[:, place] for column, place in order.places.items()}
+    return _Loaded(_columns(columns), None, None, order.note(path.name))
 
 
 def _columns(arrays: dict[str, NDArray]) -> RawColumns:

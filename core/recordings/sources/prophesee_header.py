@@ -29,6 +29,8 @@ class PropheseeHeader:
     word_swapped: bool
     """EVT2.1 as the first cameras wrote it: the two halves of each word exchanged."""
     is_dat: bool
+    sensor_by_camera: bool = False
+    """Whether the size is not stated, but that of the camera that the header names."""
 
 
 def read_prophesee_header(path: Path) -> PropheseeHeader:
@@ -42,12 +44,14 @@ def read_prophesee_header(path: Path) -> PropheseeHeader:
         fields.setdefault(key.lower(), value.strip())
     format_name, _, extras = fields.get("format", "").partition(";")
     options = dict(item.split("=", 1) for item in extras.split(";") if "=" in item)
+    stated = _stated_sensor(fields, options)
     return PropheseeHeader(
         size,
         _version(fields.get("evt"), format_name),
-        _sensor(fields, options),
+        stated or _sensor_of_camera(fields),
         options.get("endianness") == "legacy",
         is_dat=_is_dat(lines, head[size : size + 2]),
+        sensor_by_camera=stated is None,
     )
 
 
@@ -76,7 +80,7 @@ def _version(evt: str | None, format_name: str) -> str | None:
     return None
 
 
-def _sensor(fields: dict[str, str], options: dict[str, str]) -> SensorSize | None:
+def _stated_sensor(fields: dict[str, str], options: dict[str, str]) -> SensorSize | None:
     for width, height in (
         (options.get("width"), options.get("height")),
         tuple(fields.get("geometry", "x").lower().split("x", 1))
@@ -93,6 +97,10 @@ def _sensor(fields: dict[str, str], options: dict[str, str]) -> SensorSize | Non
             and 0 < int(height) <= 8192
         ):
             return SensorSize(int(width), int(height))
+    return None
+
+
+def _sensor_of_camera(fields: dict[str, str]) -> SensorSize | None:
     plugin = " ".join(fields.get(key, "").lower() for key in ("plugin_name", "camera_integrator_name", "sensor_name"))
     for names, sensor in reversed(_GENERATIONS):
         if any(name in plugin for name in names):

@@ -18,14 +18,15 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.events import Events, SensorSize
 from core.recordings.hdf5 import read_only
-from core.recordings.sources.checking import outside_note, refuse_many_outside
+from core.recordings.sources.checking import CUT_SHORT, DAMAGED_TIMES, RESERVED_WORDS, outside_note, refuse_many_outside
+from core.recordings.sources.checking import OUTSIDE as OUTSIDE_SENSOR
 from core.recordings.sources.evt2 import decode_evt2, decode_evt21, start_state_evt2, start_state_evt21
 from core.recordings.sources.evt3 import IGNORED, MAX_X, MAX_Y, OUTSIDE, RESERVED, decode_evt3, start_state
 from core.recordings.sources.evt4 import VERSIONS as EVT4_VERSIONS
 from core.recordings.sources.evt4 import open_evt4
 from core.recordings.sources.evt_time import BAD_COLUMN, BAD_ROW, BAD_TIME, BAD_WORD, Decoded
 from core.recordings.sources.prophesee_header import PropheseeHeader, read_prophesee_header
-from core.recordings.sources.source import DecodeReport, EventSource
+from core.recordings.sources.source import BINARY_FACTS, DecodeReport, EventSource, Whence
 
 _BLOCK_BYTES: Final = 1 << 20
 _ROOM_EVENTS: Final = 1 << 18
@@ -59,9 +60,9 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
         RecordingError: if the header tells neither version nor, without `sensor`, the sensor size.
     """
     header = read_prophesee_header(path)
-    version = header.version
+    version, version_assumed = header.version, False
     if version is None and sensor is None and header.sensor == SensorSize(640, 480):
-        version = "EVT2"  # the first generation that wrote RAW files knew no other
+        version, version_assumed = "EVT2", True  # the first generation that wrote RAW files knew no other
     if version in EVT4_VERSIONS:
         return [open_evt4(path, header, sensor)]
     if version not in _FORMATS:
@@ -71,6 +72,7 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
             got=version or "none",
             where=path,
         )
+    whence = Whence.CAMERA if sensor is None and header.sensor_by_camera else Whence.FILE
     sensor = sensor or header.sensor
     if sensor is None:
         raise RecordingError(
@@ -80,9 +82,12 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
     chosen, size = version, sensor
 
     def read(report: DecodeReport) -> Iterator[Events]:
+        if version_assumed:
+            report.assume(f"{path.name} names no version of its words; EVT2 is assumed, by the size of its sensor.")
         return _decode(path, header, _FORMATS[chosen], size, report)
 
-    return [EventSource("camera", f"Prophesee {version}", sensor, read)]
+    label = f"Prophesee {version}"
+    return [EventSource("camera", label, sensor, read, sensor_from=whence, facts=BINARY_FACTS)]
 
 
 def _refuse_text(path: Path, header: PropheseeHeader) -> None:
@@ -98,17 +103,17 @@ def _decode(
     path: Path, header: PropheseeHeader, kind: _Format, sensor: SensorSize, report: DecodeReport
 ) -> Iterator[Events]:
     state: NDArray | None = None
-    done, events_read = header.size_bytes, 0
+    done, events_read, stopped = header.size_bytes, 0, False
     with path.open("rb") as file:
         end = os.fstat(file.fileno()).st_size
         file.seek(done)
-        while data := file.read(_BLOCK_BYTES):
+        while not stopped and (data := file.read(_BLOCK_BYTES)):
             words = np.frombuffer(data[: len(data) - len(data) % kind.word.itemsize], kind.word)
             if header.word_swapped:
                 words = (words >> np.uint64(32)) | (words << np.uint64(32))
             if state is None:
                 state = kind.start_state(words)
-            while len(words):
+            while len(words) and not stopped:
                 events, used, damage = _decode_part(words, state, kind, sensor, report)
                 events_read += len(events)
                 if len(events):
@@ -117,26 +122,28 @@ def _decode(
                 report.share = done / end
                 if damage:
                     report.notes.append(f"{path.name}: stopped at byte {done:,} of {end:,}: {_DAMAGE[damage]}.")
-                    return
+                    stopped = True
                 words = words[used:]
-    if done != end:
-        report.notes.append(f"{path.name}: the last {end - done} bytes are not a whole word; the file was cut short.")
-    if state is not None and len(state) > MAX_Y:
-        _say_left_out(path, state, sensor, events_read, report)
-    if state is not None and state[IGNORED]:
-        report.notes.append(f"{path.name}: {state[IGNORED]} damaged time words were ignored.")
+    if done != end and not stopped:
+        note = f"{path.name}: the last {end - done} bytes are not a whole word; the file was cut short."
+        report.leave_out(CUT_SHORT, end - done, note)
+    if state is not None:
+        _say_left_out(path, state, sensor, events_read, report, damaged=stopped)
     report.share = 1.0
 
 
-def _say_left_out(path: Path, state: NDArray, sensor: SensorSize, read: int, report: DecodeReport) -> None:
+def _say_left_out(
+    path: Path, state: NDArray, sensor: SensorSize, read: int, report: DecodeReport, *, damaged: bool
+) -> None:
     """Count what was left out; a sensor that is too small for many events is refused."""
     outside, largest = int(state[OUTSIDE]), (int(state[MAX_X]), int(state[MAX_Y]))
-    if not state[IGNORED]:  # else damage, and no wrong size
+    reserved, ignored = int(state[RESERVED]), int(state[IGNORED])
+    if not ignored and not damaged:  # else damage, and no wrong size
         refuse_many_outside(outside, outside + read, sensor, largest, path.name)
-    if outside:
-        report.notes.append(outside_note(outside, sensor, largest, path.name))
-    if state[RESERVED]:
-        report.notes.append(f"{path.name}: {state[RESERVED]:,} words of reserved types (padding) were skipped.")
+    report.leave_out(OUTSIDE_SENSOR, outside, outside_note(outside, sensor, largest, path.name))
+    note = f"{path.name}: {reserved:,} words of reserved types (padding) were skipped."
+    report.leave_out(RESERVED_WORDS, reserved, note)
+    report.leave_out(DAMAGED_TIMES, ignored, f"{path.name}: {ignored} damaged time words were ignored.")
 
 
 def _decode_part(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Final
 
@@ -25,7 +26,7 @@ from core.recordings.sources.readers import HEAD_BYTES, READERS, Recognise, regi
 from core.recordings.sources.ros import open_bag
 from core.recordings.sources.ros.bags import MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC, is_bag_folder
 from core.recordings.sources.sony_rallies import is_sony_file, is_sony_folder, open_sony_file, open_sony_folder
-from core.recordings.sources.source import EventSource
+from core.recordings.sources.source import EventSource, Whence
 from core.recordings.sources.text import open_text
 
 FORMATS: Final = (
@@ -42,8 +43,13 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
     Raises:
         RecordingError: if the file is missing, empty, of no known format, or damaged at its very beginning.
     """
-    if path.is_dir():
-        return _open_folder(path, sensor)
+    found = _open_folder(path, sensor) if path.is_dir() else _open_file(path, sensor)
+    if sensor is None:
+        return found
+    return [dataclasses.replace(source, sensor_from=Whence.OPTION) for source in found]
+
+
+def _open_file(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)

@@ -7,6 +7,7 @@ with resolution, camera_matrix, distortion_coeffs, T_CW), or has to be given. Th
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -25,7 +26,7 @@ from core.recordings.sources.checking import check_table
 from core.recordings.sources.hdf5_data_sets import polarity_is_on
 from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_source
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.source import MICROSECONDS, TIME_UNIT, Columns, DecodeReport, EventSource, Whence
 from core.recordings.sources.table_columns import addresses_from_column
 
 LABEL_SUFFIX: Final = "_label.h5"
@@ -112,18 +113,22 @@ def _open_camera(path: Path, name: str, sensor: SensorSize | None) -> EventSourc
         raise RecordingError("event columns differ in length", expected="equal lengths", got=lengths, where=path)
     t0_us = read_t0_us(path)
 
-    def rows(file: h5py.File, first: int, last: int) -> Columns:
-        t, x, y, p = (dataset_at(group_at(file, "events"), column)[first:last] for column in _COLUMNS)
-        on = polarity_is_on(np.asarray(p), where=f"{path}, /events/p")
-        return Columns(np.asarray(t).astype(np.int64) + t0_us, addresses_from_column(x), addresses_from_column(y), on)
-
     def decode(report: DecodeReport) -> Iterator[Columns]:
+        def rows(file: h5py.File, first: int, last: int) -> Columns:
+            t, x, y, p = (dataset_at(group_at(file, "events"), column)[first:last] for column in _COLUMNS)
+            on = polarity_is_on(np.asarray(p), where=f"{path}, /events/p", report=report)
+            t_us = np.asarray(t).astype(np.int64) + t0_us
+            return Columns(t_us, addresses_from_column(x), addresses_from_column(y), on)
+
         if remark:
             report.notes.append(remark)
         return read_in_parts(path, rows, lengths["t"], report)
 
-    source = make_source(path, name, "rally of Sony's", size, decode, check_table)
-    return EventSource(source.name, source.format, source.sensor, source.read, calibration=camera)
+    source = make_source(
+        path, name, "rally of Sony's", size, decode, check_table,
+        sensor_from=Whence.CALIBRATION, facts={TIME_UNIT: MICROSECONDS},
+    )  # fmt: skip
+    return dataclasses.replace(source, calibration=camera)
 
 
 def _calibration(path: Path, name: str) -> tuple[SensorSize | None, Camera | None, str | None]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
+from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,7 +15,42 @@ from core.cameras import Camera
 from core.events import Events, SensorSize
 from core.recordings.recording import Triggers
 
-ASSUMED: Final = "assumed from the events"
+TIME_UNIT: Final = "time unit"
+POLARITY: Final = "polarity"
+"""Names of the facts that every reader states."""
+
+
+class Whence(StrEnum):
+    """Where a fact about a file is from."""
+
+    FORMAT = "format"
+    """The format defines it."""
+    FILE = "file"
+    """The file says it: in its header, its attributes, the name of a column."""
+    OPTION = "option"
+    """A person has said it."""
+    CALIBRATION = "calibration"
+    CAMERA = "camera"
+    """Known of the camera that the file names."""
+    DATA_SET = "data set"
+    """Known of the data set that the file is recognised as; the file itself does not say it."""
+    ASSUMED = "assumed"
+    """Assumed from the events."""
+
+
+class Fact(NamedTuple):
+    """Something that was found out about a file."""
+
+    value: str
+    whence: Whence
+    why: str = ""
+    """What was assumed and from what; empty for what is certain."""
+
+
+MICROSECONDS: Final = Fact("microseconds", Whence.FORMAT)
+POLARITY_BIT: Final = Fact("0 = OFF, 1 = ON", Whence.FORMAT)
+BINARY_FACTS: Final[Mapping[str, Fact]] = MappingProxyType({TIME_UNIT: MICROSECONDS, POLARITY: POLARITY_BIT})
+"""Of formats that define both."""
 
 
 class Columns(NamedTuple):
@@ -53,8 +90,31 @@ class DecodeReport:
     notes: list[str] = field(default_factory=list)
     triggers: list[Triggers] = field(default_factory=list)
     stated: Stated = Stated()
-    facts: dict[str, str] = field(default_factory=dict)
-    """What was found out of the file on the way: `time unit`, `polarity`; for `import --check`."""
+    facts: dict[str, Fact] = field(default_factory=dict)
+    """What was found out of the file on the way, by its name (`TIME_UNIT`, `POLARITY`); for `import --check`."""
+    left_out: dict[str, int] = field(default_factory=dict)
+    """Reason -> how many events, words or rows were left out."""
+    changed: dict[str, int] = field(default_factory=dict)
+    """What was put right -> how often: times that step back a little, clocks that begin again."""
+    assumed: list[str] = field(default_factory=list)
+    """Those of the notes that say what the file does not."""
+
+    def assume(self, note: str) -> None:
+        """Note what had to be assumed, because the file does not say it."""
+        self.assumed.append(note)
+        self.notes.append(note)
+
+    def leave_out(self, reason: str, count: int, note: str) -> None:
+        """Count what is left out, and note it; nothing if there is none."""
+        if count:
+            self.left_out[reason] = self.left_out.get(reason, 0) + count
+            self.notes.append(note)
+
+    def change(self, what: str, count: int, note: str) -> None:
+        """Count what is put right, and note it; nothing if there is none."""
+        if count:
+            self.changed[what] = self.changed.get(what, 0) + count
+            self.notes.append(note)
 
     def add_triggers(self, t_us: NDArray, rising: NDArray, channel: NDArray) -> None:
         """External trigger edges in the source's own time."""
@@ -98,5 +158,7 @@ class EventSource:
     """As the file itself tells."""
     pictures: tuple[PictureTrack, ...] = ()
     """Of this camera and of ordinary cameras on the same clock."""
-    sensor_from: str = "the file"
-    """Where the sensor's size is from: the file, the command line, or `ASSUMED`."""
+    sensor_from: Whence = Whence.FILE
+    """Where the sensor's size is from."""
+    facts: Mapping[str, Fact] = field(default_factory=dict)
+    """What is known before the first event is read; the report of the reading adds to them."""

@@ -44,6 +44,8 @@ class _Layout:
     unit: str | None
     sensor: SensorSize | None
     decimal_comma: bool
+    assumed: str | None = None
+    """What is said of columns without names."""
 
 
 def open_text(path: Path, sensor: SensorSize | None) -> list[EventSource]:
@@ -55,7 +57,15 @@ def open_text(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     layout = _find_layout(path)
     size = sensor or layout.sensor
     return [
-        make_table_source(path, "camera", "text", size, lambda report: _decode(path, layout, report), unit=layout.unit)
+        make_table_source(
+            path,
+            "camera",
+            "text",
+            size,
+            lambda report: _decode(path, layout, report),
+            unit=layout.unit,
+            assumed=layout.assumed,
+        )
     ]
 
 
@@ -89,7 +99,8 @@ def _find_layout(path: Path) -> _Layout:
         sample, _ = _parse(_cleaned(lines[skip:], layout), separator, len(names))
         if len(names) != 4 or not len(sample):
             raise RecordingError("the text is not events", expected="four numbers a line", got=got, where=path)
-        return replace(layout, places=guess_columns(sample, where=str(path)).places)
+        order = guess_columns(sample, where=str(path))
+        return replace(layout, places=order.places, assumed=order.note(path.name))
     try:
         places = find_columns(names, where=str(path))
     except RecordingError as error:
@@ -145,8 +156,8 @@ def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawCo
     if odd > max(3, 0.01 * (rows + odd)):
         what = f"{odd:,} of {rows + odd:,} lines are not events"
         raise RecordingError(what, got=f"first {first_odd}", where=path)
-    if odd:
-        report.notes.append(f"{path.name}: {odd:,} lines are not events and were left out; first {first_odd}.")
+    note = f"{path.name}: {odd:,} lines are not events and were left out; first {first_odd}."
+    report.leave_out("lines that are no events", odd, note)
 
 
 def _is_cut_short(line: str, table: NDArray, places: dict[str, int]) -> bool:

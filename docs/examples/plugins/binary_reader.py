@@ -10,7 +10,7 @@ import numpy as np
 
 from core.errors import RecordingError
 from core.events import Events, SensorSize
-from core.recordings.sources import DecodeReport, EventSource, register_reader
+from core.recordings.sources import BINARY_FACTS, DecodeReport, EventSource, register_reader
 
 MAGIC = b"EVB1"
 HEADER = np.dtype([("magic", "S4"), ("width", "<u2"), ("height", "<u2")])
@@ -37,10 +37,9 @@ def opens(path: Path, sensor: SensorSize | None) -> list[EventSource]:
             rows = np.fromfile(path, EVENT, PART, offset=HEADER.itemsize + first * EVENT.itemsize)
             yield Events.from_columns(rows["t"], rows["x"], rows["y"], rows["on"] > 0, size)
             report.share = (first + len(rows)) / whole
-        if rest:
-            report.notes.append(f"{path.name}: the last event is cut off.")
+        report.leave_out("bytes at the end", rest, f"{path.name}: the last event is cut off.")
 
-    return [EventSource("camera", "EVB1", size, read)]
+    return [EventSource("camera", "EVB1", size, read, facts=BINARY_FACTS)]
 
 
 register_reader("binary-events", recognises, opens, "EVB events", (".evb",))

@@ -25,6 +25,16 @@ def drop(window, name: str, data: bytes) -> None:
 def a_file_that_is_dropped_is_sent_imported_described_and_open(window, workspace, wait_for, tmp_path) -> None:
     page = window.page
     drop(window, "../<b>rally</b> 1.npz", write_npz(tmp_path / "x.npz", 40_000).read_bytes())
+    dialog = page.get_by_role("dialog", name="Open file")
+    dialog.get_by_role("row", name="events").get_by_text("40,000: 20,000 ON, 20,000 OFF").wait_for()
+    assert dialog.get_by_role("list", name="Assumed").get_by_text("does not name its sensor size").count() == 1
+    window.screenshot("file-asked")
+    dialog.get_by_role("button", name="Cancel").click()
+    dialog.get_by_role("list", name="Files of the server").wait_for()
+    wait_for(lambda: not list(workspace.recordings.glob(f"{PREFIX}*")), "what was sent to be gone")
+    page.keyboard.press("Escape")
+    drop(window, "../<b>rally</b> 1.npz", (tmp_path / "x.npz").read_bytes())
+    dialog.get_by_role("button", name="Import").click()
     card = page.locator("#rallyscope-opened")
     card.get_by_text("40,000 events").wait_for()
     wait_for(lambda: window.state.recording == "b-1", "the dropped recording to be open")
@@ -63,6 +73,8 @@ def a_file_of_the_servers_folders_is_found_and_opened_by_keyboard(window, lab, w
     wait_for(lambda: page.locator("#rallyscope-files li").count() == 1, "one file to fit")
     window.screenshot("file-dialog")
     page.locator("#rallyscope-files li button").focus()
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Import").wait_for()  # it has the focus
     page.keyboard.press("Enter")
     wait_for(lambda: window.state.recording == "clip-7", "the file to be open")
     assert window.state.mode == "Watch" and not window.state.playhead.playing, "the dialog keeps its keys"

@@ -68,6 +68,7 @@ def an_event_file_in_the_folder_is_offered_and_imported_when_it_is_opened(window
     window.page.wait_for_timeout(500)  # and the page to be told
     window.page.get_by_label("Recording").first.click()
     window.page.get_by_role("option", name="clip.csv (CSV, imported when opened)").click()
+    window.page.get_by_role("button", name="Import", exact=True).click()
     wait_for(lambda: window.state.recording == "clip", "the imported recording")
     assert workspace.recording_path("clip").is_file()
     window.page.get_by_text("Pictures only: 3D needs two cameras").wait_for()

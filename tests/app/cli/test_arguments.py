@@ -20,6 +20,7 @@ from app.cli.arguments import (
     read_arguments,
     setting_flag,
 )
+from app.cli.main import main
 from core.config import setting
 from core.errors import CommandError
 
@@ -197,3 +198,29 @@ def test_a_type_of_its_own_reads_the_word() -> None:
     parser = Parser()
     add_arguments(parser, ShoutArguments)
     assert read_arguments(ShoutArguments, parser.parse_args(["--word", "ball"])).word == "BALL"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("simulate --out {new} --noise-hz -1", "--noise-hz: out of range; expected 0 to 20, got -1.0"),
+        ("simulate --out {new} --speed 900", "--speed: out of range; expected 3 to 9, got 900.0"),
+        ("train --out {new} --speeds 0", "--speeds: no serve of this speed; expected 3 to 9 m/s, got (0.0,)"),
+        ("sim-server --auto-serve 900", "--auto-serve: no such serve; expected 3 to 9 m/s, got 900.0"),
+        (
+            "import {csv} {csv} {new} --offset-us 99999999999999999999999",
+            "--offset-us: no such offset; expected at most",
+        ),
+        (
+            "import {csv} --check --width 99999 --height 5",
+            "--width and --height: impossible sensor size; expected",
+        ),
+    ],
+)
+def test_a_message_about_a_setting_names_the_flag_that_set_it(tmp_path, capsys, words, message) -> None:
+    (tmp_path / "a.csv").write_text("t,x,y,p\n1,2,3,1\n2,3,4,0\n")
+    filled = words.format(new=tmp_path / "new", csv=tmp_path / "a.csv")
+    assert main(filled.split()) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"rallyscope: {message}") and err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]

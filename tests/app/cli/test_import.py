@@ -117,3 +117,92 @@ def test_control_c_ends_the_import_and_leaves_no_file(tmp_path):
     assert process.returncode == 130
     assert err.splitlines()[-1] == "rallyscope: stopped" and "Traceback" not in err
     assert not target.exists()
+
+
+CAMERA_KEYS = {
+    "name", "file", "format", "width_px", "height_px", "sensor_from", "time_unit", "time_unit_from", "polarity",
+    "polarity_from", "events", "on_events", "off_events", "first_us", "last_us", "triggers", "pictures",
+    "calibration_from", "left_out", "changed", "assumed",
+}  # fmt: skip
+
+
+def test_a_check_says_what_the_file_holds_and_writes_nothing(tmp_path, csv, capsys):
+    code, out, err = run(capsys, "import", csv, "--check")
+    assert (code, err) == (0, "")
+    assert [path.name for path in tmp_path.iterdir()] == ["events.csv"]
+    for line in (
+        "format       text",
+        "sensor       304x240, assumed",
+        "time unit    microseconds, assumed",
+        "polarity     0 = OFF, 1 = ON, from the file",
+        "events       3,000: 1,500 ON, 1,500 OFF",
+        "first, last  7,000,000 us to 7,029,990 us on its own clock",
+        "left out     nothing",
+    ):
+        assert f"  {line}\n" in out
+    assert "assumed:     events.csv does not name its sensor size; 304x240 is assumed from the events.\n" in out
+    assert out.endswith("Nothing was written.\n")
+
+
+def test_the_json_of_a_check_has_stable_keys_and_the_figures_of_the_import(tmp_path, csv, capsys):
+    options = ("--width", "640", "--height", "480", "--time-unit", "us", "--json")
+    code, out, _ = run(capsys, "import", csv, tmp_path / "a.h5", "--check", *options)
+    assert code == 0 and not (tmp_path / "a.h5").exists()
+    found = json.loads(out)
+    assert set(found) == {"duration_us", "notes", "cameras", "assumed"}
+    assert all(set(camera) == CAMERA_KEYS for camera in found["cameras"])
+    code, out, _ = run(capsys, "import", csv, tmp_path / "a.h5", *options)
+    made = json.loads(out)
+    assert code == 0 and {name: made[name] for name in found} == found
+    assert set(made) - set(found) == {"path", "events", "triggers"}
+    assert made["events"] == {"camera": found["cameras"][0]["events"]}
+    code, out, _ = run(capsys, "import", csv, csv, tmp_path / "a.h5", "--check", "--names", "near,far", *options)
+    assert code == 0  # a recording that is there already can only be the result
+    assert [camera["name"] for camera in json.loads(out)["cameras"]] == ["near", "far"]
+
+
+def test_what_an_import_assumes_is_printed_and_listed_by_info(tmp_path, csv, capsys):
+    code, found, _ = run(capsys, "import", csv, "--check", "--json")
+    code, out, _ = run(capsys, "import", csv, tmp_path / "a.h5")
+    _, info, _ = run(capsys, "info", tmp_path / "a.h5")
+    assumed = json.loads(found)["assumed"]
+    assert code == 0 and len(assumed) == 2
+    for line in assumed:
+        assert f"  {line}\n" in out and f"  note: {line}\n" in info
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["missing.raw", "--check"], "missing.raw: the file cannot be opened"),
+        (["{csv}", "missing.raw", "--check"], "missing.raw: the file cannot be opened"),
+        (["{csv}", "{csv}", "{csv}", "--check"], "wrong number of files; expected SRC [SRC2] --check, got 3"),
+        (["{csv}", "--check", "--width", "30", "--height", "20"], "expected a sensor of at least 300x200"),
+        (["{csv}", "--check", "--polarity", "1=on,2=off"], "which polarity is ON cannot be told"),
+    ],
+)
+def test_a_check_refuses_what_the_import_would_refuse(tmp_path, csv, capsys, words, message):
+    code, out, err = run(capsys, "import", *[word.format(csv=csv) for word in words])
+    assert (code, out) == (2, "")
+    assert message in err and err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["events.csv"]
+
+
+@pytest.mark.parametrize(("encoding", "form"), [("ascii", []), ("latin-1", ["--json"])])
+def test_a_check_works_on_any_terminal_and_for_any_file_name(tmp_path, csv, encoding, form):
+    name = os.fsencode(tmp_path) + b"/\xff\xe9ve\xcc\x81n\n\xe2\x82\xac.csv"
+    os.rename(csv, name)
+    environment = {**os.environ, "PYTHONIOENCODING": encoding, "PYTHONUTF8": "0", "LC_ALL": "C"}
+    words = [sys.executable, "-m", "app.cli", "import", name, "--check", *form]
+    done = subprocess.run(words, capture_output=True, env=environment, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    said = done.stdout.decode(encoding)
+    if form:
+        assert json.loads(said)["cameras"][0]["events"] == 3000
+    else:
+        assert "  events       3,000: 1,500 ON, 1,500 OFF" in said and said.count("\n") == 14
+    target = os.fsencode(tmp_path) + b"/\xff.h5"
+    done = subprocess.run([*words[:5], target, *form], capture_output=True, env=environment, check=False)
+    assert (done.returncode, done.stderr) == (0, b"") and os.path.exists(target)
+    done = subprocess.run([*words[:3], "info", target], capture_output=True, env=environment, check=False)
+    assert done.returncode == 0 and b"304x240 is assumed from the events" in done.stdout

@@ -317,3 +317,33 @@ def test_a_shift_of_labels_against_the_events_is_measured_and_applied(
     code, _, err = call(capsys, "shift", *words, "--annotator", "anna", "--apply")
     assert code == 2
     assert "there are moved labels already" in err
+
+
+def test_a_check_of_an_import_has_its_figures_and_writes_nothing(
+    capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path
+) -> None:
+    table = tmp_path / "a.csv"
+    table.write_text(f"t_us,state,x_px,y_px\n{MIDDLE_US},visible,1,1\n7,visible,2,2\n9,no_ball,,\n8,visible,x,2\n")
+
+    def written() -> dict[Path, bytes]:
+        """All files with content, but SQLite's index of readers."""
+        files = (path for path in data.rglob("*") if path.is_file() and not path.name.endswith("-shm"))
+        return {path: content for path in files if (content := path.read_bytes())}
+
+    before = written()
+    found = {}
+    for name in ("anna", "bea"):
+        words = ["import", table, *common(recording, data), "--format", "csv", "--annotator", name]
+        code, text, _ = call(capsys, *words, "--check")
+        assert code == 0 and "would be imported" in text and text.endswith("Nothing was written.\n")
+        code, text, _ = call(capsys, *words, "--check", "--json")
+        assert code == 0
+        found[name] = json.loads(text)
+    assert written() == before
+    assert (found["anna"]["imported"], found["anna"]["already_there"], len(found["anna"]["rejected"])) == (2, 1, 1)
+    assert (found["bea"]["imported"], found["bea"]["already_there"]) == (3, 0)
+    assert found["bea"]["states"] == {"no_ball": 1, "visible": 2}
+    assert (found["bea"]["first_us"], found["bea"]["last_us"]) == (7, MIDDLE_US)
+    for name in ("anna", "bea"):
+        words = ["import", table, *common(recording, data), "--format", "csv", "--annotator", name, "--json"]
+        assert json.loads(call(capsys, *words)[1]) == found[name]

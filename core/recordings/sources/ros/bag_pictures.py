@@ -104,12 +104,10 @@ def _track(bag: Bag, topic: Topic, name: str | None, size: SensorSize, stores: d
                 continue
             last_us = t_us
             yield TimedPicture(t_us, 0, image)
-        if left_out:
-            report.notes.append(
-                f"{topic.name}: {left_out:,} pictures were left out: damaged, or of another size or time."
-            )
+        note = f"{topic.name}: {left_out:,} pictures were left out: damaged, or of another size or time."
+        report.leave_out("pictures", left_out, note)
         if last_us is not None:
-            report.notes.append(f"{topic.name}: the time of a picture is that of its header; its exposure is not told.")
+            report.assume(f"{topic.name}: the time of a picture is that of its header; its exposure is not told.")
 
     return PictureTrack(name, size, read)
 

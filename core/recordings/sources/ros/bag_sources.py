@@ -32,7 +32,7 @@ from core.recordings.sources.ros.event_messages import (
     read_event_array,
     read_event_packet,
 )
-from core.recordings.sources.source import Columns, DecodeReport, EventSource
+from core.recordings.sources.source import BINARY_FACTS, Columns, DecodeReport, EventSource
 
 _SYNCHRONISED_US: Final = 20_000
 """Header stamps of two cameras are late by this at most: so cameras whose clocks differ by less share theirs."""
@@ -70,7 +70,8 @@ def open_bag(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         expected = ", ".join([*ARRAY_TYPES[:2], PACKET_TYPES[0]])
         where = path if not notes else f"{path}: {'; '.join(notes)}"
         raise RecordingError("no events in the bag", expected=f"a topic of {expected}", got=there, where=where)
-    found = _on_one_clock(found, notes)
+    assumed: list[str] = []
+    found = _on_one_clock(found, assumed)
     names = _names([one.topic.name for one in found])
     calibrated = cameras_of(bag, {one.topic.name: BagCamera(one.sensor, one.frame_id) for one in found}, notes)
     sizes = {one.topic.name: (name, one.sensor) for one, name in zip(found, names, strict=True)}
@@ -78,24 +79,25 @@ def open_bag(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     sources: list[EventSource] = []
     for number, (one, name) in enumerate(zip(found, names, strict=True)):
         own = [track for owner, track in pictures if owner == one.topic.name or (owner is None and not number)]
-        source = _source(bag, one, name, tuple(notes) if not number else ())
+        source = _source(bag, one, name, *((tuple(notes), tuple(assumed)) if not number else ((), ())))
         sources.append(dataclasses.replace(source, calibration=calibrated.get(one.topic.name), pictures=tuple(own)))
     return sources
 
 
-def _source(bag: Bag, one: _EventTopic, name: str, notes: tuple[str, ...]) -> EventSource:
+def _source(bag: Bag, one: _EventTopic, name: str, notes: tuple[str, ...], assumed: tuple[str, ...]) -> EventSource:
     label = one.topic.type.rsplit("/", 1)[-1] + (f", {one.encoding}" if one.encoding else "")
     kind = "ROS 1 bag" if one.topic.ros1 else "ROS 2 bag"
     read = _read_words if one.encoding in RAW_ENCODINGS else _read_records
 
     def read_events(report: DecodeReport) -> Iterator[Events]:
         report.notes.extend(notes)
-        told = len(bag.notes)
+        for note in assumed:
+            report.assume(note)
         yield from read(bag, one, report)
-        report.notes.extend(bag.notes[told:])
+        report.notes.extend(bag.notes)
         report.share = 1.0
 
-    return EventSource(name, f"{kind} ({label})", one.sensor, read_events)
+    return EventSource(name, f"{kind} ({label})", one.sensor, read_events, facts=BINARY_FACTS)
 
 
 def _first_look(bag: Bag, topic: Topic, sensor: SensorSize | None, notes: list[str]) -> _EventTopic | None:
@@ -199,8 +201,8 @@ def _read_words(bag: Bag, one: _EventTopic, report: DecodeReport) -> Iterator[Ev
         packets = (read_event_packet(data, one.topic) for _, data in bag.messages(one.topic.name))
         assert one.encoding is not None
         missing = _write_raw(path, one.encoding, one.sensor, packets)
-        if missing:
-            report.notes.append(f"{one.topic.name}: {missing:,} packets are missing by their numbers.")
+        note = f"{one.topic.name}: {missing:,} packets are missing by their numbers."
+        report.leave_out("missing packets", missing, note)
         (source,) = open_prophesee_raw(path, one.sensor)
         for events in source.read(report):
             t_us = events.t_us + one.clock_us

@@ -17,6 +17,11 @@ class TableOrder:
     places: dict[str, int]
     seconds: bool
 
+    def note(self, name: str) -> str:
+        """What is said of a file of this name whose columns are in this order."""
+        order = " ".join(sorted(self.places, key=lambda column: self.places[column]))
+        return f"{name} does not name its columns; {order} is assumed, by their values."
+
 
 def guess_columns(sample: NDArray, *, where: str) -> TableOrder:
     """Time is the column that never decreases and spans most, polarity the one of 0, 1 and -1; x stands before y.

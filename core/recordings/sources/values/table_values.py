@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.recordings.layout import MAX_TIME_US
-from core.recordings.sources.source import Columns, DecodeReport, RawColumns, Stated
+from core.recordings.sources.source import POLARITY, TIME_UNIT, Columns, DecodeReport, Fact, RawColumns, Stated, Whence
 from core.recordings.sources.table_columns import addresses_from_column
 
 UNITS_US: Final = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
@@ -126,23 +126,27 @@ def in_us(t: NDArray, unit: str) -> NDArray[np.int64]:
     return t // 1000 if unit == "ns" else t * int(UNITS_US[unit])
 
 
-def find_meaning(seen: Survey, hint: str | None, report: DecodeReport, *, where: str) -> Meaning:
-    """What the values mean; `hint` is the unit that the file itself states.
+def find_meaning(
+    seen: Survey, hint: str | None, report: DecodeReport, *, where: str, unit_from: Whence = Whence.FILE
+) -> Meaning:
+    """What the values mean; `hint` is the unit that the file itself, or as `unit_from` says its format, states.
 
     Raises:
         RecordingError: if it cannot be told.
     """
-    unit = _unit(seen, hint, report, where)
+    unit = _unit(seen, hint, unit_from, report, where)
     on = _polarity(seen, report.stated, report, where)
     return Meaning(unit, on)
 
 
-def _unit(seen: Survey, hint: str | None, report: DecodeReport, where: str) -> str:
+def _unit(seen: Survey, hint: str | None, unit_from: Whence, report: DecodeReport, where: str) -> str:
     stated = report.stated.time_unit
     if stated is not None or hint is not None or not seen.rows:
         unit = stated or hint or "us"
-        whence = "stated by --time-unit" if stated else "as the file says"
-        report.facts["time unit"] = f"{UNIT_NAMES[unit]}, {whence}"
+        whence = Whence.OPTION if stated else unit_from if hint is not None else Whence.ASSUMED
+        report.facts[TIME_UNIT] = Fact(UNIT_NAMES[unit], whence)
+        if stated is not None and hint not in (None, stated):
+            report.assume(f"{where}: its times are read as {UNIT_NAMES[unit]} (--time-unit), though it says {hint}.")
         return unit
     span = seen.high_t - seen.low_t
     epoch = next((unit for unit, low, high in _EPOCHS if low <= seen.low_t and seen.high_t < high), None)
@@ -171,8 +175,8 @@ def _unit(seen: Survey, hint: str | None, report: DecodeReport, where: str) -> s
                 where=where,
                 remedy="give --time-unit ns, us or ms",
             )
-    report.facts["time unit"] = f"{UNIT_NAMES[unit]}, assumed: {why}"
-    report.notes.append(f"{where} does not name the unit of its times; {UNIT_NAMES[unit]} are assumed: {why}.")
+    report.facts[TIME_UNIT] = Fact(UNIT_NAMES[unit], Whence.ASSUMED, why)
+    report.assume(f"{where} does not name the unit of its times; {UNIT_NAMES[unit]} are assumed: {why}.")
     return unit
 
 
@@ -201,13 +205,15 @@ def _polarity(seen: Survey, stated: Stated, report: DecodeReport, where: str) ->
         )
     kept = {value: on for value, on in found.items() if value in values}
     said = ", ".join(f"{_shown(value)} = {'ON' if on else 'OFF'}" for value, on in sorted(kept.items(), key=str))
-    report.facts["polarity"] = said or "no events"
+    certain = all(isinstance(value, str) or value <= 1 for value in kept)
+    whence = Whence.OPTION if stated.polarity is not None else Whence.FILE if certain else Whence.ASSUMED
+    report.facts[POLARITY] = Fact(said or "no events", whence)
     if stated.polarity is not None:
-        report.facts["polarity"] += ", stated by --polarity"
-    elif any(isinstance(value, float) and value > 1 for value in kept):
+        return found
+    if any(isinstance(value, float) and value > 1 for value in kept):
         wrapped = any(isinstance(value, float) and value > 1 and not on for value, on in kept.items())
         why = " (-1 in a column without a sign)" if wrapped else ""
-        report.notes.append(f"{where}: the polarities are read as {said}{why}.")
+        report.assume(f"{where}: the polarities are read as {said}{why}.")
     elif len(kept) == 1 and seen.rows > _FEW_ODD:
         report.notes.append(f"{where}: all polarities are alike: {said}.")
     return found

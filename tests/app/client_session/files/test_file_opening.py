@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 
 from app.client_session.files import FileOpening
@@ -93,6 +95,13 @@ def received(services: Services, name: str) -> Path:
     return incoming_folder(services.workspace) / name
 
 
+def accept(page: Page) -> None:
+    """Wait for the question, and have the file imported."""
+    page.run_until(lambda: page.state.get("state") in ("question", "failed"))
+    assert page.state["state"] == "question", page.state
+    page.ask(do="import", number=page.state["number"])
+
+
 def left_in(services: Services) -> list[str]:
     return sorted(path.name for path in services.workspace.recordings.iterdir())
 
@@ -102,6 +111,7 @@ def test_a_file_of_the_list_is_imported_described_and_opened(opening, page, serv
     ((key, name, where, kind, size),) = listed(page)
     assert (name, where, kind) == ("clip.npz", "clips", "NumPy") and size.endswith("kB")
     page.ask(do="open", key=key)
+    accept(page)
     page.run_until(lambda: page.opened)
     assert page.opened == ["clip"] and page.state["state"] == "done" and page.state["kind"] == "NumPy"
     assert "128x128, 500 events" in str(page.state["facts"]) and "0.499 s" in str(page.state["facts"])
@@ -114,8 +124,10 @@ def test_what_a_damaged_file_lost_is_said(opening, page, services) -> None:
     words = [0x8000, 0x6001, 0x0010] + [0x2010 + k for k in range(100)]
     path.write_bytes(header + b"".join(word.to_bytes(2, "little") for word in words) + b"\x01")
     page.take(path)
+    accept(page)
+    asked = page.state
     page.run_until(lambda: page.state.get("state") in ("done", "failed"))
-    assert page.state["state"] == "done" and page.state["notes"], page.state
+    assert page.state["state"] == "done" and page.state["notes"] == asked["notes"] != [], page.state
     assert page.opened == ["cut"] and left_in(services) == ["cut.h5"]
 
 
@@ -149,6 +161,7 @@ def test_a_second_file_waits_and_a_cancelled_one_leaves_nothing(opening, page, s
     page.run_until(lambda: not left_in(services))
     assert not page.opened
     page.take(write_csv(received(services, "third.csv")))
+    accept(page)
     page.run_until(lambda: page.opened)
     assert page.opened == ["third"]
 
@@ -176,5 +189,72 @@ def test_an_event_file_chosen_by_its_name_in_the_list_of_recordings_is_imported_
     write_csv(services.workspace.recordings / "mine.csv")
     assert not opening.open_listed("no-such")
     assert opening.open_listed("mine.csv (CSV, imported when opened)")
+    accept(page)
     page.run_until(lambda: page.opened)
     assert page.opened == ["mine"] and left_in(services) == ["mine.csv", "mine.h5"]
+
+
+def test_what_is_assumed_is_shown_and_nothing_is_written_before_the_person_agrees(opening, page, services) -> None:
+    page.take(write_csv(received(services, "mine.csv")))
+    page.run_until(lambda: page.state.get("state") == "question")
+    (camera,) = page.state["cameras"]
+    rows = dict(camera["rows"])
+    assert rows["sensor"] == "128x128, assumed" and rows["time unit"] == "microseconds, assumed"
+    assert rows["events"] == "500: 250 ON, 250 OFF" and rows["left out"] == "nothing"
+    assert ["sensor size" in line for line in page.state["assumed"]] == [True, False]
+    assert page.state["file"] == "mine.csv" and page.state["complete"] is True and page.state["notes"] == []
+    for number in (None, "1", page.state["number"] + 1, -1):
+        page.ask(do="import", number=number)
+    page.run_until(lambda: not page.acts)
+    assert page.state["state"] == "question" and not [name for name in left_in(services) if name.endswith(".h5")]
+    page.take(write_csv(received(services, "other.csv")))
+    page.run_until(lambda: "problem" in page.state)
+    assert "already" in str(page.state["problem"]) and page.state["state"] == "question"
+    number = page.state["number"]
+    page.ask(do="cancel")
+    page.run_until(lambda: not left_in(services))
+    page.ask(do="import", number=number)
+    page.run_until(lambda: not page.acts)
+    assert page.state["state"] == "cancelled" and not page.opened and not left_in(services)
+
+
+def test_a_file_that_says_everything_is_imported_without_a_question(opening, page, services) -> None:
+    records = np.zeros(100, [("x", "<u2"), ("y", "<u2"), ("p", "<i2"), ("t", "<i8")])
+    records["t"], records["p"] = np.arange(100) * 1000, np.arange(100) % 2
+    path = received(services, "plain.hdf5")
+    with h5py.File(path, "w") as file:
+        file["CD/events"] = records
+        file.attrs["geometry"] = "640x480"
+    page.take(path)
+    page.run_until(lambda: page.opened)
+    assert page.opened == ["plain"] and "question" not in [one["state"] for one in page.told["opening"]]
+
+
+def test_what_was_imported_before_is_opened_without_a_question(opening, page, services) -> None:
+    page.take(write_csv(received(services, "mine.csv")))
+    accept(page)
+    page.run_until(lambda: page.opened)
+    page.told.clear()
+    page.take(write_csv(received(services, "mine.csv")))
+    page.run_until(lambda: len(page.opened) == 2)
+    assert "question" not in [one["state"] for one in page.told["opening"]]
+
+
+def test_a_browser_that_leaves_with_a_question_takes_its_file_with_it(opening, page, services) -> None:
+    page.take(write_csv(received(services, "mine.csv")))
+    page.run_until(lambda: page.state.get("state") == "question")
+    assert left_in(services)
+    opening.close()
+    assert not left_in(services)
+
+
+def test_of_a_large_file_the_first_part_is_shown_and_said_to_be_that(opening, page, services, monkeypatch) -> None:
+    monkeypatch.setattr("app.shared.files.LONGEST_LOOK_S", 0.0)
+    page.take(write_csv(received(services, "large.csv"), 300_000))
+    page.run_until(lambda: page.state.get("state") == "question")
+    rows = dict(page.state["cameras"][0]["rows"])
+    assert page.state["complete"] is False and "in the part that was looked at" in rows["events"]
+    assert rows["left out"] == "known after the import"
+    accept(page)
+    page.run_until(lambda: page.opened)
+    assert "128x128, 300,000 events" in str(page.state["facts"])

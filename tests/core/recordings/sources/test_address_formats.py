@@ -106,7 +106,9 @@ def test_a_sample_of_n_mnist_has_its_values_and_its_clock_goes_on(tmp_path):
     rows, report, source = read(path)
     assert rows == [(5, 33, 0, True), (8199, 1, 33, False), (78_192, 2, 3, True)]
     assert (source.format, str(source.sensor)) == ("N-MNIST, 40-bit events", "34x34")
-    assert report.notes == ["00002.bin does not name its sensor size; N-MNIST's 34x34 is assumed."]
+    assert report.notes == [
+        "00002.bin does not name its sensor size; 34x34 is assumed, that of N-MNIST, 40-bit events."
+    ]
 
 
 def test_other_binary_files_are_not_taken_for_n_mnist(tmp_path):

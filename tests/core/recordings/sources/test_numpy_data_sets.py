@@ -38,7 +38,7 @@ def test_an_n_imagenet_file_gives_its_events_and_says_what_size_was_assumed(tmp_
     np.savez_compressed(tmp_path / "n01440764_10026.npz", event_data=records)
     source, notes = read_the_four_events(tmp_path / "n01440764_10026.npz")
     assert (source.format, str(source.sensor)) == ("N-ImageNet NumPy", "640x480")
-    assert "N-ImageNet's 640x480 is assumed" in notes[0]
+    assert "640x480 is assumed, that of N-ImageNet" in notes[0]
     assert read_the_four_events(tmp_path / "n01440764_10026.npz", SensorSize(320, 240))[1] == []
 
 

@@ -9,7 +9,7 @@ import pytest
 from core.errors import RecordingError
 from core.events import SensorSize, concatenate_events
 from core.recordings.sources import open_sources
-from core.recordings.sources.source import DecodeReport, Stated
+from core.recordings.sources.source import DecodeReport, Stated, Whence
 from core.recordings.sources.table_columns import counts_seconds, times_us
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_order import guess_columns
@@ -58,8 +58,11 @@ def test_text_in_the_usual_spellings(tmp_path, text):
     report = assert_the_four_events(path)
     assert report.notes[0] == "events does not name its sensor size; 320x240 is assumed from the events."
     said = "t_s" in text or "[us]" in text
-    assert [note for note in report.notes if "the unit of its times" in note] == report.notes[1:]
-    assert len(report.notes) == (1 if said else 2)
+    named = any(name in text for name in ("t,x", "timestamp", "t_s"))
+    order = [note for note in report.notes if "does not name its columns" in note]
+    unit = [note for note in report.notes if "the unit of its times" in note]
+    assert report.notes[1:] == order + unit == report.assumed[1:]
+    assert (len(order), len(unit)) == (0 if named else 1, 0 if said else 1)
 
 
 def test_a_line_that_is_no_event_is_left_out_and_told(tmp_path):
@@ -97,7 +100,7 @@ def test_one_address_outside_is_left_out_and_counted(tmp_path):
     assert len(events) == 199 and 70 not in events.t_us
     assert report.notes == ["events: 1 events outside the 10x10 sensor were left out (addresses up to 1, 33014)."]
     assert str(open_sources(path)[0].sensor) == "128x128"  # nor does it make the sensor larger
-    assert sources[0].sensor_from == "the file"
+    assert sources[0].sensor_from == Whence.OPTION
 
 
 def test_rows_out_of_order_are_sorted_and_noted(tmp_path):
@@ -269,7 +272,7 @@ def test_numpy_files_in_the_usual_forms(tmp_path, form):
             case "npy":
                 np.save(file, records)
     report = assert_the_four_events(path)
-    assert len(report.notes) == (1 if form == "columns" else 2)
+    assert len(report.notes) == {"columns": 1, "rows": 3}.get(form, 2)
     assert any("the unit of its times" in note for note in report.notes)
 
 
