@@ -110,34 +110,38 @@ def adjust_many(
         CalibrationError: if less than half of the sightings fit.
     """
     every = np.ones((len(t_us), len(tracks.body_m), len(rig.cameras)), np.bool_)
+
+    def seen() -> Samples:
+        return tracks.sample(t_us, rig.offsets_us, rig.drifts_ppm)
+
     if rough_px is not None:
-        rig = _solve(tracks, rig, t_us, every, free, extra, sigma_px=rough_px, loss="cauchy")
-    used, sigma_px = _inliers(tracks, rig, t_us, every)
+        rig = _solve(seen(), rig, every, free, extra, sigma_px=rough_px, loss="cauchy")
+    used, sigma_px = _inliers(seen(), rig, every)
     for _ in range(2):
-        rig = _solve(tracks, rig, t_us, used, free, extra, sigma_px=sigma_px, loss="linear")
+        rig = _solve(seen(), rig, used, free, extra, sigma_px=sigma_px, loss="linear")
         before = used
-        used, sigma_px = _inliers(tracks, rig, t_us, every)
+        used, sigma_px = _inliers(seen(), rig, every)
         if np.array_equal(before, used):
             break
-    here, slopes = _whole(tracks, rig, t_us, used, free, extra, sigma_px)
+    here, slopes = _whole(seen(), rig, used, free, extra, sigma_px)
     full = np.zeros((free.size, free.size))
     places = np.flatnonzero(free)
     full[np.ix_(places, places)] = blocked_covariance(slopes, here, t_us, used.size * 2)
     return ManyAdjusted(rig, full, sigma_px, t_us, used)
 
 
-def fit_body(tracks: BodyTracks, rig: ManyRig, t_us: Array, used: Mask) -> BodyFit:
+def fit_body(samples: Samples, rig: ManyRig, used: Mask) -> BodyFit:
     """The body where the used sightings (G, K, C) of it fit best, by a given rig."""
-    samples = tracks.sample(t_us, rig.offsets_us, rig.drifts_ppm)
+    samples = samples.by_clocks(rig.offsets_us, rig.drifts_ppm)
     uvs = samples.uvs_px - rig.lead_px * samples.directions
     uvs = np.where(used[..., None], uvs, np.nan)
     flat = uvs.reshape(-1, len(rig.cameras), 2)
     xys = np.stack([camera.undistort(flat[:, c]) for c, camera in enumerate(rig.cameras)], axis=1)
     points = points_of(rig.plain, xys, rig.focals_px).reshape(*uvs.shape[:2], 3)
-    if len(tracks.body_m) == 1:
+    if len(samples.body_m) == 1:
         arms, middle = np.zeros_like(points), points[:, 0]
     else:
-        arms, middle = _placed(tracks.body_m, points)
+        arms, middle = _placed(samples.body_m, points)
     for _ in range(BODY_ROUNDS):
         errors, slopes = _errors(rig, middle[:, None] + arms, arms, uvs, samples.sigmas)
         step = -(_pinv(slopes) @ _rows(errors, samples.sigmas)[..., None])[..., 0]
@@ -208,12 +212,12 @@ def _pinv(slopes: Array) -> Array:
     return np.linalg.pinv(turned @ slopes, rcond=FLAT, hermitian=True) @ turned
 
 
-def _by_cameras(tracks: BodyTracks, rig: ManyRig, t_us: Array, fit: BodyFit, free: Mask) -> Array:
+def _by_cameras(rig: ManyRig, fit: BodyFit, free: Mask) -> Array:
     """(G, K * C * 2, F) slopes of the errors by the free unknowns, the body held."""
     instants, count, cameras = fit.errors_px.shape[:3]
     column = np.cumsum(free) - 1
     slopes = np.zeros((*fit.errors_px.shape, int(free.sum())))
-    since_us = (t_us - tracks.middle_us)[:, None, None]
+    since_us = fit.samples.since_us[:, None, None]
     for c, camera in enumerate(rig.cameras):
         local = camera.to_camera(fit.points.reshape(-1, 3))
         by_local, projected = _projection(camera, local)
@@ -236,17 +240,15 @@ def _by_cameras(tracks: BodyTracks, rig: ManyRig, t_us: Array, fit: BodyFit, fre
 
 
 def _whole(
-    tracks: BodyTracks, rig: ManyRig, t_us: Array, used: Mask, free: Mask, extra: Extra, sigma_px: float
+    samples: Samples, rig: ManyRig, used: Mask, free: Mask, extra: Extra, sigma_px: float
 ) -> tuple[Array, Array]:
     """All residuals (R,) in standard deviations and their slopes (R, F), the body eliminated."""
-    fit = fit_body(tracks, rig, t_us, used)
-    by_cameras = _by_cameras(tracks, rig, t_us, fit, free)
+    fit = fit_body(samples, rig, used)
+    by_cameras = _by_cameras(rig, fit, free)
     by_cameras -= fit.slopes @ (_pinv(fit.slopes) @ by_cameras)
     count = int(free.sum())
     more = _more(rig, rig, free, extra)
-    steps = [
-        (_more(moved_rig(rig, free, row), rig, free, extra, row) - more) / STEP for row in STEP * np.eye(count)
-    ]
+    steps = [(_more(moved_rig(rig, free, row), rig, free, extra, row) - more) / STEP for row in STEP * np.eye(count)]
     here = np.concatenate([_rows(fit.errors_px, fit.samples.sigmas).ravel() / sigma_px, more])
     return here, np.vstack([by_cameras.reshape(-1, count) / sigma_px, np.column_stack(steps)])
 
@@ -263,17 +265,17 @@ def _more(moved: ManyRig, start: ManyRig, free: Mask, extra: Extra, step: Array 
 
 
 def _solve(
-    tracks: BodyTracks, rig: ManyRig, t_us: Array, used: Mask, free: Mask, extra: Extra, *, sigma_px: float, loss: str
+    samples: Samples, rig: ManyRig, used: Mask, free: Mask, extra: Extra, *, sigma_px: float, loss: str
 ) -> ManyRig:
     def residuals(step: Array) -> Array:
         moved = moved_rig(rig, free, step)
-        fit = fit_body(tracks, moved, t_us, used)
+        fit = fit_body(samples, moved, used)
         more = _more(moved, rig, free, extra, step)
         return np.concatenate([_rows(fit.errors_px, fit.samples.sigmas).ravel() / sigma_px, more])
 
     def slopes(step: Array) -> Array:
         # Turns are small steps from where they are, so the slopes there are those from 0 but for a second order.
-        return _whole(tracks, moved_rig(rig, free, step), t_us, used, free, extra, sigma_px)[1]
+        return _whole(samples, moved_rig(rig, free, step), used, free, extra, sigma_px)[1]
 
     method: Any = slopes  # scipy's annotations of `jac` know only names
     start = np.zeros(int(free.sum()))
@@ -290,7 +292,9 @@ def moved_rig(rig: ManyRig, free: Mask, step: Array) -> ManyRig:
     cameras = []
     for camera, turn, row in zip(rig.cameras, turns, rows, strict=True):
         T = camera.T_world_camera
-        cameras.append(replace(_lens(camera, row), T_world_camera=make_transform(T[:3, :3] @ turn, T[:3, 3] + row[3:6])))
+        cameras.append(
+            replace(_lens(camera, row), T_world_camera=make_transform(T[:3, :3] @ turn, T[:3, 3] + row[3:6]))
+        )
     offsets_us, drifts_ppm = rig.offsets_us + 1e3 * rows[:, 6], rig.drifts_ppm + rows[:, 7]
     return ManyRig(tuple(cameras), offsets_us, drifts_ppm, rig.lead_px + float(full[-1]))
 
@@ -305,46 +309,73 @@ def _lens(camera: Camera, row: Array) -> Camera:
     return replace(camera, K=K, distortion=distortion)
 
 
-def _inliers(tracks: BodyTracks, rig: ManyRig, t_us: Array, every: Mask) -> tuple[Mask, float]:
+def _inliers(samples: Samples, rig: ManyRig, every: Mask) -> tuple[Mask, float]:
     """Sightings (G, K, C) whose residuals are no larger than noise makes them, and the noise of one.
 
     Where an instant does not fit, its worst sighting is left out, again and again while two cameras are left that see
     the point; two cameras that contradict each other are left out both.
     """
-    used, sigma = every.copy(), 0.0
-    size = 3 if len(tracks.body_m) == 1 else 5 if np.linalg.matrix_rank(tracks.body_m, tol=1e-9) < 2 else 6
-    for turn in range(2 * len(rig.cameras)):
-        fit = fit_body(tracks, rig, t_us, used)
-        errors = np.linalg.norm(fit.errors_px, axis=3) / fit.samples.sigmas
-        seen = np.isfinite(errors)
-        freedom = 2 * seen.sum(axis=(1, 2)) - size
-        whole = (seen.sum(axis=2) >= 2).any(axis=1) & (freedom > 0)
-        used &= seen & whole[:, None, None]
-        squares = np.nansum(errors**2, axis=(1, 2))
-        chi = np.sqrt(squares / np.maximum(freedom, 1))
-        if not whole.any():
-            raise CalibrationError("no sighting is left that fits", remedy="check the lenses and the detections")
-        if turn == 0:
-            start, sigma = whole, 1.4826 * float(np.median(chi[whole]))
-            if sigma > WORST_PX:
-                _refuse(sigma)
-        bad = np.flatnonzero(whole & (chi > OUTLIER_SIGMAS * max(sigma, 1e-6)))
+    body_m = samples.body_m
+    size = 3 if len(body_m) == 1 else 5 if np.linalg.matrix_rank(body_m, tol=1e-9) < 2 else 6
+    used = every.copy()
+    fit = _BodyErrors.of(samples, rig, used, size)
+    start = int(fit.whole.sum())
+    if not start:
+        raise CalibrationError("no sighting is left that fits", remedy="check the lenses and the detections")
+    sigma = 1.4826 * float(np.median(fit.chi[fit.whole]))
+    if sigma > WORST_PX:
+        raise _misfit(sigma)
+    limit = OUTLIER_SIGMAS * max(sigma, 1e-6)
+    for _ in range(2 * len(rig.cameras)):
+        used &= fit.seen & fit.whole[:, None, None]
+        bad = np.flatnonzero(fit.whole & (fit.chi > limit))
         if not len(bad):
             break
-        worst = np.nanargmax(np.where(seen, errors, -1.0)[bad].reshape(len(bad), -1), axis=1)
+        worst = np.argmax(np.where(fit.seen, fit.sizes, -1.0)[bad].reshape(len(bad), -1), axis=1)
         k, c = np.divmod(worst, len(rig.cameras))
-        pair = seen[bad, k].sum(axis=1) <= 2
+        pair = fit.seen[bad, k].sum(axis=1) <= 2
         used[bad, k, c] = False
         used[bad[pair], k[pair]] = False
-    used[chi > OUTLIER_SIGMAS * max(sigma, 1e-6)] = False
-    good = used.any(axis=(1, 2)) & whole
-    if good.sum() < 0.5 * start.sum():
-        _refuse(sigma)
-    return used, max(float(np.sqrt(squares[good].sum() / freedom[good].sum())), 1e-6)
+        fit = _BodyErrors.of(samples, rig, used, size)
+    used &= (fit.whole & (fit.chi <= limit))[:, None, None]
+    good = used.any(axis=(1, 2))
+    if good.sum() < 0.5 * start:
+        raise _misfit(sigma)
+    squares = np.square(fit.chi[good]) * fit.freedom[good]
+    return used, max(float(np.sqrt(squares.sum() / fit.freedom[good].sum())), 1e-6)
 
 
-def _refuse(sigma: float) -> None:
-    raise CalibrationError(
+@dataclass(frozen=True, slots=True, eq=False)
+class _BodyErrors:
+    """Sizes of the errors of used sightings, and how well each instant fits."""
+
+    sizes: Array
+    """(G, K, C) px over the relative sigma; nan where none."""
+    freedom: Array
+    """(G,) rows beyond the body's own unknowns."""
+    whole: Mask
+    """(G,) two cameras see a point, and something is left over to fit."""
+    chi: Array
+    """(G,) root of the squares over the freedom."""
+
+    @property
+    def seen(self) -> Mask:
+        """(G, K, C)."""
+        return np.isfinite(self.sizes)
+
+    @staticmethod
+    def of(samples: Samples, rig: ManyRig, used: Mask, size: int) -> _BodyErrors:
+        """The errors of the best body; `size` is the number of its unknowns."""
+        fit = fit_body(samples, rig, used)
+        sizes = np.linalg.norm(fit.errors_px, axis=3) / fit.samples.sigmas
+        seen = np.isfinite(sizes)
+        freedom = np.maximum(2 * seen.sum(axis=(1, 2)) - size, 0)
+        whole = np.asarray((seen.sum(axis=2) >= 2).any(axis=1) & (freedom > 0))
+        return _BodyErrors(sizes, freedom, whole, np.sqrt(np.nansum(sizes**2, axis=(1, 2)) / np.maximum(freedom, 1)))
+
+
+def _misfit(sigma: float) -> CalibrationError:
+    return CalibrationError(
         "the sightings do not fit together",
         expected=f"errors up to {WORST_PX:g} px",
         got=f"{sigma:.1f} px in the middle",

@@ -1,7 +1,7 @@
 """What n cameras saw of one moving body: a ball, a wand with markers, or a board, at common instants.
 
-Cameras do not look at the same moment. A sighting is moved to the asked time along its own motion in the picture, by
-3 ms at most, so that clocks can be shifted against each other and no noise is averaged away.
+Cameras do not look at the same moment. The sighting nearest to the asked time is moved there along the parabola through
+it and its two neighbours, so that clocks can be shifted against each other and no noise is averaged away.
 """
 
 from __future__ import annotations
@@ -24,26 +24,52 @@ Array = NDArray[np.float64]
 DENSE_US: Final = 6000
 """A track whose sightings follow each other faster can be cleaned by its neighbours."""
 FARTHEST_US: Final = 3000.0
-"""A sighting is moved along its motion by so much at most."""
+"""A sighting is moved along its motion by so much, or by half the interval to its neighbours if that is more."""
 STILL_US: Final = 100.0
 """The same where its motion is unknown: 0.1 mm at 1 m/s."""
-NEIGHBOUR_US: Final = 40_000.0
-"""Motion is read from neighbours that are nearer than this."""
+NEIGHBOUR_US: Final = 120_000.0
+"""Motion is read from neighbours that are nearer than this: cameras of 10 pictures/s are enough for a slow wand."""
 TABLE_COLUMNS: Final = "camera,time,x,y (seconds, pixels; also t_us,u_px,v_px) and, if known, sigma and marker"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Samples:
-    """What C cameras saw at G instants of a body with K points."""
+    """What C cameras saw at G instants of a body with K points, by given clocks."""
 
+    body_m: Array
+    """(K, 3) places of the points on the body."""
+    t_us: Array
+    """(G,) common times."""
+    since_us: Array
+    """(G,) the same from the time on from which drifts are counted."""
+    offsets_us: Array
+    """(C,) a camera's clock minus the common one."""
+    drifts_ppm: Array
+    """(C,)."""
     uvs_px: Array
     """(G, K, C, 2), nan where a point was not seen."""
     speeds: Array
     """(G, K, C, 2) motion in the picture, px/us."""
+    growths: Array
+    """(G, K, C, 2) half the acceleration in the picture, px/us^2."""
     directions: Array
-    """(G, K, C, 2) unit vectors along that motion; 0 where there is none."""
+    """(G, K, C, 2) unit vectors along the motion; 0 where there is none."""
     sigmas: Array
     """(G, K, C) of a sighting, relative to the others; 1 where the source does not say."""
+
+    def by_clocks(self, offsets_us: Array, drifts_ppm: Array) -> Samples:
+        """The same sightings by other clocks: none comes or goes, so that a fit cannot get rid of them."""
+        step = (offsets_us - self.offsets_us) + 1e-6 * np.outer(self.since_us, drifts_ppm - self.drifts_ppm)
+        if not step.any():
+            return self
+        by = step[:, None, :, None]
+        places, speeds = self.uvs_px + by * (self.speeds + by * self.growths), self.speeds + 2 * by * self.growths
+        return replace(self, offsets_us=offsets_us, drifts_ppm=drifts_ppm, uvs_px=places, speeds=speeds)
+
+    def rows(self, keep: NDArray[np.bool_]) -> Samples:
+        """Some of the instants."""
+        names = ("t_us", "since_us", "uvs_px", "speeds", "growths", "directions", "sigmas")
+        return replace(self, **{name: getattr(self, name)[keep] for name in names})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,24 +87,25 @@ class BodyTracks:
     def sample(self, t_us: Array, offsets_us: Array, drifts_ppm: Array) -> Samples:
         """What each camera saw at common times (G,); its clock is ahead by its offset, and faster by its drift."""
         shape = (len(t_us), len(self.body_m), len(self.tracks))
-        samples = Samples(np.full((*shape, 2), np.nan), np.zeros((*shape, 2)), np.zeros((*shape, 2)), np.ones(shape))
+        uvs, speeds, growths, directions = (np.full((*shape, 2), fill) for fill in (np.nan, 0.0, 0.0, 0.0))
+        sigmas = np.ones(shape)
         for c, track in enumerate(self.tracks):
             at_us = t_us + offsets_us[c] + 1e-6 * drifts_ppm[c] * (t_us - self.middle_us)
-            speeds, directions = _speeds(track), motion_directions(track)
+            motion, ahead = _motion(track), motion_directions(track)
             for k in range(len(self.body_m)):
                 rows = np.flatnonzero(track.marker == k)
                 if not len(rows):
                     continue
                 row = rows[_nearest(track.t_us[rows], at_us)]
-                step_us = at_us - track.t_us[row]
-                known = np.isfinite(speeds[row, 0])
-                near = np.abs(step_us) <= np.where(known, FARTHEST_US, STILL_US)
-                speed = np.nan_to_num(speeds[row])
-                samples.uvs_px[near, k, c] = (track.uvs_px[row] + speed * step_us[:, None])[near]
-                samples.speeds[:, k, c] = speed
-                samples.directions[:, k, c] = directions[row]
-                samples.sigmas[:, k, c] = self.sigmas[c][row]
-        return samples
+                step_us = (at_us - track.t_us[row])[:, None]
+                speed, growth, span_us = motion[row, :2], motion[row, 2:4], motion[row, 4]
+                near = np.abs(step_us[:, 0]) <= np.where(span_us > 0, np.maximum(FARTHEST_US, span_us / 4), STILL_US)
+                places = track.uvs_px[row] + step_us * (speed + step_us * growth)
+                uvs[near, k, c], speeds[:, k, c] = places[near], speed + 2 * step_us * growth
+                growths[:, k, c], directions[:, k, c], sigmas[:, k, c] = growth, ahead[row], self.sigmas[c][row]
+        since_us = t_us - self.middle_us
+        clocks = (np.asarray(offsets_us, np.float64), np.asarray(drifts_ppm, np.float64))
+        return Samples(self.body_m, t_us, since_us, *clocks, uvs, speeds, growths, directions, sigmas)
 
     def instants(self, offsets_us: Array, drifts_ppm: Array) -> Array:
         """(G,) common times at which any camera saw something, half an interval of the fastest apart or more."""
@@ -132,16 +159,23 @@ def _nearest(t_us: NDArray[np.int64], at_us: Array) -> NDArray[np.intp]:
     return np.where(np.abs(t_us[after] - at_us) < np.abs(at_us - t_us[before]), after, before)
 
 
-def _speeds(track: PointTrack) -> Array:
-    """(N, 2) px/us from the neighbours before and after; nan without both."""
-    speeds = np.full((len(track.t_us), 2), np.nan)
+def _motion(track: PointTrack) -> Array:
+    """(N, 5) of the parabola through each sighting and its neighbours: speed (2) px/us, half the acceleration (2)
+    px/us^2, and the time that the three span, us; all 0 without both neighbours.
+    """
+    motion = np.zeros((len(track.t_us), 5))
     if len(track.t_us) < 3:
-        return speeds
-    span = (track.t_us[2:] - track.t_us[:-2]).astype(np.float64)
-    good = (track.marker[2:] == track.marker[:-2]) & (span > 0) & (span <= 2 * NEIGHBOUR_US)
-    move = track.uvs_px[2:] - track.uvs_px[:-2]
-    speeds[1:-1][good] = move[good] / span[good, None]
-    return speeds
+        return motion
+    step = np.diff(track.t_us).astype(np.float64)
+    before, after = step[:-1], step[1:]
+    good = (track.marker[2:] == track.marker[:-2]) & (before > 0) & (after > 0)
+    good &= np.maximum(before, after) <= NEIGHBOUR_US
+    slopes = np.diff(track.uvs_px, axis=0) / np.maximum(step, 1.0)[:, None]
+    span = np.maximum(before + after, 1.0)[:, None]
+    speed = (slopes[:-1] * after[:, None] + slopes[1:] * before[:, None]) / span
+    growth = (slopes[1:] - slopes[:-1]) / span
+    motion[1:-1][good] = np.column_stack([speed, growth, span])[good]
+    return motion
 
 
 def read_points_table(path: Path) -> tuple[dict[str, PointTrack], dict[str, Array]]:

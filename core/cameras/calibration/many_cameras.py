@@ -31,7 +31,7 @@ from core.cameras.calibration.scale import Scale, ScaleFound, measure_scale
 from core.cameras.calibration.table_corners import CLICKS_AT_LEAST, Clicks, pose_from_clicks
 from core.cameras.camera import Camera
 from core.errors import CalibrationError
-from core.geometry import invert_transform, make_transform
+from core.geometry import invert_transform
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -39,6 +39,8 @@ Mask = NDArray[np.bool_]
 POOR_SIGMA_M: Final = 0.02
 POOR_SIGMA_RAD: Final = 0.01
 """A camera whose pose is known no better than to one of these is named."""
+MOVING_SHARE: Final = 0.5
+STILL_NOTE: Final = "the clocks are taken as equal: pictures too far apart to see the motion between them"
 FIRM: Final = 1e4
 """Weight of a length that is taken as known."""
 WAND_SIGMA: Final = 1e-4
@@ -133,7 +135,8 @@ def calibrate_many(
     offsets_us = np.arange(-steps, steps + 1, dtype=np.float64) * (1e3 * config.offset_step_ms)
     rig = guess_many(tracks, names, list(lenses.values()), offsets_us, lambda share: progress(0.4 * share))
     t_us = choose_instants(tracks, rig, config.instants)
-    free = _free(len(names), clocks=config.max_offset_ms > 0, lenses=refine_lenses, lead=ball)
+    clocks = config.max_offset_ms > 0 and _moves(tracks, rig, t_us)
+    free = _free(len(names), clocks=clocks, lenses=refine_lenses, lead=ball)
     unit: Extra = _nothing if own_size else _unit_baseline
     adjusted = adjust_many(tracks, rig, t_us, free, unit, rough_px=ROUGH_PX)
     progress(0.7)
@@ -144,11 +147,13 @@ def calibrate_many(
         adjusted = adjust_many(tracks, adjusted.rig, t_us, free, unit)
         measured = _measure(tracks, adjusted, scale, poses)
     progress(0.85)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = () if clocks or config.max_offset_ms == 0 else (STILL_NOTE,)
     click_rms_px = None
     if poses:
-        adjusted, click_rms_px, notes = _at_table(tracks, adjusted, free, measured, poses, config.click_sigma_px, names)
-        frame = "the table's, by its corners"
+        adjusted, click_rms_px, strays = _at_table(
+            tracks, adjusted, free, measured, poses, config.click_sigma_px, names
+        )
+        notes, frame = (*notes, *strays), "the table's, by its corners"
     else:
         R_world_first, frame = upright_frame(measured)
         rig = scaled_rig(adjusted.rig, measured.metres_per_unit, R_world_first)
@@ -157,10 +162,17 @@ def calibrate_many(
     return _report(tracks, names, adjusted, measured, frame, click_rms_px, notes, ball=ball)
 
 
+def _moves(tracks: BodyTracks, rig: ManyRig, t_us: Array) -> bool:
+    """Whether most sightings follow each other closely enough to know how the body moves in the pictures."""
+    samples = tracks.sample(t_us, rig.offsets_us, rig.drifts_ppm)
+    return bool(samples.speeds[np.isfinite(samples.uvs_px[..., 0])].any(axis=1).mean() > MOVING_SHARE)
+
+
 def choose_instants(tracks: BodyTracks, rig: ManyRig, at_most: int) -> Array:
     """Common times (G,) that two cameras or more see, each pair's evenly spread over the sweep."""
     t_us = tracks.instants(rig.offsets_us, rig.drifts_ppm)
-    seen = np.isfinite(tracks.sample(t_us, rig.offsets_us, rig.drifts_ppm).uvs_px[..., 0]).any(axis=1)
+    uvs = tracks.sample(t_us, rig.offsets_us, rig.drifts_ppm).uvs_px
+    seen = np.asarray(np.isfinite(uvs[..., 0]).any(axis=1))
     count = seen.shape[1]
     pairs = [np.flatnonzero(seen[:, a] & seen[:, b]) for a in range(count) for b in range(a)]
     pairs = [rows for rows in pairs if len(rows)]
@@ -199,7 +211,7 @@ def _measure(
         kind = "the wand" if np.linalg.matrix_rank(tracks.body_m, tol=1e-9) < 2 else "the board"
         times = int(adjusted.used.any(axis=(1, 2)).sum())
         return ScaleFound("wand", 1.0, WAND_SIGMA, said=f"{kind} at {times} times")
-    rig, used = adjusted.rig, adjusted.used.any(axis=(1, 2))
+    rig, used = adjusted.rig, np.asarray(adjusted.used.any(axis=(1, 2)))
     seen = tracks.sample(adjusted.t_us, rig.offsets_us, rig.drifts_ppm)
     uvs = np.where(adjusted.used[..., None], seen.uvs_px - rig.lead_px * seen.directions, np.nan)[:, 0]
     xys = np.stack([camera.undistort(uvs[:, c]) for c, camera in enumerate(rig.cameras)], axis=1)
@@ -211,7 +223,9 @@ def _measure(
 
 def _centres_of_balls(tracks: BodyTracks, adjusted: ManyAdjusted, metres_per_unit: float) -> BodyTracks:
     """The tracks with each outline's centre moved to where the image of the ball's centre is."""
-    fit = fit_body(tracks, adjusted.rig, adjusted.t_us, adjusted.used)
+    rig = adjusted.rig
+    samples = tracks.sample(adjusted.t_us, rig.offsets_us, rig.drifts_ppm)
+    fit = fit_body(samples, rig, adjusted.used)
     rig, ps = scaled_rig(adjusted.rig, metres_per_unit), metres_per_unit * fit.points[:, 0]
     shifts = []
     for c, camera in enumerate(rig.cameras):
@@ -301,7 +315,7 @@ def _report(
     ball: bool,
 ) -> ManyCalibration:
     rig = adjusted.rig
-    fit = fit_body(tracks, rig, adjusted.t_us, adjusted.used)
+    fit = fit_body(tracks.sample(adjusted.t_us, rig.offsets_us, rig.drifts_ppm), rig, adjusted.used)
     sigmas = np.sqrt(np.maximum(np.diag(adjusted.covariance), 0.0))
     reports, poor = {}, []
     for c, name in enumerate(names):
@@ -310,12 +324,15 @@ def _report(
         own = dict(zip(UNKNOWNS, sigmas[c * SIZE : (c + 1) * SIZE].tolist(), strict=True))
         offset, drift = float(rig.offsets_us[c]), float(rig.drifts_ppm[c])
         known = {key: value for key, value in own.items() if value > 0}
-        reports[name] = CameraReport(
-            rig.cameras[c], offset, drift, known, uvs, uvs - projected, adjusted.used[:, :, c]
+        reports[name] = CameraReport(rig.cameras[c], offset, drift, known, uvs, uvs - projected, adjusted.used[:, :, c])
+        place, turn = (
+            np.hypot(np.hypot(own["x"], own["y"]), own["z"]),
+            np.hypot(np.hypot(own["rx"], own["ry"]), own["rz"]),
         )
-        place, turn = np.hypot(np.hypot(own["x"], own["y"]), own["z"]), np.hypot(np.hypot(own["rx"], own["ry"]), own["rz"])
         if place > POOR_SIGMA_M or turn > POOR_SIGMA_RAD:
-            poor.append(f"{name} is known to {1e3 * place:.0f} mm, {np.degrees(turn):.2f} degrees only: sweep more there")
+            poor.append(
+                f"{name} is known to {1e3 * place:.0f} mm, {np.degrees(turn):.2f} degrees only: sweep more there"
+            )
     return ManyCalibration(
         reports,
         adjusted.t_us,
