@@ -82,7 +82,7 @@ class StereoArguments:
 def run(arguments: StereoArguments) -> None:
     """Find the point, calibrate, write, and say how good it is."""
     check_destinations(arguments.out, arguments.report, (".toml",))
-    scale = _scale(arguments.scale, arguments.table_corners is not None, arguments.physics)
+    scale = read_scale(arguments.scale, arguments.table_corners is not None, arguments.physics)
     config = RigConfig(
         max_offset_ms=0.0 if arguments.same_clock else arguments.max_offset_ms, click_sigma_px=arguments.click_sigma_px
     )
@@ -116,7 +116,8 @@ def rig_svg(found: RigCalibration, title: str) -> str:
     return residual_svg(f"{title}: seen minus projected, what two views can see of it", panels)
 
 
-def _scale(text: str | None, corners: bool, physics: str) -> Scale:
+def read_scale(text: str | None, corners: bool, physics: str) -> Scale:
+    """What `--scale` says; the table, if it says nothing and its corners are given."""
     if text is None:
         if not corners:
             raise CommandError("how long is a metre?", expected=f"--scale {SCALE_FORM}, or --table-corners")
@@ -139,26 +140,27 @@ def _inputs(
     arguments: StereoArguments, progress: Callable[[float], None]
 ) -> tuple[dict[str, PointTrack], dict[str, Camera]]:
     """What each camera saw, and its lens."""
-    given = {name: _lens(name, path) for name, path in (arguments.lenses or {}).items()}
+    given = {name: read_lens(name, path) for name, path in (arguments.lenses or {}).items()}
     if arguments.detections is not None:
         tracks = {name: read_point_track(path) for name, path in arguments.detections.items()}
         if arguments.recording is not None:
             with closing(open_recording(arguments.recording)) as recording:
-                given = {**_lenses_of(recording), **given}
+                given = {**lenses_of(recording), **given}
         return tracks, given
     if arguments.swept == "wand":
         raise CommandError("no detector finds a wand's markers", remedy="give their places with --detections")
     if arguments.recording is None:
         raise CommandError("nothing to calibrate from", expected="a recording, or --detections")
     with closing(open_recording(arguments.recording)) as recording:
-        tracks = _detect(recording, arguments, progress)
-        return tracks, {**_lenses_of(recording), **given}
+        tracks = detect_tracks(recording, arguments.detector, arguments.window_us, progress)
+        return tracks, {**lenses_of(recording), **given}
 
 
-def _detect(
-    recording: Recording, arguments: StereoArguments, progress: Callable[[float], None]
+def detect_tracks(
+    recording: Recording, method_arguments: MethodArguments, window_us: int | None, progress: Callable[[float], None]
 ) -> dict[str, PointTrack]:
-    method, config = arguments.detector.settings()
+    """What the detector finds in each camera of a recording."""
+    method, config = method_arguments.settings()
     tracks = {}
     for number, (name, stream) in enumerate(recording.cameras.items()):
 
@@ -166,20 +168,22 @@ def _detect(
             progress((number + share) / len(recording.cameras))
 
         detector = make_detector(method, stream.sensor, config)
-        answers = run_detector(stream, detector, arguments.window_us or config.window.window_us, progress=show)
+        answers = run_detector(stream, detector, window_us or config.window.window_us, progress=show)
         seen = answers.detected
         tracks[name] = PointTrack.of(answers.t_us[seen], np.column_stack([answers.u_px, answers.v_px])[seen])
     return tracks
 
 
-def _lens(name: str, path: Path) -> Camera:
+def read_lens(name: str, path: Path) -> Camera:
+    """The camera of that name in a calibration file, or the only one in it."""
     cameras = load_calibration(path)
     if len(cameras) > 1 and name not in cameras:
         raise CommandError(f"no camera {name!r}", expected=f"one of {', '.join(cameras)}", where=path)
     return cameras.get(name) or next(iter(cameras.values()))
 
 
-def _lenses_of(recording: Recording) -> dict[str, Camera]:
+def lenses_of(recording: Recording) -> dict[str, Camera]:
+    """The calibrated cameras of a recording."""
     return {name: stream.calibration for name, stream in recording.cameras.items() if stream.calibration is not None}
 
 

@@ -247,18 +247,28 @@ def _covariance(sightings: Sightings, rig: Rig, free: NDArray[np.bool_], extra: 
     here = residuals(np.zeros(count))
     steps = STEP * np.eye(count)
     slopes = np.column_stack([(residuals(row) - residuals(-row)) / (2 * STEP) for row in steps])
+    rows = len(sightings.t_us) * rig.ps.shape[0] * 2
+    blocked = blocked_covariance(slopes, here, sightings.t_us, rows)
+    full = np.zeros((free.size, free.size))
+    places = np.flatnonzero(free)
+    full[np.ix_(places, places)] = blocked
+    return full
+
+
+def blocked_covariance(slopes: Array, here: Array, t_us: Array, rows: int) -> Array:
+    """Covariance of the unknowns (P, P) at the best fit: errors within a block of time count as one.
+
+    `slopes` (R, P) and `here` (R,) are Jacobian and residuals in standard deviations; the first `rows` of them belong
+    to the instants `t_us` (N,), as many to each, the others are known lengths and clicks with errors of their own.
+    """
+    count = slopes.shape[1]
     inverse = np.linalg.pinv(slopes.T @ slopes)
-    per_instant = rig.ps.shape[0] * 2
-    instants = len(sightings.t_us) * per_instant
-    scores = (slopes[:instants] * here[:instants, None]).reshape(len(sightings.t_us), per_instant, count).sum(axis=1)
-    _, block = np.unique(sightings.t_us // BLOCK_US, return_inverse=True)
+    scores = (slopes[:rows] * here[:rows, None]).reshape(len(t_us), -1, count).sum(axis=1)
+    _, block = np.unique(t_us // BLOCK_US, return_inverse=True)
     sums = np.zeros((int(block.max(initial=0)) + 1, count))
     np.add.at(sums, block, scores)
-    known = slopes[instants:].T @ slopes[instants:]  # clicks and lengths: their own noise is 1 and independent
+    known = slopes[rows:].T @ slopes[rows:]  # clicks and lengths: their own noise is 1 and independent
     blocked = inverse @ (sums.T @ sums + known) @ inverse
     # With few blocks the sandwich is too small by chance; independent errors are the least there can be.
     stretch = np.sqrt(np.maximum(np.diag(inverse) / np.maximum(np.diag(blocked), 1e-300), 1.0))
-    full = np.zeros((free.size, free.size))
-    places = np.flatnonzero(free)
-    full[np.ix_(places, places)] = blocked * stretch[:, None] * stretch
-    return full
+    return blocked * stretch[:, None] * stretch

@@ -38,15 +38,7 @@ class Placed:
 
 def place_upright(adjusted: Adjusted, scale: ScaleFound) -> Placed:
     """The first camera at the origin; +z up and +x where it looks if gravity is known, else its own axes."""
-    R_world_first = np.eye(3)
-    frame = "the first camera's own axes"
-    if scale.up is not None:
-        ahead = np.array([0.0, 0.0, 1.0]) - scale.up[2] * scale.up
-        if np.linalg.norm(ahead) < 1e-3:  # it looks straight down: the top of its picture is ahead
-            ahead = np.array([0.0, -1.0, 0.0])
-        ahead /= np.linalg.norm(ahead)
-        R_world_first = np.stack([ahead, np.cross(scale.up, ahead), scale.up])
-        frame = "the first camera's place, z up by gravity, x where it looks"
+    R_world_first, frame = upright_frame(scale)
     s = scale.metres_per_unit
     rig = adjusted.rig
     placed = Rig(R_world_first @ rig.Rs, s * rig.ps @ R_world_first.T, rig.offsets_us, rig.lead_px)
@@ -54,6 +46,18 @@ def place_upright(adjusted: Adjusted, scale: ScaleFound) -> Placed:
     stretch[:-1, :-1] = np.kron(np.eye(len(rig.ps)), _metres(R_world_first, s))
     covariance = stretch @ adjusted.covariance @ stretch.T
     return Placed(replace(adjusted, rig=placed, covariance=covariance), s * scale.sigma_relative, frame)
+
+
+def upright_frame(scale: ScaleFound) -> tuple[Array, str]:
+    """`R_world_first` (3, 3) of the first camera at the origin, and what the world then is, in words."""
+    if scale.up is None:
+        return np.eye(3), "the first camera's own axes"
+    ahead = np.array([0.0, 0.0, 1.0]) - scale.up[2] * scale.up
+    if np.linalg.norm(ahead) < 1e-3:  # it looks straight down: the top of its picture is ahead
+        ahead = np.array([0.0, -1.0, 0.0])
+    ahead /= np.linalg.norm(ahead)
+    frame = "the first camera's place, z up by gravity, x where it looks"
+    return np.stack([ahead, np.cross(scale.up, ahead), scale.up]), frame
 
 
 def place_by_clicks(
@@ -91,12 +95,7 @@ def place_by_clicks(
     placed = adjust(sightings, start, free, extra)
     every = np.concatenate([_click_errors(placed.rig, k, *poses[k]) for k in poses])
     rms_px = float(np.sqrt((every**2).sum(axis=1).mean()))
-    if rms_px > WORST_CLICKS_PX:
-        expected, got = f"rms up to {WORST_CLICKS_PX:g} px", f"{rms_px:.0f} px"
-        remedy = "check the names of the corners and the lenses"
-        raise CalibrationError(
-            "the clicked corners are not those of a table", expected=expected, got=got, remedy=remedy
-        )
+    check_clicks(rms_px)
     along = placed.rig.ps[1] - placed.rig.ps[0]
     along = along / np.linalg.norm(along)
     slope = np.zeros(placed.covariance.shape[0])
@@ -113,10 +112,24 @@ def place_by_clicks(
     return Placed(placed, sigma_m, "the table's, by its corners", rms_px, stray)
 
 
+def check_clicks(rms_px: float) -> None:
+    """Raises CalibrationError where clicks are too far off to be of a table's corners."""
+    if rms_px > WORST_CLICKS_PX:
+        raise CalibrationError(
+            "the clicked corners are not those of a table",
+            expected=f"rms up to {WORST_CLICKS_PX:g} px",
+            got=f"{rms_px:.0f} px",
+            remedy="check the names of the corners and the lenses",
+        )
+
+
 def _click_errors(rig: Rig, k: int, camera: Camera, clicks: Clicks) -> Array:
+    return click_errors(replace(camera, T_world_camera=make_transform(rig.Rs[k], rig.ps[k])), clicks)
+
+
+def click_errors(camera: Camera, clicks: Clicks) -> Array:
     """(K, 2) clicked minus projected corners; far off where a corner is not before the camera."""
-    there = replace(camera, T_world_camera=make_transform(rig.Rs[k], rig.ps[k]))
-    errors = clicks.uvs_px - there.project(clicks.ps_world_m)
+    errors = clicks.uvs_px - camera.project(clicks.ps_world_m)
     errors[np.isnan(errors)] = 1e4
     return np.asarray(errors, np.float64)
 

@@ -71,7 +71,7 @@ def calibrate_rig(
     """
     config = config or RigConfig()
     names = tuple(tracks)
-    _check(names, lenses, scale, clicks or {})
+    check_rig(names, lenses, scale, clicks or {})
     cameras = [lenses[name] for name in names]
     seen = [clean_track(tracks[name]) for name in names]
     steps = int(config.max_offset_ms / config.offset_step_ms)
@@ -98,7 +98,8 @@ class _Solved:
     marker: NDArray[np.int64]
 
 
-def _check(names: tuple[str, ...], lenses: Mapping[str, Camera], scale: Scale, clicks: Mapping[str, Clicks]) -> None:
+def check_rig(names: tuple[str, ...], lenses: Mapping[str, Camera], scale: Scale, clicks: Mapping[str, Clicks]) -> None:
+    """Raises CalibrationError where names, lenses, scale and clicks do not go together."""
     if len(names) < 2:
         got = ", ".join(names) or "none"
         raise CalibrationError("a rig has two cameras or more", expected="tracks of two cameras", got=got)
@@ -165,13 +166,21 @@ def _centres_of_balls(tracks: list[PointTrack], solved: _Solved) -> list[PointTr
     ps = points_of(rig, solved.sightings.of(rig), solved.sightings.focals_px)
     corrected = []
     for track, camera, offset_us in zip(tracks, solved.cameras, rig.offsets_us.tolist(), strict=True):
-        circles = ball_circles(camera, ps)
-        shift = np.column_stack([circles.u_px, circles.v_px]) - camera.project(ps)
-        good = np.isfinite(shift[:, 0]) & solved.placed.adjusted.used
-        t_us = solved.sightings.t_us[good] + offset_us
-        shifts = [np.interp(track.t_us, t_us, column) for column in shift[good].T] if good.any() else [0.0, 0.0]
+        t_us, shift = outline_shifts(camera, ps, solved.sightings.t_us + offset_us, solved.placed.adjusted.used)
+        shifts = [np.interp(track.t_us, t_us, column) for column in shift.T] if len(t_us) else [0.0, 0.0]
         corrected.append(replace(track, uvs_px=track.uvs_px - np.column_stack(shifts)))
     return corrected
+
+
+def outline_shifts(camera: Camera, ps: Array, t_us: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Times (M,) and by how much a ball's outline is off the image of its centre then (M, 2), px.
+
+    The balls are at `ps` (N, 3) in the world at `t_us` (N,); those that are not used or not in the picture are left out.
+    """
+    circles = ball_circles(camera, ps)
+    shift = np.column_stack([circles.u_px, circles.v_px]) - camera.project(ps)
+    good = np.isfinite(shift[:, 0]) & used
+    return t_us[good], shift[good]
 
 
 def _report(seen: list[PointTrack], names: tuple[str, ...], solved: _Solved) -> RigCalibration:

@@ -1,0 +1,210 @@
+"""A first guess of n cameras: pairs that saw the same things, chained along a spanning tree from the best pair."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from core.cameras.calibration.body_bundle import ManyRig
+from core.cameras.calibration.body_tracks import BodyTracks
+from core.cameras.calibration.bundle import Rig, points_of
+from core.cameras.calibration.relative_pose import POINTS_AT_LEAST, guess_relative_pose
+from core.cameras.camera import Camera
+from core.errors import CalibrationError
+from core.geometry import invert_transform, make_transform
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+CHAINED_AT_LEAST: Final = 10
+"""Points that two pairs have in common, or lengths of a wand, so that one scale holds for both."""
+SHARED_INSTANTS: Final = 4000
+"""At most so many are looked at to count what cameras share."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Edge:
+    """How the second of two cameras stands to the first one; lengths in metres or, of a ball, in units of its own."""
+
+    T_first_second: Array
+    offset_us: float
+    """The second one's clock minus the first one's."""
+    in_metres: bool
+
+
+def shared_points(tracks: BodyTracks) -> NDArray[np.int64]:
+    """(C, C) how many sightings each two cameras share, clocks taken as equal; its own on the diagonal."""
+    zeros = np.zeros(len(tracks.tracks))
+    t_us = tracks.instants(zeros, zeros)
+    chosen = np.linspace(0, len(t_us) - 1, min(len(t_us), SHARED_INSTANTS)).astype(int)
+    seen = np.isfinite(tracks.sample(t_us[chosen], zeros, zeros).uvs_px[..., 0]).reshape(-1, len(zeros)).astype(float)
+    return np.rint(seen.T @ seen * len(t_us) / max(len(chosen), 1)).astype(np.int64)
+
+
+def guess_many(
+    tracks: BodyTracks,
+    names: Sequence[str],
+    lenses: Sequence[Camera],
+    offsets_us: Array,
+    progress: Progress = lambda share: None,
+) -> ManyRig:
+    """All cameras in the first one's frame, the clocks of two as far apart as one of `offsets_us`.
+
+    In metres where the body has a size; of a ball in units of the baseline of the pair that shares most.
+
+    Raises:
+        CalibrationError: if a camera shares too little with the others; it is named, and what to sweep.
+    """
+    shared = shared_points(tracks)
+    pairs = shared - np.diag(np.diag(shared))
+    Ts: dict[int, Array] = {int(np.unravel_index(np.argmax(pairs), pairs.shape)[0]): np.eye(4)}
+    clocks = dict.fromkeys(Ts, 0.0)
+    metric = len(tracks.body_m) > 1
+    while len(Ts) < len(names):
+        best = sorted(((pairs[a, b], a, b) for a in Ts for b in range(len(names)) if b not in Ts), reverse=True)
+        problem: CalibrationError | None = None
+        for count, a, b in best:
+            if count < POINTS_AT_LEAST:
+                break
+            try:
+                edge = _edge(tracks, lenses, a, b, offsets_us)
+                factor = 1.0 if edge.in_metres or len(Ts) == 1 else _scale(tracks, lenses, Ts, clocks, a, b, edge)
+            except CalibrationError as error:
+                problem = problem or error
+                continue
+            T = make_transform(edge.T_first_second[:3, :3], factor * edge.T_first_second[:3, 3])
+            Ts[b], clocks[b] = Ts[a] @ T, clocks[a] + edge.offset_us
+            break
+        else:
+            assert problem is not None
+            raise CalibrationError(f"{names[best[0][2]]} cannot be placed: {problem}") from problem
+        if count < POINTS_AT_LEAST:
+            raise _too_little(names, shared, set(Ts), problem)
+        progress((len(Ts) - 1) / (len(names) - 1))
+    T_first = invert_transform(Ts[0])
+    cameras = tuple(replace(lens, T_world_camera=T_first @ Ts[c]) for c, lens in enumerate(lenses))
+    rig = ManyRig(cameras, np.array([clocks[c] - clocks[0] for c in range(len(names))]), np.zeros(len(names)))
+    return rig if metric else scaled_rig(rig, 1.0 / _baseline(rig))
+
+
+def scaled_rig(rig: ManyRig, factor: float, R_world_frame: Array | None = None) -> ManyRig:
+    """The rig with all lengths times a factor, in a turned frame."""
+    R = np.eye(3) if R_world_frame is None else R_world_frame
+    Ts = [camera.T_world_camera for camera in rig.cameras]
+    turned = [make_transform(R @ T[:3, :3], factor * R @ T[:3, 3]) for T in Ts]
+    cameras = tuple(replace(camera, T_world_camera=T) for camera, T in zip(rig.cameras, turned, strict=True))
+    return replace(rig, cameras=cameras)
+
+
+def _baseline(rig: ManyRig) -> float:
+    return float(np.linalg.norm(rig.cameras[1].position_world_m - rig.cameras[0].position_world_m))
+
+
+def _too_little(
+    names: Sequence[str], shared: NDArray[np.int64], placed: set[int], problem: CalibrationError | None
+) -> CalibrationError:
+    """Names the cameras that are cut off, how much each shares with whom, and what to sweep."""
+    alone = [c for c in range(len(names)) if c not in placed]
+    if len(placed) == 1:  # nobody shares anything with anybody
+        alone = list(range(len(names)))
+    worst = max(alone, key=lambda c: shared[c, list(placed - {c})].max(initial=0))
+    others = sorted((c for c in range(len(names)) if c != worst), key=lambda c: -int(shared[worst, c]))
+    counts = ", ".join(f"{shared[worst, c]} with {names[c]}" for c in others)
+    partner = next((c for c in others if c in placed), others[0])
+    cut_off = f"{names[worst]} shares too little with the rest" + (f" ({problem})" if problem else "")
+    return CalibrationError(
+        cut_off,
+        expected=f"{POINTS_AT_LEAST} common sightings or more with a camera of the rest",
+        got=f"{shared[worst, worst]} of its own, {counts}",
+        remedy=f"sweep the ball where {names[worst]} and {names[partner]} both see it",
+    )
+
+
+def _edge(tracks: BodyTracks, lenses: Sequence[Camera], a: int, b: int, offsets_us: Array) -> Edge:
+    """Two cameras by their common sightings; for a board by its poses before each."""
+    pair = replace(tracks, tracks=(tracks.tracks[a], tracks.tracks[b]), sigmas=(tracks.sigmas[a], tracks.sigmas[b]))
+    zeros = np.zeros(2)
+    first_only = replace(pair, tracks=pair.tracks[:1], sigmas=pair.sigmas[:1])
+    t_us = first_only.instants(zeros[:1], zeros[:1])
+    body_rank = np.linalg.matrix_rank(tracks.body_m - tracks.body_m[0], tol=1e-9)
+
+    def seen_at(offset_us: float) -> Array:
+        uvs = pair.sample(t_us, np.array([0.0, offset_us]), zeros).uvs_px
+        flat = uvs.reshape(-1, 2, 2)
+        xys = [lenses[c].undistort(flat[:, side]) for side, c in enumerate((a, b))]
+        return np.stack(xys, axis=1)
+
+    if body_rank > 1:
+        return Edge(_by_boards(tracks.body_m, seen_at(0.0).reshape(len(t_us), -1, 2, 2)), 0.0, True)
+    focal = float(np.mean([np.diag(lenses[c].K)[:2] for c in (a, b)]))
+    pose = guess_relative_pose(seen_at(0.0)[:, 0], lambda offset_us: seen_at(offset_us)[:, 1], offsets_us, focal)
+    if body_rank == 0:
+        return Edge(pose.T_first_second, pose.offset_us, False)
+    there = _points(pose.T_first_second, seen_at(pose.offset_us), focal).reshape(len(t_us), -1, 3)
+    lengths = np.linalg.norm(there[:, 1:] - there[:, :1], axis=2)
+    true = np.linalg.norm(tracks.body_m[1:] - tracks.body_m[0], axis=1)
+    ratios = (true / lengths)[np.isfinite(lengths)]
+    if len(ratios) < CHAINED_AT_LEAST:
+        raise CalibrationError("too little of the wand", expected=f"{CHAINED_AT_LEAST} lengths", got=len(ratios))
+    T = make_transform(pose.T_first_second[:3, :3], float(np.median(ratios)) * pose.T_first_second[:3, 3])
+    return Edge(T, pose.offset_us, True)
+
+
+def _points(T_first_second: Array, xys: Array, focal_px: float) -> Array:
+    """(N, 3) in the first camera's frame."""
+    Rs, ps = np.stack([np.eye(3), T_first_second[:3, :3]]), np.stack([np.zeros(3), T_first_second[:3, 3]])
+    return points_of(Rig(Rs, ps, np.zeros(2)), xys, np.full(2, focal_px))
+
+
+def _scale(
+    tracks: BodyTracks,
+    lenses: Sequence[Camera],
+    Ts: Mapping[int, Array],
+    clocks: Mapping[int, float],
+    a: int,
+    b: int,
+    edge: Edge,
+) -> float:
+    """By how much an edge of length 1 is to be stretched: depths in camera `a` by it and by the placed cameras."""
+    placed = sorted(Ts)
+    offsets = np.array([clocks[c] for c in placed] + [clocks[a] + edge.offset_us])
+    chosen = [*placed, b]
+    some = replace(
+        tracks, tracks=tuple(tracks.tracks[c] for c in chosen), sigmas=tuple(tracks.sigmas[c] for c in chosen)
+    )
+    t_us = some.instants(offsets, np.zeros(len(chosen)))
+    uvs = some.sample(t_us, offsets, np.zeros(len(chosen))).uvs_px.reshape(-1, len(chosen), 2)
+    xys = np.stack([lenses[c].undistort(uvs[:, k]) for k, c in enumerate(chosen)], axis=1)
+    poses = np.stack([invert_transform(Ts[a]) @ Ts[c] for c in placed])
+    focals = np.array([lenses[c].K[0, 0] for c in chosen])
+    known = points_of(Rig(poses[:, :3, :3], poses[:, :3, 3], offsets[:-1]), xys[:, :-1], focals[:-1])
+    unit = _points(edge.T_first_second, xys[:, [placed.index(a), -1]], float(focals.mean()))
+    ratios = (known[:, 2] / unit[:, 2])[np.isfinite(known[:, 2] * unit[:, 2])]
+    ratios = ratios[ratios > 0]
+    if len(ratios) < CHAINED_AT_LEAST:
+        remedy = "sweep the ball where it and two of the others see it at once, or sweep a wand"
+        expected = f"{CHAINED_AT_LEAST} points that three cameras see at once"
+        raise CalibrationError("its distance is open", expected=expected, got=len(ratios), remedy=remedy)
+    return float(np.median(ratios))
+
+
+def _by_boards(body_m: Array, xys: Array) -> Array:
+    """`T_first_second` (4, 4): of the common pictures (G, K, 2, 2) that whose answer lies in the middle of all."""
+    found = []
+    for picture in xys[np.isfinite(xys).all(axis=(1, 2, 3))]:
+        poses = []
+        for side in (0, 1):
+            _, rvec, tvec = cv2.solvePnP(body_m, np.ascontiguousarray(picture[:, side]), np.eye(3), np.zeros(5))
+            poses.append(make_transform(cv2.Rodrigues(rvec)[0], np.ravel(tvec)))
+        found.append(poses[0] @ invert_transform(poses[1]))
+    if not found:
+        raise CalibrationError("no picture in which both see the whole board", remedy="show the board to both at once")
+    Ts = np.stack(found)
+    apart = np.linalg.norm(Ts[:, None, :3, 3] - Ts[None, :, :3, 3], axis=2)
+    apart += np.linalg.norm(Ts[:, None, :3, :3] - Ts[None, :, :3, :3], axis=(2, 3)) * apart.max(initial=1.0)
+    return Ts[int(np.argmin(np.median(apart, axis=1)))]
