@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Final, Protocol
 
+from core.errors import RecordingError
 from core.events import Events, SensorSize
-from core.recordings.sources.checking import check_table
+from core.recordings.sources.checking import FEW_LEFT_OUT, MAX_LEFT_OUT, check_table
 from core.recordings.sources.source import ASSUMED, Columns, DecodeReport, EventSource, RawColumns
 from core.recordings.sources.values.table_values import Meaning, Survey, find_meaning, survey
 
@@ -57,11 +58,12 @@ def make_table_source(
     unit: str | None = None,
     shift_us: int = 0,
     seen: Survey | None = None,
+    remarks: tuple[str, ...] = (),
 ) -> EventSource:
     """The camera `name` of a table, whose values are looked at as a whole before they are read.
 
     `unit` is the unit of time that the file states, `shift_us` is added to its times, `seen` what all `rows` have in
-    common if that is known already.
+    common if that is known already, `remarks` are notes about what was taken for granted.
     """
     known = [] if seen is None else [seen]
 
@@ -73,22 +75,32 @@ def make_table_source(
     size = sensor or usual_sensor(*look().largest)
 
     def decode(report: DecodeReport, meaning: Meaning) -> Iterator[Columns]:
-        odd = 0
+        odd, total = 0, 0
         for part in rows(report):
             columns, left_out = meaning.columns(part)
-            odd += left_out
-            yield columns._replace(t_us=columns.t_us + shift_us) if shift_us else columns
+            odd, total = odd + left_out, total + len(part.t)
+            yield columns
+        if odd > max(FEW_LEFT_OUT, MAX_LEFT_OUT * total):
+            what = f"{odd:,} of {total:,} events have a time or a polarity that is none"
+            raise RecordingError(what, where=path, remedy="check the columns of the file")
         if odd:
             report.notes.append(f"{path.name}: {odd:,} events were left out: their times or polarities are no such.")
 
     def read(report: DecodeReport) -> Iterator[Events]:
         if sensor is None:
             report.notes.append(assumed_note(path, size))
+        report.notes.extend(remarks)
         meaning = find_meaning(look(), unit, report, where=path.name)
         lengths = meaning.clock_lengths_us
-        return check_table(decode(report, meaning), size, report, where=path.name, clock_lengths_us=lengths)
+        events = check_table(decode(report, meaning), size, report, where=path.name, clock_lengths_us=lengths)
+        return (_shifted(part, shift_us) for part in events) if shift_us else events
 
     return EventSource(name, label, size, read, sensor_from=ASSUMED if sensor is None else THE_FILE)
+
+
+def _shifted(part: Events, shift_us: int) -> Events:
+    """The events on another clock: a clock that began again has been put right before."""
+    return Events.from_columns(part.t_us + shift_us, part.x_px, part.y_px, part.on, part.sensor)
 
 
 def assumed_note(path: Path, size: SensorSize) -> str:

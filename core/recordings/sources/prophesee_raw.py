@@ -24,7 +24,7 @@ from core.recordings.sources.evt3 import IGNORED, MAX_X, MAX_Y, OUTSIDE, RESERVE
 from core.recordings.sources.evt4 import VERSIONS as EVT4_VERSIONS
 from core.recordings.sources.evt4 import open_evt4
 from core.recordings.sources.evt_time import BAD_COLUMN, BAD_ROW, BAD_TIME, BAD_WORD, Decoded
-from core.recordings.sources.prophesee_header import PropheseeHeader, read_prophesee_header
+from core.recordings.sources.prophesee_header import PropheseeHeader, read_prophesee_header, text_follows
 from core.recordings.sources.source import DecodeReport, EventSource
 
 _BLOCK_BYTES: Final = 1 << 20
@@ -76,22 +76,14 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
         raise RecordingError(
             "the RAW header does not say how large the sensor is", where=path, remedy="give --width and --height"
         )
-    _refuse_text(path, header)
+    if text_follows(path, header):  # every line of text decodes to some events
+        raise RecordingError("no events could be read: text follows the header", where=path)
     chosen, size = version, sensor
 
     def read(report: DecodeReport) -> Iterator[Events]:
         return _decode(path, header, _FORMATS[chosen], size, report)
 
     return [EventSource("camera", f"Prophesee {version}", sensor, read)]
-
-
-def _refuse_text(path: Path, header: PropheseeHeader) -> None:
-    """Every line of text decodes to some events; a camera's stream has bytes above 127 all along."""
-    with path.open("rb") as file:
-        file.seek(header.size_bytes)
-        head = file.read(4096)
-    if len(head) >= 16 and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head):
-        raise RecordingError("no events could be read: text follows the header", where=path)
 
 
 def _decode(
