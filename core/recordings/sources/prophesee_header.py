@@ -33,6 +33,8 @@ class PropheseeHeader:
     word_swapped: bool
     """EVT2.1 as the first cameras wrote it: the two halves of each word exchanged."""
     is_dat: bool
+    dat_version: int | None
+    """Of a DAT file."""
 
 
 def read_prophesee_header(path: Path) -> PropheseeHeader:
@@ -52,6 +54,7 @@ def read_prophesee_header(path: Path) -> PropheseeHeader:
         _sensor(fields, options),
         options.get("endianness") == "legacy",
         is_dat=_is_dat(lines, head[size : size + 2]),
+        dat_version=int(fields["version"]) if fields.get("version", "").isdigit() else None,
     )
 
 

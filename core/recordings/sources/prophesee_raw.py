@@ -30,6 +30,8 @@ from core.recordings.sources.source import DecodeReport, EventSource
 _BLOCK_BYTES: Final = 1 << 20
 _ROOM_EVENTS: Final = 1 << 18
 _ROOM_TRIGGERS: Final = 1 << 14
+_MOSTLY_OUTSIDE: Final = 0.5
+"""With so many addresses outside, the words are not those of the format that the header names."""
 _DAMAGE: Final = {
     BAD_WORD: "a word of unknown type",
     BAD_COLUMN: "a column outside the sensor",
@@ -123,7 +125,7 @@ def _decode(
 def _say_left_out(path: Path, state: NDArray, sensor: SensorSize, read: int, report: DecodeReport) -> None:
     """Count what was left out; a sensor that is too small for many events is refused."""
     outside, largest = int(state[OUTSIDE]), (int(state[MAX_X]), int(state[MAX_Y]))
-    if not state[IGNORED]:  # else damage, and no wrong size
+    if not state[IGNORED] or outside > _MOSTLY_OUTSIDE * (outside + read):  # else damage, and no wrong size
         refuse_many_outside(outside, outside + read, sensor, largest, path.name)
     if outside:
         report.notes.append(outside_note(outside, sensor, largest, path.name))

@@ -12,7 +12,7 @@ from core.events import SensorSize
 
 _LARGEST_PX: Final = 16384
 _PAIR: Final = re.compile(
-    r"(?:geometry|resolution|sensor[_ ]?size|sensor(?=\W{0,4}\d+\s*[x×*])|image[_ ]?size|frame[_ ]?size|dimensions?|\bsize)"
+    r"(?:geometry|resolution|(?:sensor|image|frame)[_ ]?size|sensor(?=\W{0,4}\d+\s*[x×*])|dimensions?|\bsize)"
     r"(?:\s*[(\[]?\s*(h|w)\w*\s*[x,*]\s*[hw]\w*\s*[)\]]?)?\W{0,4}"
     r"(\d+)\s*(?:px|pixels?)?\s*[x×,;*\s]\s*(\d+)",
     re.IGNORECASE,

@@ -91,8 +91,9 @@ class Survey:
 
 
 def _are_thousandths(t: NDArray) -> bool:
-    steps = 1e3 * t.astype(np.float64)
-    return bool((np.abs(steps - np.rint(steps)) < 1e-3).all())
+    with np.errstate(over="ignore", invalid="ignore"):  # damage
+        steps = 1e3 * t.astype(np.float64)
+        return bool((np.abs(steps - np.rint(steps)) < 1e-3).all())
 
 
 def survey(parts: Iterable[RawColumns]) -> Survey:

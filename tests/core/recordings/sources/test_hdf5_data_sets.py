@@ -56,7 +56,7 @@ def test_a_v2e_file_with_unknown_polarities_is_refused(tmp_path):
     path = tmp_path / "v2e.h5"
     write_v2e(path, np.array([1, 2, 0, 1]))
     (source,) = open_sources(path, SensorSize(320, 240))
-    with pytest.raises(RecordingError, match="which polarity is ON cannot be told; .* got 0, 1, 2; give --polarity"):
+    with pytest.raises(RecordingError, match=r"which polarity is ON cannot be told; .* got 0, 1, 2; give --polarity"):
         read_all(source)
 
 
