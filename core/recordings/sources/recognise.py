@@ -10,8 +10,9 @@ import h5py
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.aedat2 import open_aedat2
+from core.recordings.sources.aedat4 import open_aedat4
 from core.recordings.sources.dat import open_dat
-from core.recordings.sources.faery_formats import open_aedat4, open_es
+from core.recordings.sources.event_stream import open_es
 from core.recordings.sources.hdf5_data_sets import open_hdf5_data_set
 from core.recordings.sources.hdf5_reading import explain
 from core.recordings.sources.hdf5_tables import open_hdf5_table
