@@ -161,7 +161,8 @@ class RecordingWriter:
         self.append_rows(layout.frames_group(camera), rows)
 
     def note(self, text: str) -> None:
-        """Say something that a reader of the recording should know."""
+        """Say something that a reader of the recording should know; a file's name in it may be of any bytes."""
+        text = text.encode("utf-8", "backslashreplace").decode("utf-8")
         self._append_frame({"kind": "note", "text": text})
 
     def extend_duration(self, duration_us: int) -> None:
