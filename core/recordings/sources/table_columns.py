@@ -56,10 +56,18 @@ _NAMES: Final = {
 
 
 def addresses_from_column(column: NDArray) -> NDArray[np.int64]:
-    """Whole pixel addresses; -1, which is on no sensor, for what is no number."""
+    """The nearest pixel addresses; -1, which is on no sensor, for what is no number."""
     if column.dtype.kind == "f":
-        column = np.where(np.abs(column) < 2**31, column, -1)
+        column = np.rint(np.where(np.abs(column) < 2**31, column, -1))
     return column.astype(np.int64)
+
+
+def has_fractions(column: NDArray) -> bool:
+    """Whether there are numbers that are not whole."""
+    if column.dtype.kind != "f":
+        return False
+    finite = column[np.isfinite(column)]
+    return bool((finite != np.rint(finite)).any())
 
 
 def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.recordings.layout import MAX_TIME_US
 from core.recordings.sources.source import Columns, DecodeReport, RawColumns, Stated
-from core.recordings.sources.table_columns import addresses_from_column
+from core.recordings.sources.table_columns import addresses_from_column, has_fractions
 
 UNITS_US: Final = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
 """Unit of time -> microseconds."""
@@ -62,6 +62,8 @@ class Survey:
     first_t: float = 0.0
     low_t: float = np.inf
     high_t: float = -np.inf
+    between_pixels: bool = False
+    """Whether there are addresses with fractions, as of undistorted events."""
     largest: tuple[int, int] = (0, 0)
     """Column and row, of those that a sensor can have."""
 
@@ -85,6 +87,7 @@ class Survey:
             key = value.decode("latin-1") if isinstance(value, bytes) else value
             key = key.strip().lower() if isinstance(key, str) else float(key)
             self.polarities[key] = self.polarities.get(key, 0) + count
+        self.between_pixels |= has_fractions(part.x) or has_fractions(part.y)
         sides = (addresses_from_column(column) for column in (part.x, part.y))
         largest = (int(side[side < _LARGEST_PX].max(initial=0)) for side in sides)
         self.largest = tuple(map(max, self.largest, largest))  # pyright: ignore[reportAttributeAccessIssue] - two of them
@@ -144,6 +147,8 @@ def find_meaning(seen: Survey, hint: str | None, report: DecodeReport, *, where:
         RecordingError: if it cannot be told.
     """
     unit = _unit(seen, hint, report, where)
+    if seen.between_pixels:
+        report.notes.append(f"{where}: addresses have fractions, as of undistorted events; the nearest pixels are kept.")
     on = _polarity(seen, report.stated, report, where)
     return Meaning(unit, on)
 
