@@ -1,6 +1,7 @@
 """AEDAT4 files, decoded by faery in a process of its own (`faery_worker` says why).
 
-A packet that cannot be decoded is left out and counted; one that takes faery down with it is passed over by a new process.
+A packet that cannot be decoded is left out and counted; one that takes faery down with it is passed over by a new
+process.
 """
 
 from __future__ import annotations

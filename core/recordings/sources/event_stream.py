@@ -1,4 +1,4 @@
-"""Event Stream files (.es) of DVS and ATIS cameras, decoded here; one odd event costs itself, lost bytes cost little more.
+"""Event Stream files (.es) of DVS and ATIS cameras; one odd event costs itself, lost bytes cost little more.
 
 Source: the format's description (github.com/neuromorphicsystems/event_stream, version 2). After a header of 20 bytes
 an event is a byte of time, then column and row of 16 bits, the row from the bottom.
@@ -67,12 +67,13 @@ def _decode(path: Path, size: SensorSize, atis: bool, report: DecodeReport) -> I
     data = np.memmap(path, np.uint8, "r", _HEADER.size)
     events = 0
     while True:
-        t, xy, on = np.empty(_ROOM_EVENTS, np.int64), np.empty((2, _ROOM_EVENTS), np.int64), np.empty(_ROOM_EVENTS, bool)
-        count = _decode_bytes(data, state, size.width_px, size.height_px, atis, t, xy[0], xy[1], on)
+        t, x, y = (np.empty(_ROOM_EVENTS, np.int64) for _ in range(3))
+        on = np.empty(_ROOM_EVENTS, np.bool_)
+        count = _decode_bytes(data, state, size.width_px, size.height_px, atis, t, x, y, on)
         if not count:
             break
         events += count
-        yield Columns(t[:count], xy[0, :count], xy[1, :count], on[:count])
+        yield Columns(t[:count], x[:count], y[:count], on[:count])
         report.share = int(state[_POSITION]) / len(data)
     outside, largest = int(state[_OUTSIDE]), (int(state[_MAX_X]), int(state[_MAX_Y]))
     refuse_many_outside(outside, events + outside, size, largest, path.name)

@@ -3,7 +3,7 @@
 A damaged file can make faery abort its whole process, and Rust reports to standard error what it likes. Here that harms
 nobody. START is the number of the first packet that is wanted. The answers go to standard output as messages of kind
 (one byte), length (uint64) and content:
-    I  the file: JSON with the "tracks" that hold events, a list of [number, width, height], and how many "others" there are
+    I  the file: JSON with the "tracks" that hold events, a list of [number, width, height], and what "others" hold
     N  the number of the packet that comes next: uint64
     E  events: t uint64, x uint16, y uint16, on uint8, column by column
     T  triggers: t uint64, source uint8
@@ -155,9 +155,12 @@ def find_packets(data: mmap.mmap, start: int, end: int, kinds: dict[int, str]) -
     while at + HEAD.size <= end and at != stated:
         track, size = HEAD.unpack_from(data, at)
         after = at + HEAD.size + size
-        if is_head(data, at, end, kinds) and (begins_as_packet(data, at) or after == end or is_head(data, after, end, kinds)):
+        is_packet = is_head(data, at, end, kinds)
+        whole = is_packet and (after in (stated, end) or is_head(data, after, end, kinds))
+        if whole or (is_packet and begins_as_packet(data, at)):
             yield Packet(number, track, at, after)
-            at = after
+            # bytes of a packet may be lost: then the next one begins earlier
+            at = after if whole else min(after, next_packet(data, at + HEAD.size, end, kinds))
         else:
             after = next_packet(data, at + 1, end, kinds)
             yield Packet(number, NONE, at, after)

@@ -41,8 +41,9 @@ def open_hdf5_data_set(path: Path, sensor: SensorSize | None) -> list[EventSourc
         RecordingError: if its columns do not fit together or its times have another unit.
     """
     with h5py.File(path, "r") as file:
-        if isinstance(file.get("events"), h5py.Dataset):
-            return None if file["events"].dtype.names else [_open_rows(path, file, sensor)]
+        events = file.get("events")
+        if isinstance(events, h5py.Dataset):
+            return None if events.dtype.names else [_open_rows(path, file, sensor)]
         if "prophesee" in file and any(f"prophesee/{side}/t" in file for side in ("left", "right")):
             return _open_m3ed(path, group_at(file, "prophesee"), sensor)
     return None

@@ -33,7 +33,7 @@ _UNIT_WORDS: Final = {
 }  # fmt: skip
 """Names of units without an s at their end."""
 _UNIT_ATTRIBUTES: Final = ("unit", "units", "time_unit", "time_units", "timestamp_unit", "timestamps_unit")
-_LABELS: Final = {
+_LABELS: Final[dict[tuple[str, tuple[str, ...]], str]] = {
     ("events", ("t", "x", "y", "p")): "DSEC HDF5",
     ("events", ("ts", "xs", "ys", "ps")): "HDF5 of xs, ys, ts, ps",
     ("raw_events", ("t", "x", "y", "p")): "HDF5 of raw_events",
@@ -126,7 +126,7 @@ def _camera_names(paths: list[str]) -> list[str]:
 
 def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: SensorSize | None) -> EventSource:
     count = table.count(file, path)
-    where = file[table.path]
+    where = dataset_at(file, table.path) if table.records else group_at(file, table.path)
     holders = [file, where, *([where.parent] if table.path != "/" else [])]
     offset_us = int(np.asarray(dataset_at(file, "t_offset")[()]).reshape(-1)[0]) if "t_offset" in file else 0
     label = "HDF5 of records" if table.records else _LABELS.get((table.path, table.names), "HDF5 of columns")

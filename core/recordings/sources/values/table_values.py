@@ -148,7 +148,8 @@ def find_meaning(seen: Survey, hint: str | None, report: DecodeReport, *, where:
     """
     unit = _unit(seen, hint, report, where)
     if seen.between_pixels:
-        report.notes.append(f"{where}: addresses have fractions, as of undistorted events; the nearest pixels are kept.")
+        said = "addresses have fractions, as of undistorted events; the nearest pixels are kept"
+        report.notes.append(f"{where}: {said}.")
     on = _polarity(seen, report.stated, report, where)
     return Meaning(unit, on)
 
