@@ -36,8 +36,8 @@ SAY_S: Final = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordArguments:
-    """Record event cameras, a replay or a simulation until Ctrl-C. What Prophesee cameras send is written as it comes,
-    and becomes the recording when it is over.
+    """Record event cameras or a simulation until Ctrl-C, or a replay to its end. What Prophesee cameras send is written
+    as it comes, and becomes the recording when it is over.
     """
 
     source: str | None = flag("what is recorded", "camera:SERIAL[,SERIAL]|replay:FILE[@SPEED]|tcp://HOST:PORT")
@@ -45,6 +45,7 @@ class RecordArguments:
     seconds: PositiveFloat | None = flag("end after so long", "S", "at Ctrl-C")
     list: bool = flag("list the cameras that are plugged in, and end")
     cameras: CameraArguments
+    loop: bool = flag("go round a replayed file until Ctrl-C or --seconds, instead of recording it once")
     keep_raw: bool = flag("keep the RAW files of the cameras, too")
     force: bool = flag("replace what exists")
     json: bool = flag("print what was made as JSON")
@@ -58,6 +59,8 @@ def run(arguments: RecordArguments) -> None:
     source, out = arguments.source, arguments.out
     if source is None or out is None:
         raise CommandError("nothing to record", expected="--source and --out, or --list")
+    if arguments.loop and not source.startswith(REPLAY):
+        raise CommandError("--loop is for a replay", expected="--source replay:FILE[@SPEED]", got=repr(source))
     if not source.startswith((CAMERA, REPLAY, "tcp://")):
         expected = "camera:SERIAL[,SERIAL], replay:FILE[@SPEED] or tcp://HOST:PORT"
         raise CommandError("not a source", expected=expected, got=repr(source), where="--source")
@@ -67,7 +70,7 @@ def run(arguments: RecordArguments) -> None:
     if order is not None and _all_evt3(order):
         report = _record_raw(order, out, arguments)
     else:
-        report = _record_blocks(_open_source(source, order), out, arguments)
+        report = _record_blocks(_open_source(source, order, loop=arguments.loop), out, arguments)
     say(json.dumps(report) if arguments.json else _describe(report))
 
 
@@ -99,12 +102,12 @@ def _all_evt3(order: CameraOrder) -> bool:
     return all(model is None or model.evt3 for model in models)
 
 
-def _open_source(source: str, order: CameraOrder | None) -> LiveSource:
+def _open_source(source: str, order: CameraOrder | None, *, loop: bool) -> LiveSource:
     if order is not None:
         return open_camera_source(order)
     replay = read_replay(source)
     if replay is not None:
-        return open_replay(replay)
+        return open_replay(replay, loop=loop)
     from core.live.link.client import SimulationClient
 
     return SimulationClient(source)
@@ -129,7 +132,8 @@ def _record_blocks(source: LiveSource, out: Path, arguments: RecordArguments) ->
 
     ended = end_event()
     try:
-        recorder = LiveRecorder(source, out, overwrite=arguments.force)
+        replayed = arguments.source is not None and arguments.source.startswith(REPLAY)
+        recorder = LiveRecorder(source, out, from_start=replayed, overwrite=arguments.force)
         say(f"Recording {source.description} (Ctrl-C ends it)", error=True)
         _wait(ended, arguments.seconds, lambda: not recorder.recording or source.status == "lost", lambda: "recording")
         duration_us = recorder.stop()

@@ -47,8 +47,10 @@ def read_replay(source: str) -> ReplayOrder | None:
     return ReplayOrder(Path(file), factor)
 
 
-def open_replay(order: ReplayOrder) -> ReplaySource:
+def open_replay(order: ReplayOrder, *, loop: bool = True) -> ReplaySource:
     """The source, which stands still until somebody listens. A file of another format is decoded first.
+
+    With `loop` it goes round for ever.
 
     Raises:
         ConfigError: if the speed is out of bounds.
@@ -62,7 +64,7 @@ def open_replay(order: ReplayOrder) -> ReplaySource:
         recording = open_recording(order.path, progress=progress)
         progress(1.0)
     try:
-        return ReplaySource(recording, order.path.name, speed=order.speed)
+        return ReplaySource(recording, order.path.name, speed=order.speed, loop=loop)
     except BaseException:
         recording.close()
         raise

@@ -49,9 +49,17 @@ class LiveRecorder:
     """Records from the next whole block until `stop`, or until the session ends. Time starts at 0 again."""
 
     def __init__(
-        self, source: LiveSource, path: Path, *, player: LivePlayer | None = None, overwrite: bool = False
+        self,
+        source: LiveSource,
+        path: Path,
+        *,
+        player: LivePlayer | None = None,
+        from_start: bool = False,
+        overwrite: bool = False,
     ) -> None:
         """Begin. With a player, its predictions and decisions are recorded too.
+
+        `from_start`: the source begins at its time 0 because of this recorder, so its first block is whole.
 
         Raises:
             RecordingError: if the file exists and `overwrite` is not set, or it cannot be made.
@@ -69,7 +77,7 @@ class LiveRecorder:
         self._player = player
         self._decision: RacketDecision | None = None  # the writer's thread only
         self._scene: str | None = None  # the writer's thread only
-        self._zero_us: int | None = None
+        self._zero_us: int | None = 0 if from_start else None
         self._blocks = 0
         self._heard: queue.Queue[Heard] = queue.Queue(QUEUE)
         self._ending = False

@@ -1,7 +1,7 @@
 """A recording as a live source: its cameras' events, block after block, as if they were seen now. Nothing else of it.
 
-After the end it begins again from its start, and the time of the session runs on, by whole blocks: what is recorded or
-frozen of it goes over the seam. While nobody listens it stands still.
+After the end it begins again from its start, unless it plays once, and the time of the session runs on, by whole
+blocks: what is recorded or frozen of it goes over the seam. While nobody listens it stands still.
 """
 
 from __future__ import annotations
@@ -43,10 +43,13 @@ class ReplaySource:
         name: str,
         *,
         speed: float = 1.0,
+        loop: bool = True,
         longest_us: int = m.LONGEST_US,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Begin as soon as somebody listens; a session that has come to `longest_us` is followed by another.
+
+        Without `loop` it ends after the last block, and its status is "lost".
 
         Raises:
             ConfigError: if the speed is not in SPEEDS.
@@ -61,6 +64,7 @@ class ReplaySource:
         self.state: m.WorldState | None = None
         self.behind_s = 0.0
         self._recording, self._cameras, self._speed = recording, dict(recording.cameras), speed
+        self._loop = loop
         self._blocks_per_loop = -(-recording.duration_us // BLOCK_US)
         self._longest_us, self._clock = longest_us, clock
         self._changed = threading.Condition()
@@ -74,7 +78,7 @@ class ReplaySource:
 
     @property
     def status(self) -> SourceStatus:
-        """Lost only after a failure of its own: what cannot be read of a camera is that camera's loss."""
+        """Lost only at its end or after a failure of its own: what cannot be read of a camera is that camera's loss."""
         return "connected" if self._thread.is_alive() else "lost"
 
     def recalibrate(self, cameras: Mapping[str, Camera]) -> None:
@@ -126,6 +130,8 @@ class ReplaySource:
                     if late_s > LATE_S:
                         self.behind_s += late_s
                         since_s += late_s
+                    if not self._loop and number == self._blocks_per_loop:
+                        return
                 if self._stop:
                     return
         except Exception:

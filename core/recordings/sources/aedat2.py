@@ -32,6 +32,7 @@ from core.recordings.sources.source import (
     Fact,
     Whence,
 )
+from core.recordings.sources.values.running_clock import RunningClock
 
 _VERSION_1: Final = b"#!AER-DAT1.0"
 _MAX_HEADER: Final = 16 << 20
@@ -125,18 +126,14 @@ def _camera_of(chip: str | None, sensor: SensorSize | None, path: Path) -> _Came
 
 
 def _decode(path: Path, header: _Header, camera: _Camera, report: DecodeReport) -> Iterator[Columns]:
-    epoch, latest, skipped = 0, None, 0
+    clock, skipped = RunningClock(_WRAP), 0
     with path.open("rb") as file:
         end = os.fstat(file.fileno()).st_size
         done = file.seek(header.size_bytes)
         while data := file.read(_ROWS * header.row.itemsize):
             done += len(data)
             rows = np.frombuffer(data[: len(data) - len(data) % header.row.itemsize], header.row)
-            t = rows["t"].astype(np.int64)
-            wraps = np.cumsum(np.diff(t, prepend=t[:1] if latest is None else latest) < -(_WRAP // 2))
-            t_us = t + epoch + wraps * _WRAP
-            if len(t):
-                epoch, latest = epoch + int(wraps[-1]) * _WRAP, int(t[-1])
+            t_us = clock.unwrap(rows["t"].astype(np.int64))
             address = rows["address"].astype(np.int64)
             pixels, external = _kinds(address, camera)
             skipped += len(rows) - int(pixels.sum()) - int(external.sum())

@@ -2,6 +2,7 @@
 
 Source: Prophesee's DAT format description. Event type 0x0C holds events of change, 0x00 the same under an older number
 (N-CARS, the first ATIS sets): a time of 32 bits in us, then 14 bits of column, 14 of row and the polarity in bit 28.
+Files of version 1 have 9 bits of column, 8 of row and the polarity in bit 17 (toolbox of the first ATIS cameras).
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ _EVENTS_OF_CHANGE: Final = (0x00, 0x0C)
 _EVENT_BYTES: Final = 8
 _BLOCK_EVENTS: Final = 1 << 17
 _CLOCK_US: Final = 1 << 32
+_ATIS: Final = SensorSize(304, 240)
+"""The only sensor of files of version 1."""
+_ENOUGH_EVENTS: Final = 100
 
 
 def open_dat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
@@ -43,19 +47,34 @@ def open_dat(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         got = f"type 0x{kind:02X}, {size} bytes"
         raise RecordingError("a DAT file without events of change", expected=expected, got=got, where=path)
     start = header.size_bytes + 2
+    old = _is_version_1(path, start, header.dat_version)
+    sensor = sensor or header.sensor or (_ATIS if old else None)
 
     def decode(report: DecodeReport) -> Iterator[Columns]:
-        return _decode(path, start, report)
+        if old and header.dat_version is None:
+            report.assume(f"{path.name} names no version of DAT; by its addresses it is taken for version 1.")
+        return _decode(path, start, report, old=old)
 
     def check(parts, sensor, report, *, where):
         return check_stream(parts, sensor, report, where=where, clock_lengths_us=(_CLOCK_US,))
 
-    whence = Whence.CAMERA if sensor is None and header.sensor_by_camera else Whence.FILE
-    size = sensor or header.sensor
-    return [make_source(path, "camera", "Prophesee DAT", size, decode, check, sensor_from=whence)]
+    whence = Whence.CAMERA if header.sensor is None or header.sensor_by_camera else Whence.FILE
+    return [make_source(path, "camera", "Prophesee DAT", sensor, decode, check, sensor_from=whence)]
 
 
-def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
+def _is_version_1(path: Path, start: int, version: int | None) -> bool:
+    """By the header; without a version, by addresses of which none needs more than 18 bits."""
+    if version is not None:
+        return version < 2
+    with path.open("rb") as file:
+        file.seek(start)
+        data = file.read(_BLOCK_EVENTS * _EVENT_BYTES)
+    words = np.frombuffer(data, "<u4", 2 * (len(data) // _EVENT_BYTES))[1::2]
+    return len(words) >= _ENOUGH_EVENTS and not (words >> 18).any()
+
+
+def _decode(path: Path, start: int, report: DecodeReport, *, old: bool) -> Iterator[Columns]:
+    columns, rows, polarity = ((0, 0x1FF), (9, 0xFF), 17) if old else ((0, 0x3FFF), (14, 0x3FFF), 28)
     end = path.stat().st_size
     done = start
     with path.open("rb") as file:
@@ -63,7 +82,8 @@ def _decode(path: Path, start: int, report: DecodeReport) -> Iterator[Columns]:
         while data := file.read(_BLOCK_EVENTS * _EVENT_BYTES):
             words = np.frombuffer(data, "<u4", 2 * (len(data) // _EVENT_BYTES))
             t, address = words[0::2].astype(np.int64), words[1::2]
-            yield Columns(t, address & 0x3FFF, (address >> 14) & 0x3FFF, (address >> 28) & 1 == 1)
+            x, y = ((address >> shift) & mask for shift, mask in (columns, rows))
+            yield Columns(t, x, y, (address >> polarity) & 1 == 1)
             done += len(data)
             report.share = done / end
     rest = (end - start) % _EVENT_BYTES

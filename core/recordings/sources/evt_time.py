@@ -21,6 +21,8 @@ STOP: Final = 2
 
 _ASKED: Final = 8
 """Coarse times that are asked whether one before them is right."""
+_ODD_AMONG_ASKED: Final = 3
+"""So many of them may be damaged themselves where the step is a plausible one."""
 
 NO_DAMAGE, BAD_WORD, BAD_COLUMN, BAD_ROW, BAD_TIME = range(5)
 """Why a decoder stopped."""
@@ -68,7 +70,7 @@ def judge_time_high(words, at, value, current, type_shift, value_shift, mask, se
         return BELIEVE
     longest_pause = min(mask // 2, 600 * second)
     largest_step = longest_pause if ahead <= longest_pause else second
-    last, seen, going_on, i = value, 0, 0, at + 1
+    last, before, seen, going_on, odd, i = value, value, 0, 0, 0, at + 1
     while seen < _ASKED and i < len(words):
         word = np.uint64(words[i])
         i += 1
@@ -76,9 +78,15 @@ def judge_time_high(words, at, value, current, type_shift, value_shift, mask, se
             continue
         following = np.int64((word >> np.uint64(value_shift)) & np.uint64(mask))
         going_on += (following - current) & mask <= min(second, ahead - 1)
-        if going_on > min(seen, 1) or (following - last) & mask > largest_step:
+        if going_on > min(seen, 1):
             return IGNORE
-        last = following
+        if (following - last) & mask > largest_step:
+            odd += 1  # this one, or the one before it
+            if odd > (_ODD_AMONG_ASKED if ahead <= second else 0):
+                return IGNORE
+            if (following - before) & mask > second:
+                continue
+        before, last = last, following
         seen += 1
     if ahead <= longest_pause:
         return BELIEVE

@@ -1,10 +1,13 @@
-"""Decodes one file with faery, in a process of its own: `python faery_worker.py es|aedat4 PATH [TRACK]`.
+"""Decodes one AEDAT4 file with faery, in a process of its own: `python faery_worker.py PATH TRACK|- START`.
 
-A damaged AEDAT4 file can make faery abort its whole process, and Rust reports to standard error what it likes. Here
-that harms nobody. The answers go to standard output as messages of kind (one byte), length (uint64) and content:
-    I  the file: JSON with "type" and the "tracks" that hold events, a list of [number, width, height]
+A damaged file can make faery abort its whole process, and Rust reports to standard error what it likes. Here that harms
+nobody. START is the number of the first packet that is wanted. The answers go to standard output as messages of kind
+(one byte), length (uint64) and content:
+    I  the file: JSON with the "tracks" that hold events, a list of [number, width, height], and what "others" hold
+    N  the number of the packet that comes next: uint64
     E  events: t uint64, x uint16, y uint16, on uint8, column by column
     T  triggers: t uint64, source uint8
+    L  a packet that cannot be decoded, and is left out: text
     X  an error, which ends the events: text
     Z  the end
 This file is run as it is and imports nothing of this project, so that it starts quickly.
@@ -13,14 +16,17 @@ This file is run as it is and imports nothing of this project, so that it starts
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import struct
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
-from faery import aedat, es
+from faery import aedat
 
 try:
     import resource
@@ -29,66 +35,189 @@ except ImportError:  # Windows: there nothing limits the worker
 
 MEMORY_BYTES = 4 << 30
 """A damaged file may claim any size; what it asks for beyond this ends the worker instead of the machine."""
+MAGIC = b"#!AER-DAT4.0\r\n"
+COMPRESSED = (b"\x04\x22\x4d\x18", b"\x28\xb5\x2f\xfd")
+"""How a packet of LZ4 or Zstandard begins."""
+PLAIN = (b"EVTS", b"TRIG", b"FRME", b"IMUS")
+"""Of a packet that is not compressed: its kind, after two numbers of 32 bits."""
+HEAD = struct.Struct("<ii")
+NONE = -1
+"""Track of bytes that are no packet."""
 
 
-def main(kind: str, path: str, track: int | None) -> None:
+class Packet(NamedTuple):
+    """Where a packet lies in the file."""
+
+    number: int
+    track: int
+    start: int
+    end: int
+
+
+def main(path: str, track: int | None, start: int) -> None:
     """Decode one file and send its events over standard output; a failure is sent, too."""
     if resource is not None:
         with suppress(ValueError, OSError):  # macOS may know no such limit
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     try:
-        {"es": _decode_es, "aedat4": _decode_aedat4}[kind](path, track)
-        _send(b"Z")
+        decode(path, track, start)
+        send(b"Z")
     except BaseException as error:  # noqa: BLE001 (a panic of Rust is no Exception)
-        _send(b"X", " ".join(str(error).split()).encode())
+        send(b"X", describe(error))
     os._exit(0)  # decoders that failed may abort when they are taken down
 
 
-def _decode_es(path: str, _: int | None) -> None:
-    """Rows of the format count from the bottom, ours from the top."""
-    decoder = es.Decoder(path, 0)
-    width, height = decoder.dimensions or (0, 0)
-    kind = decoder.event_type
-    _send_info(kind, [(0, width, height)])
-    for packet in decoder:
-        if kind == "atis":
-            packet = packet[~packet["exposure"]]
-        on = packet["polarity"] if kind == "atis" else packet["on"]
-        _send_events(packet["t"], packet["x"], height - 1 - packet["y"], on)
-
-
-def _decode_aedat4(path: str, track: int | None) -> None:
-    decoder = aedat.Decoder(path)
-    tracks = [item for item in decoder.tracks() if item.data_type == "events"]
+def decode(path: str, track: int | None, start: int) -> None:
+    """Send the events of a track, packet by packet; from the first that fails on, each is decoded alone."""
+    try:
+        decoder = aedat.Decoder(path)
+        found = decoder.tracks()
+    except BaseException:  # noqa: BLE001 - its header may be whole, and only the table at the end not
+        decoder, found = None, read_tracks(path)
+    tracks = [item for item in found if item.data_type == "events"]
     sizes = [item.dimensions or (0, 0) for item in tracks]
-    _send_info("events", [(item.id, size[0], size[1]) for item, size in zip(tracks, sizes, strict=True)])
+    listed = [(item.id, size[0], size[1]) for item, size in zip(tracks, sizes, strict=True)]
+    others = sorted({item.data_type for item in found if item.data_type not in ("events", "triggers")})
+    send(b"I", json.dumps({"tracks": listed, "others": others}).encode())
     wanted = tracks[0].id if track is None and tracks else track
-    for item, packet in _aedat4_packets(decoder):
-        if item.id == wanted:
-            _send_events(packet["t"], packet["x"], packet["y"], packet["on"])
-        elif item.data_type == "triggers":
-            _send(b"T", packet["t"].astype("<u8").tobytes() + packet["source"].astype("u1").tobytes())
+    number = 0
+    if decoder is not None and not start:
+        try:
+            for item, packet in decoder:
+                send_packet(item, packet, wanted)
+                number += 1
+                send(b"N", struct.pack("<Q", number))
+            return
+        except BaseException:  # noqa: BLE001 - a panic of Rust is no Exception
+            start = number
+    kinds = {item.id: item.data_type for item in found}
+    decode_one_by_one(path, kinds, wanted, start)
 
 
-def _aedat4_packets(decoder: aedat.Decoder) -> Iterator[tuple[aedat.Track, np.ndarray]]:
-    for item, packet in decoder:
-        if isinstance(packet, np.ndarray):
-            yield item, packet
+def decode_one_by_one(path: str, kinds: dict[int, str], wanted: int | None, start: int) -> None:
+    """Put each packet alone behind the header in a file of its own, so that a broken one harms no other."""
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        header, end = read_header(data)
+        for packet in find_packets(data, len(header), end, kinds):
+            if packet.number < start:
+                continue
+            if packet.track == NONE:
+                send(b"L", f"{packet.end - packet.start} bytes that are none".encode())
+                continue
+            if packet.track != wanted and kinds[packet.track] != "triggers":
+                continue
+            send(b"N", struct.pack("<Q", packet.number))
+            with tempfile.NamedTemporaryFile(suffix=".aedat4") as alone:
+                alone.write(header + data[packet.start : packet.end])
+                alone.flush()
+                try:
+                    found = [(item, content) for item, content in aedat.Decoder(alone.name)]
+                except BaseException as error:  # noqa: BLE001 - a panic of Rust is no Exception
+                    send(b"L", describe(error))
+                    continue
+            if not found:
+                send(b"L", b"the packet is empty")
+            for item, content in found:
+                send_packet(item, content, wanted)
 
 
-def _send_info(kind: str, tracks: list[tuple[int, int, int]]) -> None:
-    _send(b"I", json.dumps({"type": kind, "tracks": tracks}).encode())
+def read_tracks(path: str) -> list[aedat.Track]:
+    """The tracks that the header lists."""
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        header, _ = read_header(data)
+    with tempfile.NamedTemporaryFile(suffix=".aedat4") as alone:
+        alone.write(header)
+        alone.flush()
+        return aedat.Decoder(alone.name).tracks()
 
 
-def _send_events(t: np.ndarray, x: np.ndarray, y: np.ndarray, on: np.ndarray) -> None:
-    columns = ((t, "<u8"), (x, "<u2"), (y, "<u2"), (on, "u1"))
-    _send(b"E", b"".join(column.astype(dtype).tobytes() for column, dtype in columns))
+def read_header(data: mmap.mmap) -> tuple[bytes, int]:
+    """The header without the place of the table at the end of the file, and where the packets end."""
+    (size,) = struct.unpack_from("<I", data, len(MAGIC))
+    header = bytearray(data[: len(MAGIC) + 4 + size])
+    base = len(MAGIC) + 4
+    end = len(data)
+    with suppress(struct.error):
+        root = base + struct.unpack_from("<I", header, base)[0]
+        table = root - struct.unpack_from("<i", header, root)[0]
+        fields = struct.unpack_from("<H", header, table)[0] // 2 - 2
+        place = struct.unpack_from("<H", header, table + 6)[0] if fields > 1 else 0
+        if place:
+            (stated,) = struct.unpack_from("<q", header, root + place)
+            end = stated if len(header) < stated <= end else end
+            struct.pack_into("<q", header, root + place, -1)
+    return bytes(header), end
 
 
-def _send(kind: bytes, content: bytes = b"") -> None:
+def find_packets(data: mmap.mmap, start: int, end: int, kinds: dict[int, str]) -> Iterator[Packet]:
+    """Every packet of the file up to the stated `end`; behind bytes that are none, the next that begins as one."""
+    number, at, stated, end = 0, start, end, len(data)
+    while at + HEAD.size <= end and at != stated:
+        track, size = HEAD.unpack_from(data, at)
+        after = at + HEAD.size + size
+        is_packet = is_head(data, at, end, kinds)
+        whole = is_packet and (after in (stated, end) or is_head(data, after, end, kinds))
+        if whole or (is_packet and begins_as_packet(data, at)):
+            yield Packet(number, track, at, after)
+            # bytes of a packet may be lost: then the next one begins earlier
+            at = after if whole else min(after, next_packet(data, at + HEAD.size, end, kinds))
+        else:
+            after = next_packet(data, at + 1, end, kinds)
+            yield Packet(number, NONE, at, after)
+            at = after
+        number += 1
+    if at < end and at != stated:
+        yield Packet(number, NONE, at, end)
+
+
+def is_head(data: mmap.mmap, at: int, end: int, kinds: dict[int, str]) -> bool:
+    """Whether a known track and a size that fits stand here."""
+    if at + HEAD.size > end:
+        return False
+    track, size = HEAD.unpack_from(data, at)
+    return track in kinds and 0 < size <= end - at - HEAD.size
+
+
+def begins_as_packet(data: mmap.mmap, at: int) -> bool:
+    """Whether the content behind the head at `at` begins as packets do."""
+    content = data[at + HEAD.size : at + HEAD.size + 12]
+    return content.startswith(COMPRESSED) or content[8:12] in PLAIN
+
+
+def next_packet(data: mmap.mmap, at: int, end: int, kinds: dict[int, str]) -> int:
+    """Where the next packet from `at` on begins; `end` if there is none."""
+    marks = [(mark, HEAD.size) for mark in COMPRESSED] + [(mark, HEAD.size + 8) for mark in PLAIN]
+    found = []
+    for mark, before in marks:
+        place = data.find(mark, at + before, end)
+        while place >= 0 and not is_head(data, place - before, end, kinds):
+            place = data.find(mark, place + 1, end)
+        if place >= 0:
+            found.append(place - before)
+    return min(found, default=end)
+
+
+def send_packet(item: aedat.Track, packet: object, wanted: int | None) -> None:
+    """Send what a packet holds, if it is wanted."""
+    if not isinstance(packet, np.ndarray):
+        return
+    if item.id == wanted:
+        columns = ((packet["t"], "<u8"), (packet["x"], "<u2"), (packet["y"], "<u2"), (packet["on"], "u1"))
+        send(b"E", b"".join(column.astype(dtype).tobytes() for column, dtype in columns))
+    elif item.data_type == "triggers":
+        send(b"T", packet["t"].astype("<u8").tobytes() + packet["source"].astype("u1").tobytes())
+
+
+def describe(error: BaseException) -> bytes:
+    """What an error says, in one line."""
+    return " ".join(str(error).split()).encode()
+
+
+def send(kind: bytes, content: bytes = b"") -> None:
+    """Write one message."""
     sys.stdout.buffer.write(struct.pack("<cQ", kind, len(content)) + content)
     sys.stdout.buffer.flush()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], sys.argv[2], int(sys.argv[3]) if len(sys.argv) > 3 else None)
+    main(sys.argv[1], None if sys.argv[2] == "-" else int(sys.argv[2]), int(sys.argv[3]))

@@ -1,41 +1,35 @@
 """HDF5 files of data sets and simulators whose events do not lie in a group called events.
 
-/events (N, 4): t in us, x, y, polarity           v2e; /frame (M, height, width), if there, tells the size
+/events (N, 4): t in us, x, y, polarity           v2e, or another order that the values tell; /frame (M, height,
+                                                  width), if there, tells the size
 /prophesee/{left, right}/{x, y, t, p}, calib/...  M3ED: t in us, ms_map_idx holds it against the time; calibrated
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+import importlib
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from core.cameras import Camera
 from core.errors import CalibrationError, RecordingError
 from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
-from core.recordings.sources.checking import check_table
-from core.recordings.sources.hdf5_reading import read_in_parts
-from core.recordings.sources.making import make_source
-from core.recordings.sources.source import (
-    MICROSECONDS,
-    POLARITY,
-    TIME_UNIT,
-    Columns,
-    DecodeReport,
-    EventSource,
-    Fact,
-    Whence,
-)
-from core.recordings.sources.table_columns import addresses_from_column
+from core.recordings.sources.hdf5_reading import UNREADABLE, explain, read_in_parts
+from core.recordings.sources.making import make_table_source
+from core.recordings.sources.source import EventSource, RawColumns, Whence
+from core.recordings.sources.values.stated_sizes import size_in_attributes
+from core.recordings.sources.values.table_order import TableOrder, guess_columns
+from core.recordings.sources.values.table_values import UNIT_NAMES, UNITS_US
 
-_WRAPPED_OFF: Final = (255, 65_535, 2**32 - 1)
-"""A polarity of -1 in an unsigned column."""
+_COLUMNS: Final = ("t", "x", "y", "p")
+_V2E_ORDER: Final = TableOrder({"t": 0, "x": 1, "y": 2, "p": 3}, seconds=False)
+_SAMPLE_ROWS: Final = 10_000
 _INDEX_TOLERANCE: Final = 2.0
 """By this factor the time of an event may be off its place in the index before its unit is another one."""
 
@@ -47,55 +41,49 @@ def open_hdf5_data_set(path: Path, sensor: SensorSize | None) -> list[EventSourc
         RecordingError: if its columns do not fit together or its times have another unit.
     """
     with h5py.File(path, "r") as file:
-        if isinstance(file.get("events"), h5py.Dataset):
-            return [_open_v2e(path, file, sensor)]
+        events = file.get("events")
+        if isinstance(events, h5py.Dataset):
+            return None if events.dtype.names else [_open_rows(path, file, sensor)]
         if "prophesee" in file and any(f"prophesee/{side}/t" in file for side in ("left", "right")):
             return _open_m3ed(path, group_at(file, "prophesee"), sensor)
     return None
 
 
-def polarity_is_on(p: NDArray, *, where: str, report: DecodeReport) -> NDArray[np.bool_]:
-    """Which events are ON, from polarities of 0 and 1, of -1 and 1, or of 1 and a -1 that wrapped around.
-
-    The report keeps the values that were found.
-
-    Raises:
-        RecordingError: if there is any other value.
-    """
-    on = p == 1
-    off = np.isin(p, (0, -1)) | (np.isin(p, _WRAPPED_OFF) if p.dtype.kind in "ui" else False)
-    odd = p[~(on | off)]
-    if len(odd):
-        found = ", ".join(str(value) for value in np.unique(odd)[:5])
-        raise RecordingError("polarities that are not known", expected="0 and 1, or -1 and 1", got=found, where=where)
-    known = (-1, 0, 1, *(_WRAPPED_OFF if p.dtype.kind in "ui" else ()))
-    said = {f"{value} = {'ON' if value == 1 else 'OFF'}" for value in known if (p == value).any()}
-    said |= set(report.facts[POLARITY].value.split(", ") if POLARITY in report.facts else ())
-    report.facts[POLARITY] = Fact(", ".join(sorted(said)), Whence.FILE)
-    return on
-
-
-def _open_v2e(path: Path, file: h5py.File, sensor: SensorSize | None) -> EventSource:
+def _open_rows(path: Path, file: h5py.File, sensor: SensorSize | None) -> EventSource:
+    """The rows of /events, four numbers each: v2e's t, x, y, polarity unless the values say otherwise."""
     events = dataset_at(file, "events")
-    if events.ndim != 2 or events.shape[1] != 4 or events.dtype.kind not in "iu":
+    upright = events.ndim == 2 and events.shape[0] == 4 != events.shape[1]
+    if events.ndim != 2 or 4 not in events.shape or events.dtype.kind not in "iuf":
         got = f"{events.dtype}{events.shape}"
-        raise RecordingError("/events is not v2e's", expected="whole numbers (N, 4): t, x, y, p", got=got, where=path)
+        raise RecordingError(
+            "/events holds no rows of events", expected="numbers (N, 4): t, x, y, p", got=got, where=path
+        )
+    count = events.shape[1] if upright else len(events)
     frames = file.get("frame")
     if sensor is None and isinstance(frames, h5py.Dataset) and frames.ndim == 3:
         sensor = SensorSize(int(frames.shape[2]), int(frames.shape[1]))
+    sensor = sensor or size_in_attributes(dict(events.attrs)) or size_in_attributes(dict(file.attrs))
+    with suppress(ImportError):
+        importlib.import_module("hdf5plugin")
+    try:
+        sample = events[:, :_SAMPLE_ROWS].T if upright else events[:_SAMPLE_ROWS]
+        order = guess_columns(sample, where=f"{path}, /events")
+    except RecordingError:  # a few rows, or times that do not tell: then it is as v2e writes it
+        order = _V2E_ORDER
+    except UNREADABLE as error:
+        raise RecordingError("the events cannot be read", got=explain(error), where=path) from error
+    places = order.places
 
-    def decode(report: DecodeReport) -> Iterator[Columns]:
-        def rows(file: h5py.File, first: int, last: int) -> Columns:
-            t, x, y, p = np.asarray(dataset_at(file, "events")[first:last]).T
-            on = polarity_is_on(p, where=f"{path}, /events", report=report)
-            return Columns(t.astype(np.int64), addresses_from_column(x), addresses_from_column(y), on)
+    def rows(file: h5py.File, first: int, last: int) -> RawColumns:
+        events = dataset_at(file, "events")
+        part = events[:, first:last] if upright else np.asarray(events[first:last]).T
+        return RawColumns(*(part[places[name]] for name in _COLUMNS))
 
-        report.assume(f"{path.name}: the columns of /events are taken for v2e's: t in us, x, y, polarity.")
-        return read_in_parts(path, rows, count, report)
-
-    count = len(events)
-    facts = {TIME_UNIT: MICROSECONDS._replace(whence=Whence.ASSUMED, why="as v2e writes them")}
-    return make_source(path, "camera", "v2e HDF5", sensor, decode, check_table, facts=facts)
+    label = "v2e HDF5" if order.places == _V2E_ORDER.places else "HDF5 of rows"
+    return make_table_source(
+        path, "camera", label, sensor, lambda report: read_in_parts(path, rows, count, report),
+        assumed=(f"{path.name}: the columns of /events are taken for {order.text}.",),
+    )  # fmt: skip
 
 
 def _open_m3ed(path: Path, cameras: h5py.Group, sensor: SensorSize | None) -> list[EventSource]:
@@ -107,47 +95,49 @@ def _open_m3ed(path: Path, cameras: h5py.Group, sensor: SensorSize | None) -> li
         lengths = {name: len(dataset_at(group, name)) for name in ("t", "x", "y", "p")}
         if len(set(lengths.values())) != 1:
             raise RecordingError("event columns differ in length", expected="equal lengths", got=lengths, where=path)
-        _check_microseconds(path, group)
         size = sensor or _m3ed_sensor(group)
-        sources.append(_m3ed_source(path, side, size, lengths["t"], _m3ed_camera(path, group, size)))
+        sources.append(
+            _m3ed_source(path, side, size, lengths["t"], _unit_by_index(path, group), _m3ed_camera(path, group, size))
+        )
     return sources
 
 
 def _m3ed_source(
-    path: Path, side: str, sensor: SensorSize | None, count: int, camera: Camera | str | None
+    path: Path, side: str, sensor: SensorSize | None, count: int, unit: str, camera: Camera | str | None
 ) -> EventSource:
-    def decode(report: DecodeReport) -> Iterator[Columns]:
-        def rows(file: h5py.File, first: int, last: int) -> Columns:
-            group = group_at(file, f"prophesee/{side}")
-            t, x, y, p = (dataset_at(group, name)[first:last] for name in ("t", "x", "y", "p"))
-            on = polarity_is_on(p, where=f"{path}, {side}", report=report)
-            return Columns(np.asarray(t).astype(np.int64), addresses_from_column(x), addresses_from_column(y), on)
+    def rows(file: h5py.File, first: int, last: int) -> RawColumns:
+        group = group_at(file, f"prophesee/{side}")
+        return RawColumns(*(dataset_at(group, name)[first:last] for name in _COLUMNS))
 
-        if isinstance(camera, str):
-            report.notes.append(camera)
-        return read_in_parts(path, rows, count, report)
-
-    source = make_source(
-        path, side, "M3ED HDF5", sensor, decode, check_table,
-        sensor_from=Whence.CALIBRATION, facts={TIME_UNIT: MICROSECONDS},
+    remarks = (camera,) if isinstance(camera, str) else ()
+    if unit != "us":
+        remarks += (f"{path.name}: the times of {side} count {UNIT_NAMES[unit]} by their index.",)
+    source = make_table_source(
+        path, side, "M3ED HDF5", sensor, lambda report: read_in_parts(path, rows, count, report),
+        unit=unit, unit_from=Whence.FORMAT if unit == "us" else Whence.FILE,
+        sensor_from=Whence.CALIBRATION, remarks=remarks,
     )  # fmt: skip
     return dataclasses.replace(source, calibration=camera) if isinstance(camera, Camera) else source
 
 
-def _check_microseconds(path: Path, group: h5py.Group) -> None:
-    """`ms_map_idx[k]` is the first event of millisecond k: so the times count microseconds, or something else."""
+def _unit_by_index(path: Path, group: h5py.Group) -> str:
+    """The unit of the times: `ms_map_idx[k]` is the first event of millisecond k.
+
+    Raises:
+        RecordingError: if no unit fits the index.
+    """
     if "ms_map_idx" not in group:
-        return
+        return "us"
     marks, t = dataset_at(group, "ms_map_idx"), dataset_at(group, "t")
     last = len(marks) - 1
     if last < 10 or not len(t):
-        return
-    at = min(int(marks[last]), len(t) - 1)
-    ms = float(t[at]) / 1000
-    if not last / _INDEX_TOLERANCE <= ms <= last * _INDEX_TOLERANCE:
-        got = f"{ms:,.0f} ms at the index of millisecond {last:,}"
-        where = f"{path}, {group.name}"
-        raise RecordingError("the times of the events do not count microseconds", got=got, where=where)
+        return "us"
+    time = float(t[min(int(marks[last]), len(t) - 1)])
+    for unit, microseconds in UNITS_US.items():
+        if last / _INDEX_TOLERANCE <= time * microseconds / 1000 <= last * _INDEX_TOLERANCE:
+            return unit
+    got = f"{time:,.0f} at the index of millisecond {last:,}"
+    raise RecordingError("the times of the events do not fit their index", got=got, where=f"{path}, {group.name}")
 
 
 def _m3ed_sensor(group: h5py.Group) -> SensorSize | None:

@@ -1,13 +1,15 @@
-"""HDF5 layouts of datasets: DSEC, MVSEC, and the two spellings used for training networks.
+"""HDF5 layouts of datasets: DSEC, MVSEC, and what is used for training networks.
 
 /events/{x, y, t, p}, /t_offset                  DSEC: t in us, absolute = t + t_offset
 /davis/{left, right}/events                      MVSEC: rows of x, y, t in s, polarity -1 or 1
 /events/{xs, ys, ts, ps}, sensor_resolution      the unit of ts is told from its values
 /raw_events/{x, y, t, p}                         likewise
+any group of columns, any dataset of records     whose names are those of `table_columns`; several are several cameras
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -20,13 +22,59 @@ from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns, Whence
-from core.recordings.sources.table_columns import unit_of_name
+from core.recordings.sources.table_columns import find_columns, unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_values import Survey, survey
 
-_UNIT_WORDS: Final = {"seconds": "s", "milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns", "µs": "us"}
+_COLUMNS: Final = ("t", "x", "y", "p")
+_UNIT_WORDS: Final = {
+    "second": "s", "millisecond": "ms", "microsecond": "us", "nanosecond": "ns", "µ": "us", "μ": "us", "u": "us",
+    "usec": "us", "nsec": "ns", "msec": "ms", "sec": "s", "n": "ns", "m": "ms", "": "s",
+}  # fmt: skip
+"""Names of units without an s at their end."""
+_UNIT_ATTRIBUTES: Final = ("unit", "units", "time_unit", "time_units", "timestamp_unit", "timestamps_unit")
+_LABELS: Final[dict[tuple[str, tuple[str, ...]], str]] = {
+    ("events", ("t", "x", "y", "p")): "DSEC HDF5",
+    ("events", ("ts", "xs", "ys", "ps")): "HDF5 of xs, ys, ts, ps",
+    ("raw_events", ("t", "x", "y", "p")): "HDF5 of raw_events",
+}
 _DSEC_SENSOR: Final = SensorSize(640, 480)
 _MVSEC_SENSOR: Final = SensorSize(346, 260)
+_MOST_TABLES: Final = 16
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """Where the events of a camera are in the file."""
+
+    path: str
+    """Of the group of columns, or of the dataset of records."""
+    names: tuple[str, ...]
+    """Of t, x, y, p: datasets of the group, or fields of the records."""
+    records: bool
+
+    def read(self, file: h5py.File, first: int, last: int) -> RawColumns:
+        if self.records:
+            rows = dataset_at(file, self.path)[first:last]
+            return RawColumns(*(rows[name].reshape(-1) for name in self.names))
+        group = group_at(file, self.path)
+        return RawColumns(*(np.asarray(dataset_at(group, name)[first:last]).reshape(-1) for name in self.names))
+
+    def count(self, file: h5py.File, path: Path) -> int:
+        """How many rows there are.
+
+        Raises:
+            RecordingError: if the columns do not fit together.
+        """
+        if self.records:
+            return len(dataset_at(file, self.path))
+        shapes = {name: dataset_at(group_at(file, self.path), name).shape for name in self.names}
+        if any(not shape or np.prod(shape) != shape[0] for shape in shapes.values()):
+            raise RecordingError("event columns are no columns", expected="one number a row", got=shapes, where=path)
+        lengths = {name: shape[0] for name, shape in shapes.items()}
+        if len(set(lengths.values())) != 1:
+            raise RecordingError("event columns differ in length", expected="equal lengths", got=lengths, where=path)
+        return lengths[self.names[0]]
 
 
 def open_hdf5_table(path: Path, sensor: SensorSize | None) -> list[EventSource] | None:
@@ -38,53 +86,80 @@ def open_hdf5_table(path: Path, sensor: SensorSize | None) -> list[EventSource] 
     with h5py.File(path, "r") as file:
         if "davis" in file:
             return _open_mvsec(path, group_at(file, "davis"), sensor)
-        for group, names, label in (
-            ("events", ("t", "x", "y", "p"), "DSEC HDF5"),
-            ("events", ("ts", "xs", "ys", "ps"), "HDF5 of xs, ys, ts, ps"),
-            ("raw_events", ("t", "x", "y", "p"), "HDF5 of raw_events"),
-        ):
-            if all(f"{group}/{name}" in file for name in names):
-                return [_open_columns(path, file, group, names, label, sensor)]
-    return None
+        tables = _find_tables(file)
+        names = _camera_names([table.path for table in tables])
+        return [_open_table(path, file, table, name, sensor) for table, name in zip(tables, names, strict=True)] or None
 
 
-def _open_columns(
-    path: Path, file: h5py.File, group: str, names: tuple[str, ...], label: str, sensor: SensorSize | None
-) -> EventSource:
-    lengths = {name: len(dataset_at(group_at(file, group), name)) for name in names}
-    if len(set(lengths.values())) != 1:
-        raise RecordingError("event columns differ in length", expected="equal lengths", got=lengths, where=path)
+def _find_tables(file: h5py.File) -> list[_Table]:
+    """Every group or dataset of the file whose columns are named as those of events."""
+    found: list[_Table] = []
+
+    def look(name: str, item: object) -> None:
+        if len(found) >= _MOST_TABLES:
+            return
+        records = isinstance(item, h5py.Dataset)
+        if isinstance(item, h5py.Group):
+            columns = [str(key) for key, child in item.items() if isinstance(child, h5py.Dataset)]
+        else:
+            columns = list(item.dtype.names or ()) if isinstance(item, h5py.Dataset) and item.ndim else []
+        try:
+            places = find_columns(columns, where="")
+        except RecordingError:
+            return
+        found.append(_Table(name, tuple(columns[places[column]] for column in _COLUMNS), records))
+
+    look("/", file)
+    file.visititems(look)
+    first = [table for table in found if table.path in ("events", "raw_events")]
+    return first[:1] or found
+
+
+def _camera_names(paths: list[str]) -> list[str]:
+    """The parts in which the places differ; "camera" for a single one."""
+    if len(paths) == 1:
+        return ["camera"]
+    parts = [path.split("/") for path in paths]
+    shared = set(parts[0]).intersection(*parts[1:]) if parts else set()
+    return ["_".join(part for part in some if part not in shared) or "camera" for some in parts]
+
+
+def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: SensorSize | None) -> EventSource:
+    count = table.count(file, path)
+    where = dataset_at(file, table.path) if table.records else group_at(file, table.path)
+    holders = [file, where, *([where.parent] if table.path != "/" else [])]
     offset_us = int(np.asarray(dataset_at(file, "t_offset")[()]).reshape(-1)[0]) if "t_offset" in file else 0
-
-    def rows(file: h5py.File, first: int, last: int) -> RawColumns:
-        t, x, y, p = (np.asarray(dataset_at(group_at(file, group), name)[first:last]).reshape(-1) for name in names)
-        return RawColumns(t, x, y, p)
-
-    count = lengths[names[0]]
+    label = "HDF5 of records" if table.records else _LABELS.get((table.path, table.names), "HDF5 of columns")
     dsec = label.startswith("DSEC") and "ms_to_idx" in file
-    unit, unit_from = unit_of_name(_unit_attribute(dataset_at(group_at(file, group), names[0]))), Whence.FILE
+    times = where if table.records else dataset_at(group_at(file, table.path), table.names[0])
+    unit, unit_from = unit_of_name(table.names[0]) or _stated_unit([times, *holders]), Whence.FILE
     if unit is None and dsec:
         unit, unit_from = "us", Whence.FORMAT
     seen: Survey | None = None
-    if sensor is None and any("sensor_resolution" in item.attrs for item in (file, group_at(file, group))):
-        seen = survey(read_in_parts(path, rows, count, DecodeReport()))
-    sensor, sensor_from = sensor or _stated_sensor(file, group, seen), Whence.FILE
+    sensor_from = Whence.FILE
+    if sensor is None:
+        sensor = _stated_sensor(holders, None)
+        if sensor is not None:  # some attributes do not tell which side is which: the events do
+            seen = survey(read_in_parts(path, table.read, count, DecodeReport()))
+            sensor = _stated_sensor(holders, seen.largest)
     if sensor is None and dsec and "t_offset" in file:
         sensor, sensor_from = _DSEC_SENSOR, Whence.DATA_SET
     return make_table_source(
-        path, "camera", label, sensor, lambda report: read_in_parts(path, rows, count, report),
+        path, name, label, sensor, lambda report: read_in_parts(path, table.read, count, report),
         unit=unit, unit_from=unit_from, shift_us=offset_us, seen=seen, sensor_from=sensor_from,
     )  # fmt: skip
 
 
-def _unit_attribute(times: h5py.Dataset) -> str:
-    """The unit that an attribute of the times states, as the end of a name; empty if there is none."""
-    for name in ("unit", "units"):
-        value = times.attrs.get(name)
-        if value is not None:
-            word = value.decode("latin-1") if isinstance(value, bytes) else str(value)
-            return f"t_{_UNIT_WORDS.get(word.strip().lower(), word.strip())}"
-    return ""
+def _stated_unit(holders: list[h5py.Group | h5py.Dataset]) -> str | None:
+    """The unit of the times that an attribute states."""
+    for holder in holders:
+        for name in _UNIT_ATTRIBUTES:
+            value = np.asarray(holder.attrs.get(name, "")).reshape(-1)
+            word = value[0].decode("latin-1") if value.size and isinstance(value[0], bytes) else str(*value[:1])
+            unit = _UNIT_WORDS.get(word.strip().lower().removesuffix("s")) if word.strip() else None
+            if unit is not None:
+                return unit
+    return None
 
 
 def _open_mvsec(path: Path, davis: h5py.Group, sensor: SensorSize | None) -> list[EventSource]:
@@ -118,13 +193,15 @@ def _open_mvsec(path: Path, davis: h5py.Group, sensor: SensorSize | None) -> lis
     return sources
 
 
-def _stated_sensor(file: h5py.File, group: str, seen: Survey | None) -> SensorSize | None:
-    """From attributes of the file or of the group, or from datasets of their names."""
-    largest = None if seen is None else seen.largest
-    for item in (file, group_at(file, group)):
+def _stated_sensor(holders: list[h5py.Group | h5py.Dataset], largest: tuple[int, int] | None) -> SensorSize | None:
+    """From attributes of the file, of the group or of the dataset, or from datasets of their names."""
+    for item in holders:
         found = size_in_attributes(dict(item.attrs), largest)
-        if found is None and "width" in item and "height" in item:
-            found = size_in_attributes({side: dataset_at(item, side)[()] for side in ("width", "height")})
+        if found is None and isinstance(item, h5py.Group):
+            small = {
+                name: child for name, child in item.items() if isinstance(child, h5py.Dataset) and child.size in (1, 2)
+            }
+            found = size_in_attributes({str(name): child[()] for name, child in small.items()}, largest)
         if found is not None:
             return found
     return None

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Final, Protocol
 
+from core.errors import RecordingError
 from core.events import Events, SensorSize
-from core.recordings.sources.checking import check_table
+from core.recordings.sources.checking import FEW_LEFT_OUT, MAX_LEFT_OUT, check_table
 from core.recordings.sources.source import (
     BINARY_FACTS,
     Columns,
@@ -69,12 +70,14 @@ def make_table_source(
     unit_from: Whence = Whence.FILE,
     seen: Survey | None = None,
     sensor_from: Whence = Whence.FILE,
-    assumed: str | None = None,
+    assumed: tuple[str, ...] = (),
+    remarks: tuple[str, ...] = (),
 ) -> EventSource:
     """The camera `name` of a table, whose values are looked at as a whole before they are read.
 
     `unit` is the unit of time that the file or its format states, `shift_us` is added to its times, `seen` what all
-    `rows` have in common if that is known already, `assumed` what was taken for granted on opening it.
+    `rows` have in common if that is known already, `assumed` what was taken for granted on opening it, `remarks` are
+    other notes.
     """
     known = [] if seen is None else [seen]
 
@@ -87,21 +90,26 @@ def make_table_source(
     whence = Whence.ASSUMED if sensor is None else sensor_from
 
     def decode(report: DecodeReport, meaning: Meaning) -> Iterator[Columns]:
-        odd = 0
+        odd, total = 0, 0
         for part in rows(report):
             columns, left_out = meaning.columns(part)
-            odd += left_out
-            yield columns._replace(t_us=columns.t_us + shift_us) if shift_us else columns
+            odd, total = odd + left_out, total + len(part.t)
+            yield columns
+        if odd > max(FEW_LEFT_OUT, MAX_LEFT_OUT * total):
+            what = f"{odd:,} of {total:,} events have a time or a polarity that is none"
+            raise RecordingError(what, where=path, remedy="check the columns of the file")
         note = f"{path.name}: {odd:,} events were left out: their times or polarities are no such."
         report.leave_out("odd values", odd, note)
 
     def read(report: DecodeReport) -> Iterator[Events]:
         _note_size(report, path, size, whence, label)
-        if assumed is not None:
-            report.assume(assumed)
+        for note in assumed:
+            report.assume(note)
+        report.notes.extend(remarks)
         meaning = find_meaning(look(), unit, report, where=path.name, unit_from=unit_from)
         lengths = meaning.clock_lengths_us
-        return check_table(decode(report, meaning), size, report, where=path.name, clock_lengths_us=lengths)
+        events = check_table(decode(report, meaning), size, report, where=path.name, clock_lengths_us=lengths)
+        return (_shifted(part, shift_us) for part in events) if shift_us else events
 
     return EventSource(name, label, size, read, sensor_from=whence)
 
@@ -112,6 +120,11 @@ def _note_size(report: DecodeReport, path: Path, size: SensorSize, whence: Whenc
         report.assume(f"{path.name} does not name its sensor size; {size} is assumed from the events.")
     elif whence == Whence.DATA_SET:
         report.assume(f"{path.name} does not name its sensor size; {size} is assumed, that of {label}.")
+
+
+def _shifted(part: Events, shift_us: int) -> Events:
+    """The events on another clock: a clock that began again has been put right before."""
+    return Events.from_columns(part.t_us + shift_us, part.x_px, part.y_px, part.on, part.sensor)
 
 
 def _assume_sensor(parts: Iterable[Columns]) -> SensorSize:

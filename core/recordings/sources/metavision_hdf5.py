@@ -15,7 +15,6 @@ from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.checking import check_stream
 from core.recordings.sources.ecf import decode_ecf
-from core.recordings.sources.hdf5_data_sets import polarity_is_on
 from core.recordings.sources.hdf5_reading import UNREADABLE, explain
 from core.recordings.sources.making import make_source
 from core.recordings.sources.source import (
@@ -25,8 +24,11 @@ from core.recordings.sources.source import (
     Columns,
     DecodeReport,
     EventSource,
+    RawColumns,
+    Whence,
 )
 from core.recordings.sources.values.stated_sizes import size_in_attributes
+from core.recordings.sources.values.table_values import find_meaning, survey
 
 _ECF_FILTER: Final = 0x8ECF
 _ROWS: Final = 1 << 18
@@ -57,7 +59,7 @@ def _decode(path: Path, report: DecodeReport) -> Iterator[Columns]:
                 _read_triggers(dataset_at(group_at(file, "EXT_TRIGGER"), "events"), report)
             events = dataset_at(group_at(file, "CD"), "events")
             total = max(1, len(events))
-            for columns in _ecf_chunks(events) if _is_ecf(events) else _records(events, report):
+            for columns in _ecf_chunks(events) if _is_ecf(events) else _records(events, path, report):
                 yield columns
                 done += len(columns.t_us)
                 report.share = done / total
@@ -86,11 +88,21 @@ def _ecf_chunks(dataset: h5py.Dataset) -> Iterator[Columns]:
             yield Columns(*(column[:expected] for column in columns))
 
 
-def _records(dataset: h5py.Dataset, report: DecodeReport) -> Iterator[Columns]:
+def _records(dataset: h5py.Dataset, path: Path, report: DecodeReport) -> Iterator[Columns]:
+    """Records as another tool may have written them: what their polarities mean is looked at first."""
+    meaning = find_meaning(survey(_raw(dataset)), "us", report, where=path.name, unit_from=Whence.FORMAT)
+    odd = 0
+    for part in _raw(dataset):
+        columns, left_out = meaning.columns(part)
+        odd += left_out
+        yield columns
+    report.leave_out("odd values", odd, f"{path.name}: {odd:,} events were left out: their polarities are no such.")
+
+
+def _raw(dataset: h5py.Dataset) -> Iterator[RawColumns]:
     for start in range(0, len(dataset), _ROWS):
         records = dataset[start : start + _ROWS]
-        on = polarity_is_on(records["p"], where=f"{dataset.file.filename}, {dataset.name}", report=report)
-        yield _columns(records)._replace(on=on)
+        yield RawColumns(*(records[name] for name in ("t", "x", "y", "p")))
 
 
 def _columns(records: NDArray) -> Columns:

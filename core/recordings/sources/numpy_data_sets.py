@@ -9,7 +9,6 @@ The size of EVIMO's sensors is that of its depth maps and masks. What is pickled
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -19,13 +18,10 @@ from numpy.typing import NDArray
 
 from core.errors import RecordingError
 from core.events import SensorSize
-from core.recordings.sources.checking import check_table
-from core.recordings.sources.hdf5_data_sets import polarity_is_on
-from core.recordings.sources.making import make_source
-from core.recordings.sources.source import TIME_UNIT, Columns, DecodeReport, EventSource, Fact, Whence
-from core.recordings.sources.table_columns import addresses_from_column, times_us
+from core.recordings.sources.making import make_table_source
+from core.recordings.sources.numpy_files import in_parts
+from core.recordings.sources.source import EventSource, RawColumns, Whence
 
-_ROWS: Final = 1 << 18
 _N_IMAGENET_SENSOR: Final = SensorSize(640, 480)
 _PARTS: Final = ("dataset_events_t.npy", "dataset_events_xy.npy", "dataset_events_p.npy")
 _PICTURES: Final = ("dataset_depth.npz", "dataset_mask.npz", "dataset_classical.npz")
@@ -124,20 +120,12 @@ def _source(
     seconds: bool,
     sensor_from: Whence = Whence.FILE,
 ) -> EventSource:
-    def decode(report: DecodeReport) -> Iterator[Columns]:
-        if remark is not None:
-            report.assume(remark)
-        count = len(columns[0])
-        for first in range(0, count, _ROWS):
-            t, x, y, p = (np.asarray(column[first : first + _ROWS]) for column in columns)
-            on = polarity_is_on(p, where=str(path), report=report)
-            yield Columns(times_us(t, seconds=seconds), addresses_from_column(x), addresses_from_column(y), on)
-            report.share = min(1.0, (first + _ROWS) / count)
-
-    unit = Fact("seconds" if seconds else "microseconds", Whence.FORMAT)
-    return make_source(
-        path, "camera", label, sensor, decode, check_table, sensor_from=sensor_from, facts={TIME_UNIT: unit}
-    )
+    rows = RawColumns(*(np.asarray(column) for column in columns))
+    unit = "us" if not seconds else "s" if rows.t.dtype.kind == "f" else None
+    return make_table_source(
+        path, "camera", label, sensor, lambda report: in_parts(rows, report),
+        unit=unit, unit_from=Whence.FORMAT, sensor_from=sensor_from, assumed=() if remark is None else (remark,),
+    )  # fmt: skip
 
 
 def _size_in(folder: Path) -> SensorSize | None:

@@ -1,7 +1,7 @@
 """Events in NumPy files: an .npz of columns, or one array of records or of rows in either kind of file.
 
-Accepted: columns named as in `table_columns` (t, x, y, p and their usual spellings); a structured array with such
-fields; a plain (N, 4) array of t, x, y, p or x, y, t, p, told apart by which column never decreases.
+Accepted: columns named as in `table_columns` (t, x, y, p and their usual spellings), or x and y in one of (N, 2); a
+structured array with such fields; a plain array of (N, 4) or (4, N), whose order its values tell.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
 from core.recordings.sources.table_columns import find_columns, unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_order import guess_columns
+from core.recordings.sources.values.table_values import UNITS_US
 
 _ROWS: Final = 1 << 18
 _BROKEN: Final = (OSError, ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError, MemoryError)
@@ -34,7 +35,7 @@ class _Loaded(NamedTuple):
     unit: str | None
     """Of the times, as the file states it."""
     sensor: SensorSize | None
-    assumed: str | None = None
+    assumed: tuple[str, ...] = ()
     """What is said of columns without names."""
 
 
@@ -46,23 +47,19 @@ def open_numpy(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     """
     try:
         _check_unpacked_size(path)
-        loaded = _load(path)
+        rows, unit, stated, assumed = _load(path)
     except _BROKEN as error:
         raise RecordingError("the NumPy file cannot be read", got=error, where=path) from error
     return [
         make_table_source(
-            path,
-            "camera",
-            "NumPy",
-            sensor or loaded.sensor,
-            lambda report: _parts(loaded.rows, report),
-            unit=loaded.unit,
-            assumed=loaded.assumed,
+            path, "camera", "NumPy", sensor or stated, lambda report: in_parts(rows, report),
+            unit=unit, assumed=assumed,
         )
-    ]
+    ]  # fmt: skip
 
 
-def _parts(rows: RawColumns, report: DecodeReport) -> Iterator[RawColumns]:
+def in_parts(rows: RawColumns, report: DecodeReport) -> Iterator[RawColumns]:
+    """Rows that are in memory, or mapped into it, part after part."""
     count = len(rows.t)
     for first in range(0, count, _ROWS):
         yield RawColumns(*(column[first : first + _ROWS] for column in rows))
@@ -70,30 +67,37 @@ def _parts(rows: RawColumns, report: DecodeReport) -> Iterator[RawColumns]:
 
 
 def _load(path: Path) -> _Loaded:
-    """The columns, and what the file states of them."""
+    """The columns, the unit of their times and the sensor's size, as far as the file states them."""
     loaded = np.load(path, allow_pickle=False)
     if isinstance(loaded, np.ndarray):
-        return _from_array(loaded, path)
+        return _from_array(loaded, path, None)
     with loaded:
         names = list(loaded.files)
         small = {name: loaded[name] for name in names if _is_about_size(name)}
         stated = size_in_attributes(small)
-        whole = next((name for name in ("events", "arr_0") if name in names), None)
+        others = [name for name in names if name not in small]
+        whole = next((name for name in ("events", "arr_0") if name in names), others[0] if len(others) == 1 else None)
         if whole is not None:
-            return _from_array(loaded[whole], path)._replace(sensor=stated)
-        places = find_columns(names, where=str(path))
-        arrays = {column: loaded[names[place]] for column, place in places.items()}
+            return _from_array(loaded[whole], path, stated)
+        pair = next((name for name in ("xy", "xys", "coords", "coordinates") if name in names), None)
+        if pair is not None and "x" not in names:
+            places = find_columns([*names, "x", "y"], where=str(path))
+            xy = loaded[pair]
+            x, y = xy if xy.shape[0] == 2 != xy.shape[-1] else xy.T
+            arrays = {"t": loaded[names[places["t"]]], "x": x, "y": y, "p": loaded[names[places["p"]]]}
+        else:
+            places = find_columns(names, where=str(path))
+            arrays = {column: loaded[names[place]] for column, place in places.items()}
         arrays = {column: array.reshape(-1) if 1 in array.shape else array for column, array in arrays.items()}
         lengths = {column: array.shape for column, array in arrays.items()}
         if len(set(lengths.values())) != 1 or arrays["t"].ndim != 1:
             raise RecordingError("event columns differ in shape", expected="equal lengths", got=lengths, where=path)
-        return _Loaded(_columns(arrays), unit_of_name(names[places["t"]]), stated)
+        return _columns(arrays, unit_of_name(names[places["t"]]), stated)
 
 
 def _is_about_size(name: str) -> bool:
-    return any(
-        word in name.lower() for word in ("width", "height", "resolution", "geometry", "sensor_size", "image_size")
-    )
+    words = ("width", "height", "resolution", "geometry", "size", "shape", "dims")
+    return name.lower() in ("w", "h", "hw") or any(word in name.lower() for word in words)
 
 
 def _check_unpacked_size(path: Path) -> None:
@@ -120,23 +124,27 @@ def _memory_bytes() -> int:
         return 8 << 30
 
 
-def _from_array(array: NDArray, path: Path) -> _Loaded:
+def _from_array(array: NDArray, path: Path, stated: SensorSize | None) -> _Loaded:
     if array.dtype.names is not None:
         places = find_columns(array.dtype.names, where=str(path))
         named = {column: array[array.dtype.names[place]].reshape(-1) for column, place in places.items()}
-        return _Loaded(_columns(named), unit_of_name(array.dtype.names[places["t"]]), None)
+        return _columns(named, unit_of_name(array.dtype.names[places["t"]]), stated)
+    if array.ndim == 2 and array.shape[0] == 4 != array.shape[1]:
+        array = array.T
     if array.ndim != 2 or array.shape[1] != 4:
         raise RecordingError("not an array of events", expected="(N, 4) or records", got=array.shape, where=path)
     order = guess_columns(array[:10_000], where=str(path))
-    columns = {column: array[:, place] for column, place in order.places.items()}
-    return _Loaded(_columns(columns), None, None, order.note(path.name))
+    rows = _columns({column: array[:, place] for column, place in order.places.items()}, None, stated)
+    return rows._replace(assumed=(order.note(path.name),))
 
 
-def _columns(arrays: dict[str, NDArray]) -> RawColumns:
+def _columns(arrays: dict[str, NDArray], unit: str | None, stated: SensorSize | None) -> _Loaded:
+    if arrays["t"].dtype.kind in "mM":  # times of NumPy carry their unit
+        unit = np.datetime_data(arrays["t"].dtype)[0]
+        arrays = {**arrays, "t": arrays["t"].astype(np.int64)}
+        if unit not in UNITS_US:
+            raise ValueError(f"times count {unit}, expected one of {', '.join(UNITS_US)}")
     for name, kinds in (("t", "iuf"), ("x", "iuf"), ("y", "iuf"), ("p", "iufbSU")):
         if arrays[name].dtype.kind not in kinds:
             raise ValueError(f"column {name} is of type {arrays[name].dtype}")
-    t = arrays["t"]
-    if t.dtype.kind == "f" and not np.isfinite(t).all():
-        raise ValueError("a time is not a finite number")
-    return RawColumns(t, arrays["x"], arrays["y"], arrays["p"])
+    return _Loaded(RawColumns(arrays["t"], arrays["x"], arrays["y"], arrays["p"]), unit, stated, ())

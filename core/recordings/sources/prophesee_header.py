@@ -18,6 +18,10 @@ _GENERATIONS: Final = (
 """Old headers name only the plug-in of the camera; its generation tells the sensor."""
 
 
+_END: Final = re.compile(rb"((?:%[^\n]*\n)*?)%\s*end\r?\n")
+"""A whole header with the line that ends it."""
+
+
 @dataclass(frozen=True, slots=True)
 class PropheseeHeader:
     """What the header says; None where it says nothing."""
@@ -29,6 +33,8 @@ class PropheseeHeader:
     word_swapped: bool
     """EVT2.1 as the first cameras wrote it: the two halves of each word exchanged."""
     is_dat: bool
+    dat_version: int | None
+    """Of a DAT file."""
     sensor_by_camera: bool = False
     """Whether the size is not stated, but that of the camera that the header names."""
 
@@ -52,12 +58,24 @@ def read_prophesee_header(path: Path) -> PropheseeHeader:
         options.get("endianness") == "legacy",
         is_dat=_is_dat(lines, head[size : size + 2]),
         sensor_by_camera=stated is None,
+        dat_version=int(fields["version"]) if fields.get("version", "").isdigit() else None,
     )
+
+
+def text_follows(path: Path, header: PropheseeHeader) -> bool:
+    """Whether what follows the header is text: a camera's stream has bytes above 127 all along."""
+    with path.open("rb") as file:
+        file.seek(header.size_bytes)
+        head = file.read(4096)
+    return len(head) >= 16 and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head)
 
 
 def _header_lines(head: bytes) -> tuple[list[str], int]:
     lines: list[str] = []
     size = 0
+    ended = _END.match(head)
+    if ended is not None:  # up to its own end all is header, whatever letters it has
+        return [_decoded(line) for line in ended.group(1).splitlines()], ended.end()
     while head[size : size + 1] == b"%":
         end = head.find(b"\n", size)
         line = head[size:end]
@@ -69,6 +87,14 @@ def _header_lines(head: bytes) -> tuple[list[str], int]:
             break
         lines.append(text)
     return lines, size
+
+
+def _decoded(line: bytes) -> str:
+    """A line of the header without its percent sign."""
+    try:
+        return line[1:].decode("utf-8").strip()
+    except UnicodeDecodeError:
+        return line[1:].decode("latin-1").strip()
 
 
 def _version(evt: str | None, format_name: str) -> str | None:

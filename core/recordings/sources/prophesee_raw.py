@@ -25,12 +25,14 @@ from core.recordings.sources.evt3 import IGNORED, MAX_X, MAX_Y, OUTSIDE, RESERVE
 from core.recordings.sources.evt4 import VERSIONS as EVT4_VERSIONS
 from core.recordings.sources.evt4 import open_evt4
 from core.recordings.sources.evt_time import BAD_COLUMN, BAD_ROW, BAD_TIME, BAD_WORD, Decoded
-from core.recordings.sources.prophesee_header import PropheseeHeader, read_prophesee_header
+from core.recordings.sources.prophesee_header import PropheseeHeader, read_prophesee_header, text_follows
 from core.recordings.sources.source import BINARY_FACTS, DecodeReport, EventSource, Whence
 
 _BLOCK_BYTES: Final = 1 << 20
 _ROOM_EVENTS: Final = 1 << 18
 _ROOM_TRIGGERS: Final = 1 << 14
+_MOSTLY_OUTSIDE: Final = 0.5
+"""With so many addresses outside, the words are not those of the format that the header names."""
 _DAMAGE: Final = {
     BAD_WORD: "a word of unknown type",
     BAD_COLUMN: "a column outside the sensor",
@@ -78,7 +80,8 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
         raise RecordingError(
             "the RAW header does not say how large the sensor is", where=path, remedy="give --width and --height"
         )
-    _refuse_text(path, header)
+    if text_follows(path, header):  # every line of text decodes to some events
+        raise RecordingError("no events could be read: text follows the header", where=path)
     chosen, size = version, sensor
 
     def read(report: DecodeReport) -> Iterator[Events]:
@@ -88,15 +91,6 @@ def open_prophesee_raw(path: Path, sensor: SensorSize | None) -> list[EventSourc
 
     label = f"Prophesee {version}"
     return [EventSource("camera", label, sensor, read, sensor_from=whence, facts=BINARY_FACTS)]
-
-
-def _refuse_text(path: Path, header: PropheseeHeader) -> None:
-    """Every line of text decodes to some events; a camera's stream has bytes above 127 all along."""
-    with path.open("rb") as file:
-        file.seek(header.size_bytes)
-        head = file.read(4096)
-    if len(head) >= 16 and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head):
-        raise RecordingError("no events could be read: text follows the header", where=path)
 
 
 def _decode(
@@ -138,7 +132,8 @@ def _say_left_out(
     """Count what was left out; a sensor that is too small for many events is refused."""
     outside, largest = int(state[OUTSIDE]), (int(state[MAX_X]), int(state[MAX_Y]))
     reserved, ignored = int(state[RESERVED]), int(state[IGNORED])
-    if not ignored and not damaged:  # else damage, and no wrong size
+    # Otherwise it is damage, and no wrong size.
+    if (not ignored and not damaged) or outside > _MOSTLY_OUTSIDE * (outside + read):
         refuse_many_outside(outside, outside + read, sensor, largest, path.name)
     report.leave_out(OUTSIDE_SENSOR, outside, outside_note(outside, sensor, largest, path.name))
     note = f"{path.name}: {reserved:,} words of reserved types (padding) were skipped."

@@ -11,8 +11,9 @@ import h5py
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.sources.aedat2 import open_aedat2
+from core.recordings.sources.aedat4 import open_aedat4
 from core.recordings.sources.dat import open_dat
-from core.recordings.sources.faery_formats import open_aedat4, open_es
+from core.recordings.sources.event_stream import open_es
 from core.recordings.sources.hdf5_data_sets import open_hdf5_data_set
 from core.recordings.sources.hdf5_reading import explain
 from core.recordings.sources.hdf5_tables import open_hdf5_table
@@ -20,7 +21,7 @@ from core.recordings.sources.metavision_hdf5 import open_metavision_hdf5
 from core.recordings.sources.nmnist import open_nmnist
 from core.recordings.sources.numpy_data_sets import is_evimo_folder, open_evimo_folder, open_numpy_data_set, pickled
 from core.recordings.sources.numpy_files import open_numpy
-from core.recordings.sources.prophesee_header import read_prophesee_header
+from core.recordings.sources.prophesee_header import read_prophesee_header, text_follows
 from core.recordings.sources.prophesee_raw import open_prophesee_raw
 from core.recordings.sources.readers import HEAD_BYTES, READERS, Recognise, register_reader
 from core.recordings.sources.ros import open_bag
@@ -84,7 +85,7 @@ def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:
             groups = ", ".join(map(str, file)) or "nothing"
             if "rallyscope" in str(file.attrs.get("format", "")):
                 raise RecordingError("it is a recording already", where=path, remedy="open it as it is")
-            metavision, sony = "CD/events" in file, is_sony_file(file)
+            metavision, sony = isinstance(file.get("CD/events"), h5py.Dataset), is_sony_file(file)
         if metavision:
             found = open_metavision_hdf5(path, sensor)
         elif sony:
@@ -120,12 +121,21 @@ def _is_raw(path: Path, head: bytes) -> bool:
     if not head.startswith(b"%"):
         return False
     header = read_prophesee_header(path)
+    if header.version is None and text_follows(path, header):  # `% geometry 640x480` above lines of numbers
+        return False
     return not header.is_dat and (header.version is not None or header.sensor is not None)
 
 
 def _is_text(path: Path, head: bytes) -> bool:
     if head.startswith((b"\xff\xfe", b"\xfe\xff")) and b"\x00" in head[:16]:  # UTF-16
         return True
+    for zeros, letters in ((head[1::2], head[0::2]), (head[0::2], head[1::2])):  # UTF-16 without its mark
+        if (
+            len(zeros) > 4
+            and not zeros.strip(b"\x00")
+            and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in letters)
+        ):
+            return True
     return all(byte >= 32 or byte in b"\t\r\n\f" for byte in head) and 127 not in head
 
 

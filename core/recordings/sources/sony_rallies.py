@@ -8,7 +8,6 @@ with resolution, camera_matrix, distortion_coeffs, T_CW), or has to be given. Th
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -22,12 +21,9 @@ from core.errors import CalibrationError, EventsError, RecordingError
 from core.events import SensorSize
 from core.geometry import invert_transform
 from core.recordings.hdf5 import dataset_at, group_at
-from core.recordings.sources.checking import check_table
-from core.recordings.sources.hdf5_data_sets import polarity_is_on
 from core.recordings.sources.hdf5_reading import read_in_parts
-from core.recordings.sources.making import make_source
-from core.recordings.sources.source import MICROSECONDS, TIME_UNIT, Columns, DecodeReport, EventSource, Whence
-from core.recordings.sources.table_columns import addresses_from_column
+from core.recordings.sources.making import make_table_source
+from core.recordings.sources.source import EventSource, RawColumns, Whence
 
 LABEL_SUFFIX: Final = "_label.h5"
 _COLUMNS: Final = ("t", "x", "y", "p")
@@ -113,20 +109,13 @@ def _open_camera(path: Path, name: str, sensor: SensorSize | None) -> EventSourc
         raise RecordingError("event columns differ in length", expected="equal lengths", got=lengths, where=path)
     t0_us = read_t0_us(path)
 
-    def decode(report: DecodeReport) -> Iterator[Columns]:
-        def rows(file: h5py.File, first: int, last: int) -> Columns:
-            t, x, y, p = (dataset_at(group_at(file, "events"), column)[first:last] for column in _COLUMNS)
-            on = polarity_is_on(np.asarray(p), where=f"{path}, /events/p", report=report)
-            t_us = np.asarray(t).astype(np.int64) + t0_us
-            return Columns(t_us, addresses_from_column(x), addresses_from_column(y), on)
+    def rows(file: h5py.File, first: int, last: int) -> RawColumns:
+        return RawColumns(*(dataset_at(group_at(file, "events"), column)[first:last] for column in _COLUMNS))
 
-        if remark:
-            report.notes.append(remark)
-        return read_in_parts(path, rows, lengths["t"], report)
-
-    source = make_source(
-        path, name, "rally of Sony's", size, decode, check_table,
-        sensor_from=Whence.CALIBRATION, facts={TIME_UNIT: MICROSECONDS},
+    source = make_table_source(
+        path, name, "rally of Sony's", size, lambda report: read_in_parts(path, rows, lengths["t"], report),
+        unit="us", unit_from=Whence.FORMAT, sensor_from=Whence.CALIBRATION, shift_us=t0_us,
+        remarks=(remark,) if remark else (),
     )  # fmt: skip
     return dataclasses.replace(source, calibration=camera)
 

@@ -1,4 +1,4 @@
-"""Which column of a table is which, and what its times count."""
+"""Which column of a table is which, and the unit of time that its name states."""
 
 from __future__ import annotations
 
@@ -36,33 +36,38 @@ _NAMES: Final = {
         "stamp",
         "time_stamp",
     ),
-    "x": ("x", "xs", "x_px", "x_pos", "col", "column", "x_coordinate"),
-    "y": ("y", "ys", "y_px", "y_pos", "row", "y_coordinate"),
-    "p": ("p", "ps", "pol", "polarity", "polarities", "on", "sign"),
+    "x": (
+        "x",
+        "xs",
+        "x_px",
+        "x_pos",
+        "col",
+        "column",
+        "x_coordinate",
+        "x_addr",
+        "addr_x",
+        "pixel_x",
+        "pos_x",
+        "coord_x",
+    ),
+    "y": ("y", "ys", "y_px", "y_pos", "row", "y_coordinate", "y_addr", "addr_y", "pixel_y", "pos_y", "coord_y"),
+    "p": ("p", "ps", "pol", "pols", "polarity", "polarities", "on", "sign", "is_on", "on_off"),
 }
-_MICROSECONDS_PER_S: Final = 1e6
-
-
-def times_us(t: NDArray, *, seconds: bool | None = None) -> NDArray[np.int64]:
-    """Microseconds of a column of times: floats count seconds, integers microseconds, unless `seconds` says otherwise.
-
-    Raises:
-        ValueError: if a time is not finite or too large for 64 bits.
-    """
-    if t.dtype.kind != "f":
-        return t.astype(np.int64) * (1_000_000 if seconds else 1)
-    with np.errstate(over="ignore", invalid="ignore"):
-        scaled = t.astype(np.float64) * (_MICROSECONDS_PER_S if seconds is None or seconds else 1.0)
-        if not (np.abs(scaled) < 2**62).all():
-            raise ValueError("a time is not a finite number")
-    return np.rint(scaled).astype(np.int64)
 
 
 def addresses_from_column(column: NDArray) -> NDArray[np.int64]:
-    """Whole pixel addresses; -1, which is on no sensor, for what is no number."""
+    """The nearest pixel addresses; -1, which is on no sensor, for what is no number."""
     if column.dtype.kind == "f":
-        column = np.where(np.abs(column) < 2**31, column, -1)
+        column = np.rint(np.where(np.abs(column) < 2**31, column, -1))
     return column.astype(np.int64)
+
+
+def has_fractions(column: NDArray) -> bool:
+    """Whether there are numbers that are not whole."""
+    if column.dtype.kind != "f":
+        return False
+    finite = column[np.isfinite(column)]
+    return bool((finite != np.rint(finite)).any())
 
 
 def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
@@ -72,7 +77,9 @@ def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
         RecordingError: if one is missing.
     """
     spelled = [
-        name.strip("\ufeff\"'# %\t\r\n").lower().replace(" ", "_").rstrip("])").replace("_[", "_").replace("_(", "_")
+        re.sub(
+            r"[\s_\[(]+", "_", name.strip("\ufeff\"'# %\t\r\n").lower().replace("µ", "u").replace("μ", "u").rstrip("])")
+        )
         for name in names
     ]
     found: dict[str, int] = {}
@@ -88,13 +95,5 @@ def find_columns(names: Sequence[str], *, where: str) -> dict[str, int]:
 
 def unit_of_name(name: str) -> str | None:
     """Unit of a time column (`ns`, `us`, `ms`, `s`) that its name states; None if it does not."""
-    found = re.search(r"[_\s\[(](ns|us|µs|ms|s)[\])]?$", name.strip("\ufeff\"' \t\r\n").lower())
-    return None if found is None else found.group(1).replace("µ", "u")
-
-
-def counts_seconds(name: str) -> bool | None:
-    """Whether a time column of that name counts seconds; None if the name does not say."""
-    name = name.strip().lower().rstrip("]")
-    if name.endswith(("_us", "[us", " us")):
-        return False
-    return True if name.endswith(("_s", "[s", " s")) else None
+    found = re.search(r"[_\s\[(](ns|us|[µμ]s|ms|s)[\])]?$", name.strip("\ufeff\"' \t\r\n").lower())
+    return None if found is None else found.group(1).replace("µ", "u").replace("μ", "u")

@@ -1,8 +1,8 @@
 """Events as text: one event a line, separated by commas, semicolons, tabs or spaces.
 
 The first line may name the columns in any order (t, x, y, p and their usual spellings; t_us and t_s tell the unit).
-Without names the order is t x y p, x y p t or x y t p, recognised by the values. Lines that begin with # or % are
-skipped, but for the size of the sensor that they may state.
+Without names the order is told from the values, and said. Lines that begin with # or % are skipped, but for the size of
+the sensor and the names of the columns that they may state.
 """
 
 from __future__ import annotations
@@ -30,8 +30,14 @@ _LINES: Final = 100_000
 _SAMPLE_LINES: Final = 2_000
 
 
-_WORDS: Final = re.compile(r"(?i)\b(true|on|false|off)\b")
+_WORDS: Final = re.compile(
+    r"(?i)\b(true|on|positive|pos|false|off|negative|neg)\b|(?<=[\s,;])[+-](?=\s*(?:[,;]|$))", re.M
+)
+_ON: Final = ("true", "on", "positive", "pos", "+")
+_COMMA_IN_QUOTES: Final = re.compile(r"(?<=[\"'])(-?\d+),(\d+)(?=[\"'])")
+_BRACKETS: Final = str.maketrans("", "", "()[]{}\"'")
 _MARKS: Final = ((codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
+_HEAD_BYTES: Final = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +50,7 @@ class _Layout:
     unit: str | None
     sensor: SensorSize | None
     decimal_comma: bool
-    assumed: str | None = None
+    assumed: tuple[str, ...] = ()
     """What is said of columns without names."""
 
 
@@ -58,22 +64,30 @@ def open_text(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     size = sensor or layout.sensor
     return [
         make_table_source(
-            path,
-            "camera",
-            "text",
-            size,
-            lambda report: _decode(path, layout, report),
-            unit=layout.unit,
-            assumed=layout.assumed,
+            path, "camera", "text", size, lambda report: _decode(path, layout, report),
+            unit=layout.unit, assumed=layout.assumed,
         )
-    ]
+    ]  # fmt: skip
 
 
 def _open(path: Path) -> TextIO:
     with path.open("rb") as file:
-        head = file.read(4)
-    encoding = next((name for mark, name in _MARKS if head.startswith(mark)), "utf-8-sig")
-    return path.open(encoding=encoding, errors="replace")
+        head = file.read(_HEAD_BYTES)
+    return path.open(encoding=_encoding(head), errors="replace")
+
+
+def _encoding(head: bytes) -> str:
+    """UTF-16 by its mark or by its zero bytes, UTF-8 where it can be that, else Latin-1."""
+    marked = next((name for mark, name in _MARKS if head.startswith(mark)), None)
+    if marked is not None:
+        return marked
+    if b"\x00" in head[:64]:
+        return "utf-16-le" if head[1:2] == b"\x00" else "utf-16-be"
+    try:
+        head[:-4].decode("utf-8")  # the last character may be cut
+    except UnicodeDecodeError as error:
+        return "utf-8-sig" if error.start >= len(head) - 8 and len(head) == _HEAD_BYTES else "latin-1"
+    return "utf-8-sig"
 
 
 def _is_comment(line: str) -> bool:
@@ -87,26 +101,46 @@ def _find_layout(path: Path) -> _Layout:
     if skip == len(lines):
         raise RecordingError("the text file holds no events", where=path)
     sensor = size_in_text(lines[:skip])
-    words = lines[skip].split()
+    words = re.split(r"[\s,;x]+", lines[skip].strip())
     if len(words) == 2 and all(word.isdigit() for word in words):  # rpg_e2vid: the first line is the size
         sensor, skip = size_of(*words), skip + 1
     first = lines[skip] if skip < len(lines) else ""
     separator, decimal_comma = _separator(first, lines[skip + 1] if skip + 1 < len(lines) else first)
-    names = [name.strip().strip("\"'") for name in first.split(separator)]
+    layout = _Layout(separator, skip, {}, None, sensor, decimal_comma)
+    names = [name.strip().strip("\"'") for name in first.strip().strip("()[]").split(separator)]
     got = repr(first.strip()[:60])
-    if any(_is_number(name.replace(",", ".") if decimal_comma else name) for name in names):
-        layout = _Layout(separator, skip, {}, None, sensor, decimal_comma)
+    if any(_is_number(name) for name in _plain(first, layout).split(separator)):
+        while len(names) > 4 and not names[-1]:
+            names.pop()  # a separator at the end of each line
+        commented = _commented_names(lines[:skip], len(names))
+        if commented is not None:
+            places = find_columns(commented, where=str(path))
+            return replace(layout, places=places, unit=unit_of_name(commented[places["t"]]))
         sample, _ = _parse(_cleaned(lines[skip:], layout), separator, len(names))
         if len(names) != 4 or not len(sample):
             raise RecordingError("the text is not events", expected="four numbers a line", got=got, where=path)
         order = guess_columns(sample, where=str(path))
-        return replace(layout, places=order.places, assumed=order.note(path.name))
+        return replace(layout, places=order.places, assumed=(order.note(path.name),))
     try:
         places = find_columns(names, where=str(path))
     except RecordingError as error:
         expected = "four numbers a line, or column names"
         raise RecordingError("the text is not events", expected=expected, got=got, where=path) from error
     return _Layout(separator, skip + 1, places, unit_of_name(names[places["t"]]), sensor, decimal_comma)
+
+
+def _commented_names(lines: list[str], count: int) -> list[str] | None:
+    """The names of the columns if the last comment before the numbers lists them, such as `# t x y p`."""
+    for line in reversed(lines):
+        words = line.strip().lstrip("#% \t")
+        for names in (re.split(r"\s*[,;\t]\s*", words), words.split()):
+            if len(names) == count:
+                try:
+                    find_columns(names, where="")
+                except RecordingError:
+                    continue
+                return names
+    return None
 
 
 def _separator(first: str, second: str) -> tuple[str | None, bool]:
@@ -121,14 +155,19 @@ def _separator(first: str, second: str) -> tuple[str | None, bool]:
 
 def _cleaned(lines: list[str], layout: _Layout) -> list[str]:
     """The lines with plain numbers: no quotes, decimal commas or words for the polarities."""
-    text = "".join(lines)
-    if '"' in text:
-        text = text.replace('"', "")
+    text = _plain("".join(lines), layout)
+    if _WORDS.search(text):
+        text = _WORDS.sub(lambda word: "1" if word.group().lower() in _ON else "0", text)
+    return text.splitlines(keepends=True)
+
+
+def _plain(text: str, layout: _Layout) -> str:
+    """The text without quotes, brackets and decimal commas."""
+    if '"' in text or "'" in text or text.lstrip()[:1] in ("(", "["):
+        text = _COMMA_IN_QUOTES.sub(r"\1.\2", text).translate(_BRACKETS)
     if layout.decimal_comma:
         text = text.replace(",", ".")
-    if _WORDS.search(text):
-        text = _WORDS.sub(lambda word: "1" if word.group().lower() in ("true", "on") else "0", text)
-    return text.splitlines(keepends=True)
+    return text
 
 
 def _decode(path: Path, layout: _Layout, report: DecodeReport) -> Iterator[RawColumns]:

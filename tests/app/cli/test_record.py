@@ -17,7 +17,8 @@ from core.cameras import save_calibration, stereo_preset
 from core.devices import neuromorphic
 from core.devices.models import DVXPLORER, EVK4
 from core.devices.replayed_hardware import Replayed, ReplayedLibrary
-from core.recordings import open_recording
+from core.events import Events, SensorSize
+from core.recordings import RecordingWriter, open_recording
 
 STARTED = """
 import sys
@@ -151,12 +152,34 @@ def test_cameras_that_send_no_evt3_are_recorded_by_blocks(serve_recording, tmp_p
         assert found.cameras["camera"].event_count > 1000
 
 
-def test_a_replay_is_recorded(serve_recording, tmp_path, capsys):
+def test_a_replay_is_recorded_once_from_its_first_event_to_its_last(serve_recording, tmp_path, capsys):
     out = tmp_path / "again.h5"
-    words = ["--source", f"replay:{serve_recording}", "--out", str(out), "--seconds", "1"]
-    assert main(["record", *words, "--json"]) == 0
+    assert main(["record", "--source", f"replay:{serve_recording}@10", "--out", str(out), "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
-    assert report["events"]["left"] > 10_000 and report["duration_us"] > 100_000
+    with open_recording(out) as found, open_recording(serve_recording) as known:
+        assert 0 <= report["duration_us"] - known.duration_us < 10_000  # whole blocks
+        for name, stream in known.cameras.items():
+            seen, saw = found.cameras[name].slice(0, 10**8), stream.slice(0, 10**8)
+            assert report["events"][name] == len(saw)
+            for column in ("t_us", "x_px", "y_px", "on"):
+                np.testing.assert_array_equal(getattr(seen, column), getattr(saw, column))
+
+
+def test_a_replay_goes_round_if_that_is_asked_for(tmp_path, capsys):
+    short, out = tmp_path / "short.h5", tmp_path / "again.h5"
+    t = np.arange(500) * 200
+    events = Events.from_columns(t, t % 61, t % 47, t % 3 == 0, SensorSize(64, 48))
+    with RecordingWriter(short, {"camera": events.sensor}) as writer:
+        writer.append("camera", events)
+    words = ["--source", f"replay:{short}@5", "--loop", "--seconds", "1"]
+    assert main(["record", *words, "--out", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["events"]["camera"] > 2 * len(events)
+    with open_recording(out) as recording:
+        (stream,) = recording.cameras.values()
+        for start_us in (0, 100_000):
+            found = stream.slice(start_us, start_us + 100_000)
+            np.testing.assert_array_equal(found.t_us - start_us, events.t_us)
+            np.testing.assert_array_equal(found.x_px, events.x_px)
 
 
 def test_cameras_are_listed(plugged_in, capsys):
@@ -178,6 +201,7 @@ def test_cameras_are_listed(plugged_in, capsys):
         (["--source", "usb:0"], "not a source"),
         (["--source", "replay:none.h5"], "no such file to replay"),
         (["--source", "replay:none.h5", "--sync-cable"], "are of event cameras"),
+        (["--source", "tcp://127.0.0.1:1", "--out", "a.h5", "--loop"], "--loop is for a replay"),
         ([], "nothing to record"),
     ],
 )

@@ -12,18 +12,21 @@ from core.events import SensorSize
 
 _LARGEST_PX: Final = 16384
 _PAIR: Final = re.compile(
-    r"(?:geometry|resolution|sensor[_ ]?size|image[_ ]?size|frame[_ ]?size|dimensions?|\bsize)\W{0,4}"
-    r"(\d+)\s*[x,;*\s]\s*(\d+)",
+    r"(?:geometry|resolution|(?:sensor|image|frame)[_ ]?size|sensor(?=\W{0,4}\d+\s*[x×*])|dimensions?|\bsize)"
+    r"(?:\s*[(\[]?\s*(h|w)\w*\s*[x,*]\s*[hw]\w*\s*[)\]]?)?\W{0,4}"
+    r"(\d+)\s*(?:px|pixels?)?\s*[x×,;*\s]\s*(\d+)",
     re.IGNORECASE,
 )
+_BOTH: Final = re.compile(r"\b(width|height)\W{1,4}(?:width|height)\W{1,5}(\d+)\s*[x×,;*\s]\s*(\d+)", re.IGNORECASE)
+"""Names first and numbers after: `height, width = 720, 1280`."""
 _SIDES: Final = tuple(
     re.compile(rf"(?:\b|_){side}(?:_px)?\W{{0,4}}(\d+)", re.IGNORECASE) for side in ("width", "height")
 )
-_WIDTHS: Final = ("width", "sensor_width", "width_px", "image_width")
-_PAIRS: Final = ("geometry", "resolution", "sensor_size", "image_size")
+_WIDTHS: Final = ("width", "sensor_width", "width_px", "image_width", "sensor_width_px", "img_width", "frame_width")
+_PAIRS: Final = ("geometry", "resolution", "sensor_size", "image_size", "frame_size")
 """Attributes that list the width first."""
-_UPRIGHT: Final = "sensor_resolution"
-"""An attribute that lists the height first, or, in some files, the width."""
+_UPRIGHT: Final = ("sensor_resolution", "size", "shape", "imsize", "im_size", "img_size", "hw", "dims")
+"""Attributes that list the height first or the width: no convention holds."""
 
 
 def size_of(width: object, height: object) -> SensorSize | None:
@@ -38,9 +41,10 @@ def size_of(width: object, height: object) -> SensorSize | None:
 def size_in_text(lines: Iterable[str]) -> SensorSize | None:
     """The size that comment lines state, such as `%geometry:1280,720` or `# width 346, height 260`."""
     text = "\n".join(lines)
-    pair = _PAIR.search(text)
+    pair = _BOTH.search(text) or _PAIR.search(text)
     if pair is not None:
-        return size_of(*pair.groups())
+        first, a, b = pair.groups()
+        return size_of(b, a) if first and first.lower().startswith("h") else size_of(a, b)
     sides = [side.search(text) for side in _SIDES]
     return size_of(*(found.group(1) for found in sides if found)) if all(sides) else None
 
@@ -56,12 +60,15 @@ def size_in_attributes(attributes: Mapping[str, object], largest: tuple[int, int
             found = size_of(words[name], words[name.replace("width", "height")])
             if found is not None:
                 return found
+    if (found := size_of(words.get("w"), words.get("h"))) is not None:
+        return found
     for name in _PAIRS:
         numbers = re.findall(r"\d+", words.get(name, ""))
         if len(numbers) >= 2 and (found := size_of(*numbers[:2])) is not None:
             return found
-    numbers = re.findall(r"\d+", words.get(_UPRIGHT, ""))
-    if len(numbers) < 2:
+    listed = (re.findall(r"\d+", words.get(name, "")) for name in _UPRIGHT)
+    numbers = next((found for found in listed if len(found) == 2), None)
+    if numbers is None:
         return None
     a, b = (int(number) for number in numbers[:2])
     if largest is not None and largest[0] >= b > largest[1] and largest[0] < a:
@@ -76,6 +83,10 @@ def _word(value: object) -> str:
     if array.dtype.kind == "S" or isinstance(value, bytes):
         return " ".join(item.decode("latin-1") for item in array.reshape(-1).tolist())
     return " ".join(
-        str(int(item)) if isinstance(item, float) and item == int(item) else str(item)
+        item.decode("latin-1")
+        if isinstance(item, bytes)
+        else str(int(item))
+        if isinstance(item, float) and item.is_integer()
+        else str(item)
         for item in array.reshape(-1).tolist()
     )

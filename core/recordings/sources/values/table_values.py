@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from core.errors import RecordingError
 from core.recordings.layout import MAX_TIME_US
 from core.recordings.sources.source import POLARITY, TIME_UNIT, Columns, DecodeReport, Fact, RawColumns, Stated, Whence
-from core.recordings.sources.table_columns import addresses_from_column
+from core.recordings.sources.table_columns import addresses_from_column, has_fractions
 
 UNITS_US: Final = {"ns": 1e-3, "us": 1.0, "ms": 1e3, "s": 1e6}
 """Unit of time -> microseconds."""
@@ -27,14 +27,16 @@ _EPOCHS: Final = (("ns", 1e17, 1e19), ("us", 1e14, 1e17), ("ms", 1e12, 3e12), ("
 """Times since 1970 of today, by unit."""
 _SLOW_HZ: Final = 50.0
 _LONG_US: Final = 60e6
+_SHORT_US: Final = 5e3
+_MANY_ROWS: Final = 1000
 _MAX_VALUES: Final = 1000
 _ODD_SHARE: Final = 0.01
 _FEW_ODD: Final = 3
 _LARGEST_PX: Final = 4096
 """No event camera has more columns or rows; a few addresses beyond are odd rows, no size."""
 _WORDS: Final = {
-    "true": True, "on": True, "pos": True, "positive": True, "+": True, "+1": True, "up": True,
-    "false": False, "off": False, "neg": False, "negative": False, "-": False, "down": False,
+    "true": True, "on": True, "pos": True, "positive": True, "+": True, "+1": True, "up": True, "t": True,
+    "false": False, "off": False, "neg": False, "negative": False, "-": False, "down": False, "f": False,
 }  # fmt: skip
 _NUMBERS: Final[tuple[dict[float, bool], ...]] = (
     {0.0: False, 1.0: True},
@@ -55,9 +57,13 @@ class Survey:
     whole: bool = True
     thousands: bool = True
     """Whether all times are multiples of 1000."""
+    thousandths: bool = True
+    """Whether all times are multiples of 0.001."""
     first_t: float = 0.0
     low_t: float = np.inf
     high_t: float = -np.inf
+    between_pixels: bool = False
+    """Whether there are addresses with fractions, as of undistorted events."""
     largest: tuple[int, int] = (0, 0)
     """Column and row, of those that a sensor can have."""
 
@@ -75,14 +81,22 @@ class Survey:
         if len(finite):
             self.low_t, self.high_t = min(self.low_t, float(finite.min())), max(self.high_t, float(finite.max()))
             self.thousands = self.thousands and self.whole and bool((finite % 1000 == 0).all())
+            self.thousandths = self.thousandths and (self.whole or _are_thousandths(finite))
         values, counts = np.unique(part.p, return_counts=True)
         for value, count in zip(values.tolist()[:_MAX_VALUES], counts.tolist(), strict=False):
             key = value.decode("latin-1") if isinstance(value, bytes) else value
             key = key.strip().lower() if isinstance(key, str) else float(key)
             self.polarities[key] = self.polarities.get(key, 0) + count
+        self.between_pixels |= has_fractions(part.x) or has_fractions(part.y)
         sides = (addresses_from_column(column) for column in (part.x, part.y))
         largest = (int(side[side < _LARGEST_PX].max(initial=0)) for side in sides)
         self.largest = tuple(map(max, self.largest, largest))  # pyright: ignore[reportAttributeAccessIssue] - two of them
+
+
+def _are_thousandths(t: NDArray) -> bool:
+    with np.errstate(over="ignore", invalid="ignore"):  # damage
+        steps = 1e3 * t.astype(np.float64)
+        return bool((np.abs(steps - np.rint(steps)) < 1e-3).all())
 
 
 def survey(parts: Iterable[RawColumns]) -> Survey:
@@ -135,6 +149,9 @@ def find_meaning(
         RecordingError: if it cannot be told.
     """
     unit = _unit(seen, hint, unit_from, report, where)
+    if seen.between_pixels:
+        text = "addresses have fractions, as of undistorted events; the nearest pixels are kept"
+        report.notes.append(f"{where}: {text}.")
     on = _polarity(seen, report.stated, report, where)
     return Meaning(unit, on)
 
@@ -166,8 +183,20 @@ def _unit(seen: Survey, hint: str | None, unit_from: Whence, report: DecodeRepor
             why += f", though only {1e6 * seen.rows / span:.1f} events/s; nanoseconds would be --time-unit ns"
         elif seen.thousands and seen.rows > 20 and seen.high_t > 0:
             why += ", though all are multiples of 1000; nanoseconds would be --time-unit ns"
+        elif seen.rows > _MANY_ROWS and span < _SHORT_US:
+            why += f", though all lie within {span / 1e3:g} ms; milliseconds would be --time-unit ms"
     else:
         unit, why = "s", "they have fractions"
+        span_us = span * UNITS_US["s"]
+        slow = seen.thousandths or seen.rows < _SLOW_HZ * span
+        if epoch is None and span_us > _LONG_US and slow and seen.rows > 20:
+            raise RecordingError(
+                "the unit of the times cannot be told: as seconds the file would be implausibly long",
+                got=f"{seen.rows:,} events in {span:,.0f} s"
+                + (", every time a multiple of 0.001 as of milliseconds" if seen.thousandths else ""),
+                where=where,
+                remedy="give --time-unit ms, or --time-unit s",
+            )
         if span * UNITS_US["s"] > MAX_TIME_US:
             raise RecordingError(
                 "the unit of the times cannot be told: as seconds the file would last days",
@@ -194,7 +223,7 @@ def _polarity(seen: Survey, stated: Stated, report: DecodeReport, where: str) ->
         found: Mapping[str | float, bool] | None = on
     else:
         found, known = _known_pair(values)
-    allowed = max(_FEW_ODD, _ODD_SHARE * seen.rows) if known else 0
+    allowed = min(max(_FEW_ODD, _ODD_SHARE * seen.rows), known // 4)
     if found is None or seen.rows - known > allowed:
         raise RecordingError(
             "which polarity is ON cannot be told",

@@ -135,7 +135,10 @@ def test_plain_records_with_triggers_and_no_geometry(tmp_path):
     events, report, source = read_all(path)
     np.testing.assert_array_equal(events.t_us, records["t"])
     assert str(source.sensor) == "304x240"
-    assert report.notes == ["a.hdf5 does not name its sensor size; 304x240 is assumed from the events."]
+    assert report.notes == [
+        "a.hdf5 does not name its sensor size; 304x240 is assumed from the events.",
+        "a.hdf5: all polarities are alike: 0 = OFF.",
+    ]
     assert report.triggers[0].t_us.tolist() == [60, 90]
     assert report.triggers[0].channel.tolist() == [0, 3]
     assert report.triggers[0].rising.tolist() == [True, False]

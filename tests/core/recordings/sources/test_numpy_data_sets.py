@@ -83,7 +83,7 @@ def test_evimo_polarities_that_count_are_refused(tmp_path):
     path = tmp_path / "counts.npz"
     np.savez(path, events=np.stack([T / 1e6, X, Y, [0, 1, 2, 3]], axis=1), mask=np.zeros((1, 480, 640), "u1"))
     (source,) = open_sources(path)
-    with pytest.raises(RecordingError, match=r"polarities that are not known; .* got 2\.0, 3\.0"):
+    with pytest.raises(RecordingError, match=r"ON cannot be told; .* got 0, 1, 2, 3; give --polarity"):
         list(source.read(DecodeReport()))
 
 

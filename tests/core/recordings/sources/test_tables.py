@@ -10,7 +10,7 @@ from core.errors import RecordingError
 from core.events import SensorSize, concatenate_events
 from core.recordings.sources import open_sources
 from core.recordings.sources.source import DecodeReport, Stated, Whence
-from core.recordings.sources.table_columns import counts_seconds, times_us
+from core.recordings.sources.table_columns import unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_order import guess_columns
 
@@ -58,8 +58,8 @@ def test_text_in_the_usual_spellings(tmp_path, text):
     report = assert_the_four_events(path)
     assert report.notes[0] == "events does not name its sensor size; 320x240 is assumed from the events."
     said = "t_s" in text or "[us]" in text
-    named = any(name in text for name in ("t,x", "timestamp", "t_s"))
-    order = [note for note in report.notes if "does not name its columns" in note]
+    named = "x" in text
+    order = [note for note in report.notes if "does not name its columns; t, x, y, p is" in note]
     unit = [note for note in report.notes if "the unit of its times" in note]
     assert report.notes[1:] == order + unit == report.assumed[1:]
     assert (len(order), len(unit)) == (0 if named else 1, 0 if said else 1)
@@ -273,6 +273,7 @@ def test_numpy_files_in_the_usual_forms(tmp_path, form):
                 np.save(file, records)
     report = assert_the_four_events(path)
     assert len(report.notes) == {"columns": 1, "rows": 3}.get(form, 2)
+    assert any("t, x, y, p is assumed" in note for note in report.notes) == (form == "rows")
     assert any("the unit of its times" in note for note in report.notes)
 
 
@@ -281,13 +282,13 @@ def test_numpy_files_without_events_are_refused(tmp_path):
     for content, message in (
         ({"a": T, "b": X}, "no column for t; expected one of t, ts"),
         ({"t": T, "x": X[:2], "y": Y, "p": P}, "differ in shape"),
-        ({"t": np.array([5.0, np.nan, 6, 7]), "x": X, "y": Y, "p": P}, "a time is not a finite number"),
+        ({"t": np.full(4, np.nan), "x": X, "y": Y, "p": P}, "4 of 4 events have a time or a polarity that is none"),
         ({"t": np.array(["a"]), "x": X[:1], "y": Y[:1], "p": P[:1]}, "cannot be read"),
     ):
         with path.open("wb") as file:
             np.savez(file, **content)
         with pytest.raises(RecordingError, match=message):
-            open_sources(path)
+            read_all(path)
     with path.open("wb") as file:
         np.save(file, np.zeros((3, 7)))
     with pytest.raises(RecordingError, match=r"not an array of events; expected \(N, 4\)"):
@@ -347,13 +348,9 @@ def test_hdf5_files_without_events_are_refused(tmp_path):
         open_sources(path)
 
 
-def test_units_of_time_follow_from_names_and_types():
-    assert [counts_seconds(name) for name in ("t_us", "time [us]", "t_s", "time [s]", "t", "ts")] == [
-        False, False, True, True, None, None,
-    ]  # fmt: skip
-    assert times_us(np.array([1.5, -2.0])).tolist() == [1_500_000, -2_000_000]
-    assert times_us(np.array([1, 2], np.uint32)).tolist() == [1, 2]
-    assert times_us(np.array([1, 2], np.uint32), seconds=True).tolist() == [1_000_000, 2_000_000]
+def test_units_of_time_follow_from_names():
+    names = ("t_us", "time [us]", "t [\u00b5s]", "t_s", "time(ns)", "t_ms", "t", "ts", "polarity_s_x")
+    assert [unit_of_name(name) for name in names] == ["us", "us", "us", "s", "ns", "ms", None, None, None]
 
 
 def test_columns_that_could_be_anything_are_refused():

@@ -1,4 +1,8 @@
-"""AEDAT4 and Event Stream (ES) files, decoded by faery in a process of its own (`faery_worker` says why)."""
+"""AEDAT4 files, decoded by faery in a process of its own (`faery_worker` says why).
+
+A packet that cannot be decoded is left out and counted; one that takes faery down with it is passed over by a new
+process.
+"""
 
 from __future__ import annotations
 
@@ -24,29 +28,22 @@ from core.text.json_text import parse_json
 _WORKER: Final = Path(__file__).with_name("faery_worker.py")
 _SILENCE_S: Final = 60
 """A decoder that says nothing for so long hangs."""
+_MAX_BROKEN: Final = 20
+"""So many packets may take the decoder down before the rest is given up."""
 _HEAD: Final = struct.Struct("<cQ")
 _BYTES_PER_EVENT: Final = 8
 """Of a file, for the progress only: faery does not tell how far it is."""
 
 
-def open_es(path: Path, sensor: SensorSize | None) -> list[EventSource]:
-    """The one camera of an Event Stream file (DVS or ATIS)."""
-    info = _ask(path, "es")
-    if info.type not in ("dvs", "atis"):
-        raise RecordingError("an Event Stream of this type", expected="dvs or atis", got=info.type, where=path)
-    known = sensor or info.tracks[0].sensor
-    return [make_source(path, "camera", "Event Stream", known, _decoder(path, "es", 0, info.rest), check_stream)]
-
-
 def open_aedat4(path: Path, sensor: SensorSize | None) -> list[EventSource]:
     """Every camera of an iniVation AEDAT4 file, with external trigger edges."""
-    info = _ask(path, "aedat4")
+    info = _ask(path)
     if not info.tracks:
         raise RecordingError("the AEDAT4 file holds no events", where=path)
     sources: list[EventSource] = []
     for position, track in enumerate(info.tracks):
         name = "camera" if len(info.tracks) == 1 else f"camera{track.number}"
-        decode = _decoder(path, "aedat4", track.number, None if position else info.rest)
+        decode = _decoder(path, track.number, info.others, None if position else info.rest)
         sources.append(make_source(path, name, "AEDAT4", sensor or track.sensor, decode, check_stream))
     return sources
 
@@ -59,50 +56,70 @@ class _Track:
 
 @dataclass(frozen=True, slots=True)
 class _Info:
-    type: str
     tracks: list[_Track]
+    others: list[str]
+    """Kinds of data that are not read: frames, imus."""
     rest: Iterator[tuple[bytes, bytes]]
     """What the worker goes on to say: the events of the first track."""
 
 
-def _ask(path: Path, kind: str) -> _Info:
+def _ask(path: Path) -> _Info:
     """What the file holds."""
-    messages = _messages(path, kind, None)
+    messages = _messages(path, None, 0)
     message, content = next(messages, (b"X", b"nothing was found"))
     if message != b"I":
         raise RecordingError("the file cannot be decoded", got=content.decode("utf-8", "replace"), where=path)
     told = parse_json(content)
     tracks = [_Track(n, SensorSize(w, h) if w and h else None) for n, w, h in told["tracks"]]
-    return _Info(told["type"], tracks, messages)
+    return _Info(tracks, told["others"], messages)
 
 
 def _decoder(
-    path: Path, kind: str, track: int, started: Iterator[tuple[bytes, bytes]] | None
+    path: Path, track: int, others: list[str], started: Iterator[tuple[bytes, bytes]] | None
 ) -> Callable[[DecodeReport], Iterator[Columns]]:
     """Decodes the track; the first time with the worker that was `started` already."""
     workers = [] if started is None else [started]
 
     def decode(report: DecodeReport) -> Iterator[Columns]:
         size, done = max(1, path.stat().st_size), 0
-        messages = workers.pop() if workers else _messages(path, kind, track)
-        for message, content in messages:
-            if message == b"E":
-                columns = _columns(content)
-                yield columns
-                done += len(columns.t_us)
-                report.share = min(0.99, _BYTES_PER_EVENT * done / size)
-            elif message == b"T":
-                _add_triggers(content, report)
-            elif message == b"X":
-                reason = content.decode("utf-8", "replace")
+        lost: list[str] = []
+        start, broken = 0, 0
+        while True:
+            messages = workers.pop() if workers else _messages(path, track, start)
+            reason = None
+            for message, content in messages:
+                if message == b"E":
+                    columns = _columns(content)
+                    yield columns
+                    done += len(columns.t_us)
+                    report.share = min(0.99, _BYTES_PER_EVENT * done / size)
+                elif message == b"T":
+                    _add_triggers(content, report)
+                elif message == b"N":
+                    start = int.from_bytes(content, "little")
+                elif message == b"L":
+                    lost.append(content.decode("utf-8", "replace"))
+                elif message == b"X":
+                    reason = content.decode("utf-8", "replace")
+            if reason is None:
+                break
+            broken += 1
+            if broken > _MAX_BROKEN:
                 report.notes.append(f"{path.name}: stopped: the rest cannot be decoded ({reason}).")
+                break
+            lost.append(reason)
+            start += 1  # the packet that took the decoder down is passed over
+        if lost:
+            report.notes.append(f"{path.name}: {len(lost):,} damaged packets were left out ({lost[0]}).")
+        if others:
+            report.notes.append(f"{path.name} also holds {' and '.join(others)}, which are not read.")
 
     return decode
 
 
-def _messages(path: Path, kind: str, track: int | None) -> Iterator[tuple[bytes, bytes]]:
+def _messages(path: Path, track: int | None, start: int) -> Iterator[tuple[bytes, bytes]]:
     """What the worker says until it ends; a worker that breaks down or hangs counts as an error it reports."""
-    words = [sys.executable, "-P", str(_WORKER), kind, str(path), *([] if track is None else [str(track)])]
+    words = [sys.executable, "-P", str(_WORKER), str(path), "-" if track is None else str(track), str(start)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0) as worker:
         assert worker.stdout is not None
         try:
@@ -113,7 +130,10 @@ def _messages(path: Path, kind: str, track: int | None) -> Iterator[tuple[bytes,
                     return
                 message, length = _HEAD.unpack(head)
                 content = _read(worker.stdout, length)
-                if message == b"Z" or content is None:
+                if content is None:
+                    yield b"X", b"the decoder broke down"
+                    return
+                if message == b"Z":
                     return
                 yield message, content
                 if message == b"X":

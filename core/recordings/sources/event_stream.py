@@ -1,0 +1,155 @@
+"""Event Stream files (.es) of DVS and ATIS cameras; one odd event costs itself, lost bytes cost little more.
+
+Source: the format's description (github.com/neuromorphicsystems/event_stream, version 2). After a header of 20 bytes
+an event is a byte of time, then column and row of 16 bits, the row from the bottom.
+    DVS   time: 7 bits of us since the event before, then ON; 0xFF: 127 us have passed; 0xFE: nothing
+    ATIS  time: 6 bits of us, then ON, then exposure (such events are left out); 0xFC + n: 63 n us have passed
+Nothing marks where an event begins, but addresses outside the sensor betray a decoder that is out of step.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from core.errors import RecordingError
+from core.events import SensorSize
+from core.jit import njit
+from core.recordings.sources.checking import check_stream, outside_note, refuse_many_outside
+from core.recordings.sources.making import make_source
+from core.recordings.sources.source import Columns, DecodeReport, EventSource
+
+_SIGNATURE: Final = b"Event Stream"
+_HEADER: Final = struct.Struct("<12s3BBHH")
+_DVS, _ATIS = 1, 2
+_TYPES: Final = {0: "generic", 3: "asynchronous", 4: "color"}
+_ROOM_EVENTS: Final = 1 << 18
+_EVENT_BYTES: Final = 5
+_IN_STEP: Final = 8
+"""So many events inside the sensor, one after the other, begin where events begin."""
+_POSITION, _TIME, _OUTSIDE, _MAX_X, _MAX_Y, _LOST_BYTES, _GAPS = range(7)
+
+
+def open_es(path: Path, sensor: SensorSize | None) -> list[EventSource]:
+    """The one camera of an Event Stream file.
+
+    Raises:
+        RecordingError: if it is of another version, or holds other things than events of a DVS or an ATIS.
+    """
+    with path.open("rb") as file:
+        head = file.read(_HEADER.size)
+    if len(head) < _HEADER.size:
+        raise RecordingError("the file cannot be decoded", got="a header that is cut short", where=path)
+    _, major, minor, patch, kind, width, height = _HEADER.unpack(head)
+    if major != 2 or kind not in (_DVS, _ATIS, *_TYPES):
+        got = f"version {major}.{minor}.{patch}, type {kind}"
+        raise RecordingError("the file cannot be decoded", expected="version 2, dvs or atis", got=got, where=path)
+    if kind in _TYPES:
+        raise RecordingError("an Event Stream of this type", expected="dvs or atis", got=_TYPES[kind], where=path)
+    if not width or not height:
+        raise RecordingError("the file cannot be decoded", got=f"a sensor of {width}x{height}", where=path)
+    size = SensorSize(width, height)
+
+    def decode(report: DecodeReport) -> Iterator[Columns]:
+        return _decode(path, size, kind == _ATIS, report)
+
+    return [make_source(path, "camera", "Event Stream", sensor or size, decode, check_stream)]
+
+
+def _decode(path: Path, size: SensorSize, atis: bool, report: DecodeReport) -> Iterator[Columns]:
+    state = np.zeros(7, np.int64)
+    if path.stat().st_size == _HEADER.size:
+        return
+    data = np.memmap(path, np.uint8, "r", _HEADER.size)
+    events = 0
+    while True:
+        t, x, y = (np.empty(_ROOM_EVENTS, np.int64) for _ in range(3))
+        on = np.empty(_ROOM_EVENTS, np.bool_)
+        count = _decode_bytes(data, state, size.width_px, size.height_px, atis, t, x, y, on)
+        if not count:
+            break
+        events += count
+        yield Columns(t[:count], x[:count], y[:count], on[:count])
+        report.share = int(state[_POSITION]) / len(data)
+    outside, largest = int(state[_OUTSIDE]), (int(state[_MAX_X]), int(state[_MAX_Y]))
+    refuse_many_outside(outside, events + outside, size, largest, path.name)
+    if outside:
+        report.notes.append(outside_note(outside, size, largest, path.name))
+    if state[_GAPS]:
+        lost = f"{state[_LOST_BYTES]:,} bytes in {state[_GAPS]:,} places are no events and were left out"
+        report.notes.append(f"{path.name}: {lost}; how much time they took is not known.")
+    if len(data) - state[_POSITION]:
+        rest = len(data) - state[_POSITION]
+        report.notes.append(f"{path.name}: the last {rest} bytes are not a whole event; the file was cut short.")
+
+
+@njit
+def _passed(byte, atis):
+    """Time that a byte says has passed without an event; -1 for the first byte of an event."""
+    if atis:
+        return np.int64(63 * (byte & 3)) if byte >= 0xFC else np.int64(-1)
+    return np.int64(127) if byte == 0xFF else np.int64(0) if byte == 0xFE else np.int64(-1)
+
+
+@njit
+def _is_in_step(data, at, width, height, atis):
+    """Whether the next events from `at` on, if there are any, all lie inside the sensor."""
+    seen = 0
+    while seen < _IN_STEP and at < len(data):
+        if _passed(data[at], atis) >= 0:
+            at += 1
+            continue
+        if at + _EVENT_BYTES > len(data):
+            break
+        x = np.int64(data[at + 1]) | np.int64(data[at + 2]) << 8
+        y = np.int64(data[at + 3]) | np.int64(data[at + 4]) << 8
+        if x >= width or y >= height:
+            return False
+        at += _EVENT_BYTES
+        seen += 1
+    return True
+
+
+@njit
+def _decode_bytes(data, state, width, height, atis, t, x, y, on):
+    """Fill the columns as far as there is room; returns how many events there are."""
+    at, now = state[_POSITION], state[_TIME]
+    events = 0
+    while at < len(data) and events < len(t):
+        byte = np.int64(data[at])
+        passed = _passed(byte, atis)
+        if passed >= 0:
+            now += passed
+            at += 1
+            continue
+        if at + _EVENT_BYTES > len(data):
+            break
+        column = np.int64(data[at + 1]) | np.int64(data[at + 2]) << 8
+        row = np.int64(data[at + 3]) | np.int64(data[at + 4]) << 8
+        if column >= width or row >= height:
+            if _is_in_step(data, at + _EVENT_BYTES, width, height, atis):
+                state[_OUTSIDE] += 1
+                state[_MAX_X], state[_MAX_Y] = max(state[_MAX_X], column), max(state[_MAX_Y], row)
+                now += byte >> (2 if atis else 1)
+                at += _EVENT_BYTES
+                continue
+            start = at
+            at += 1
+            while at < len(data) and not _is_in_step(data, at, width, height, atis):
+                at += 1
+            state[_GAPS] += 1
+            state[_LOST_BYTES] += at - start
+            continue
+        now += byte >> (2 if atis else 1)
+        at += _EVENT_BYTES
+        if atis and byte & 1:  # a measurement of brightness
+            continue
+        t[events], x[events], y[events] = now, column, height - 1 - row
+        on[events] = (byte >> 1) & 1 if atis else byte & 1
+        events += 1
+    state[_POSITION], state[_TIME] = at, now
+    return events
