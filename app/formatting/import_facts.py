@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from core.recordings.import_facts import IMPORTED_FROM, CameraFacts, ImportFacts
+from core.recordings.import_facts import IMPORTED_FROM, ImportFacts, SourceFacts
 from core.recordings.sources.source import Whence
 
 Row = tuple[str, str]
@@ -20,7 +20,7 @@ _WHENCE: Final[Mapping[str, str]] = {
 }
 
 
-def fact_rows(camera: CameraFacts, *, complete: bool = True) -> list[Row]:
+def fact_rows(camera: SourceFacts, *, complete: bool = True) -> list[Row]:
     """What each fact is called, and its value with where it is from."""
     counted = f"{camera.events:,}" + ("" if complete else " in the part that was looked at")
     extras = [

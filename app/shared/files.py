@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
@@ -98,8 +99,19 @@ def bring_in(
 def _known(path: Path, workspace: Workspace) -> tuple[str, str, str | None]:
     """The name and the identity of the recording that an event file becomes, and its name if it is there already."""
     wanted = path.stem if path.parent == workspace.recordings else _slug(path.stem)
-    uuid = source_uuid([path], [source.name for source in open_sources(path)], "None", 0)  # as importing it makes it
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise RecordingError("the file cannot be opened", got=error.strerror, where=path) from error
+    names = _source_names(path, status.st_size, status.st_mtime_ns)
+    uuid = source_uuid([path], names, "None", 0)  # as importing it makes it
     return wanted, uuid, _already_there(workspace, wanted, uuid)
+
+
+@lru_cache(maxsize=16)
+def _source_names(path: Path, size_bytes: int, changed_ns: int) -> list[str]:
+    """The cameras of a file. Opening a large table takes seconds, and it is asked before the import and by it."""
+    return [source.name for source in open_sources(path)]
 
 
 def _keep_recording(path: Path, workspace: Workspace) -> str:

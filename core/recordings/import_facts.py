@@ -35,7 +35,7 @@ class EventCounts:
 
 
 @dataclass(frozen=True, slots=True)
-class CameraFacts:
+class SourceFacts:
     """One camera of an event file. What each fact is from is a `Whence`, as text."""
 
     name: str
@@ -71,7 +71,7 @@ class CameraFacts:
 class ImportFacts:
     """What an import finds: the same before it writes and after it."""
 
-    cameras: tuple[CameraFacts, ...]
+    cameras: tuple[SourceFacts, ...]
     duration_us: int
     complete: bool
     """Whether all events were looked at; else counts, times and what is left out are those of the first part."""
@@ -90,7 +90,7 @@ class ImportFacts:
         return bool(plain or any(camera.left_out or camera.changed or camera.assumed for camera in self.cameras))
 
 
-def camera_facts(
+def source_facts(
     source: EventSource,
     report: DecodeReport,
     counts: EventCounts,
@@ -98,11 +98,11 @@ def camera_facts(
     name: str,
     file: str,
     calibration_from: Whence | None,
-) -> CameraFacts:
+) -> SourceFacts:
     """The facts of one camera, from what its source stated and what was found on reading it."""
     found = {TIME_UNIT: MICROSECONDS, POLARITY: POLARITY_BIT, **source.facts, **report.facts}
     time_unit, polarity = found[TIME_UNIT], found[POLARITY]
-    return CameraFacts(
+    return SourceFacts(
         name=name,
         file=encodable(file),
         format=source.format,

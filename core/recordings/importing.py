@@ -18,7 +18,7 @@ from core.events import Events, SensorSize
 from core.events.clock_table import ClockTable
 from core.recordings.frame_import import FRAME_CAMERA, FrameInput, first_image_size, read_frame_times, read_images
 from core.recordings.identity import files_of, source_uuid
-from core.recordings.import_facts import CameraFacts, EventCounts, ImportFacts, camera_facts, unused_options
+from core.recordings.import_facts import EventCounts, ImportFacts, SourceFacts, source_facts, unused_options
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
 from core.recordings.sources.source import DecodeReport, PictureTrack, Stated, Whence
@@ -108,11 +108,11 @@ class _Plan:
         notes = _notes(self.feeds, self.sources, self.remarks)
         return ImportFacts(tuple(map(self._camera, self.feeds)), duration_us, complete, notes)
 
-    def _camera(self, feed: _Feed) -> CameraFacts:
+    def _camera(self, feed: _Feed) -> SourceFacts:
         known = feed.name in self.calibration
         whence = Whence.OPTION if feed.name in self.given else Whence.FILE
         counts = dataclasses.replace(feed.counts, triggers=feed.triggers)
-        return camera_facts(
+        return source_facts(
             feed.source, feed.report, counts,
             name=feed.name, file=feed.file, calibration_from=whence if known else None,
         )  # fmt: skip
