@@ -125,8 +125,14 @@ def _decode(
 def _say_left_out(path: Path, state: NDArray, sensor: SensorSize, read: int, report: DecodeReport) -> None:
     """Count what was left out; a sensor that is too small for many events is refused."""
     outside, largest = int(state[OUTSIDE]), (int(state[MAX_X]), int(state[MAX_Y]))
-    if not state[IGNORED] or outside > _MOSTLY_OUTSIDE * (outside + read):  # else damage, and no wrong size
+    if not state[IGNORED]:  # else damage, and no wrong size
         refuse_many_outside(outside, outside + read, sensor, largest, path.name)
+    elif outside > _MOSTLY_OUTSIDE * (outside + read):
+        raise RecordingError(
+            f"{outside:,} of {outside + read:,} events lie outside the {sensor} sensor, and {state[IGNORED]:,} times are"
+            " damaged: the words are not those of the format that the header names, or bytes of the file are missing",
+            where=path,
+        )
     if outside:
         report.notes.append(outside_note(outside, sensor, largest, path.name))
     if state[RESERVED]:
