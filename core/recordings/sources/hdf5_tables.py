@@ -9,6 +9,8 @@ any group of columns, any dataset of records     whose names are those of `table
 
 from __future__ import annotations
 
+import importlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -19,12 +21,12 @@ import numpy as np
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
-from core.recordings.sources.hdf5_reading import read_in_parts
+from core.recordings.sources.hdf5_reading import UNREADABLE, read_in_parts, unit_by_index
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns
 from core.recordings.sources.table_columns import find_columns, unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
-from core.recordings.sources.values.table_values import Survey, survey
+from core.recordings.sources.values.table_values import UNIT_NAMES, Survey, survey
 
 _COLUMNS: Final = ("t", "x", "y", "p")
 _UNIT_WORDS: Final = {
@@ -132,7 +134,12 @@ def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: S
     label = "HDF5 of records" if table.records else _LABELS.get((table.path, table.names), "HDF5 of columns")
     dsec = label.startswith("DSEC") and "ms_to_idx" in file
     times = where if table.records else dataset_at(group_at(file, table.path), table.names[0])
-    unit = unit_of_name(table.names[0]) or _stated_unit([times, *holders]) or ("us" if dsec else None)
+    unit = unit_of_name(table.names[0]) or _stated_unit([times, *holders])
+    remarks: tuple[str, ...] = ()
+    if unit is None and dsec and isinstance(times, h5py.Dataset):
+        unit = _unit_of_dsec(dataset_at(file, "ms_to_idx"), times)
+        if unit not in (None, "us"):
+            remarks = (f"{path.name}: the times count {UNIT_NAMES[unit]} by ms_to_idx.",)
     seen: Survey | None = None
     if sensor is None:
         sensor = _stated_sensor(holders, None)
@@ -143,8 +150,18 @@ def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: S
         sensor = _DSEC_SENSOR
     return make_table_source(
         path, name, label, sensor, lambda report: read_in_parts(path, table.read, count, report),
-        unit=unit, shift_us=offset_us, seen=seen,
+        unit=unit, shift_us=offset_us, seen=seen, remarks=remarks,
     )  # fmt: skip
+
+
+def _unit_of_dsec(marks: h5py.Dataset, times: h5py.Dataset) -> str | None:
+    """Microseconds unless the index says otherwise; what cannot be read yet says nothing."""
+    with suppress(ImportError):
+        importlib.import_module("hdf5plugin")
+    try:
+        return unit_by_index(marks, times)
+    except UNREADABLE:
+        return "us"
 
 
 def _stated_unit(holders: list[h5py.Group | h5py.Dataset]) -> str | None:
