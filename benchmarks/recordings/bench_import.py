@@ -2,8 +2,8 @@
 
 The events are uniformly random on 1280x720 at 5 million a second, the hardest to pack. Files are warm (just written).
 Each import runs in a process of its own, so that its peak of memory is its own; its speed is wall time of the import,
-without the start of Python. The figure of a slice is wall time too, most of its blocks not yet decoded. Decoding alone is
-measured against faery's, run by run in turn in one process.
+without the start of Python. The figure of a slice is wall time too, most of its blocks not yet decoded. Decoding alone
+is measured against faery's, run by run in turn in one process.
 """
 
 from __future__ import annotations
