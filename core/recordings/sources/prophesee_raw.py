@@ -129,8 +129,8 @@ def _say_left_out(path: Path, state: NDArray, sensor: SensorSize, read: int, rep
         refuse_many_outside(outside, outside + read, sensor, largest, path.name)
     elif outside > _MOSTLY_OUTSIDE * (outside + read):
         raise RecordingError(
-            f"{outside:,} of {outside + read:,} events lie outside the {sensor} sensor, and {state[IGNORED]:,} times are"
-            " damaged: the words are not of the format that the header names, or bytes are missing",
+            f"{outside:,} of {outside + read:,} events lie outside the {sensor} sensor, and {state[IGNORED]:,} times"
+            " are damaged: the words are not of the format that the header names, or bytes are missing",
             where=path,
         )
     if outside:
