@@ -172,8 +172,11 @@ def _decode(path: Path) -> int:
 
 
 def _decode_with_faery(path: Path) -> int:
+    events = 0
     with evt.Decoder(path, None, None) as decoder:
-        return sum(len(packet["events"]) for packet in decoder if "events" in packet)
+        for packet in decoder:
+            events += len(packet["events"]) if "events" in packet else 0
+    return events
 
 
 def _row(measure: str, events: int, values: list[float], worst: float, unit: str, target: str) -> Report:
