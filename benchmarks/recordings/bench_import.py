@@ -2,7 +2,8 @@
 
 The events are uniformly random on 1280x720 at 5 million a second, the hardest to pack. Files are warm (just written).
 Each import runs in a process of its own, so that its peak of memory is its own; its speed is wall time of the import,
-without the start of Python. The figure of a slice is wall time too, most of its blocks not yet decoded.
+without the start of Python. The figure of a slice is wall time too, most of its blocks not yet decoded. Decoding alone
+is measured against faery's, run by run in turn in one process.
 """
 
 from __future__ import annotations
@@ -16,12 +17,15 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from faery import evt
 from numpy.typing import NDArray
 
 from benchmarks.machine import describe_machine
 from benchmarks.partial_rows import report_rows_to
 from core.events import SensorSize
 from core.recordings import open_recording
+from core.recordings.sources import open_sources
+from core.recordings.sources.source import DecodeReport
 from core.text.json_text import parse_json
 
 SENSOR: Final = SensorSize(1280, 720)
@@ -30,6 +34,7 @@ SHORT_EVENTS: Final = 20_000_000
 LONG_EVENTS: Final = 100_000_000
 SLICE_US: Final = 50_000
 SLICES: Final = 200
+DECODE_RUNS: Final = 7
 EVT3_HEADER: Final = f"% evt 3.0\n% format EVT3;height={SENSOR.height_px};width={SENSOR.width_px}\n% end\n".encode()
 TRIGGER_EVENTS: Final = 2500
 """From one trigger edge to the next: 500 us."""
@@ -69,6 +74,8 @@ def run(progress: Callable[[float], None]) -> Report:
             rows += found
             report_rows_to(progress, found, share)
         rows.append(_slice_row(recording))
+        write_evt3(tiny, SHORT_EVENTS // 2)
+        rows += _decode_rows(tiny)
         progress(1.0)
     return {"rows": rows, "machine": describe_machine("h5py", clock="wall time, files warm")}
 
@@ -119,7 +126,7 @@ def _import_rows(measured: list[dict[str, float]], events: int) -> list[Report]:
     expected = events // TRIGGER_EVENTS
     kept = [one["triggers"] / expected for one in measured]
     return [
-        _row("EVT3 import", events, rates, min(rates), "million events/s", ">= 10"),
+        _row("EVT3 import", events, rates, min(rates), "million events/s", ">= 20"),
         _row("EVT3 import, CPU", events, cpu, max(cpu), "ns/event", "-"),
         _row("EVT3 import, peak memory", events, peaks, max(peaks), "MB", "<= 300"),
         _row("EVT3 import, triggers kept", events, kept, min(kept), "share", "1"),
@@ -137,6 +144,39 @@ def _slice_row(path: Path) -> Report:
             camera.slice(start_us, start_us + SLICE_US)
             spent.append((time.perf_counter() - started) * 1e3)
         return _row("50 ms slice", camera.event_count, spent, max(spent), "ms", "<= 15")
+
+
+def _decode_rows(path: Path) -> list[Report]:
+    """Our reader and faery's in turn: million events/s of each, and the ratio of each pair."""
+    ours: list[float] = []
+    theirs: list[float] = []
+    events = _decode(path)
+    if _decode_with_faery(path) != events:
+        raise AssertionError("faery finds another number of events")
+    for _ in range(DECODE_RUNS):
+        for decode, rates in ((_decode, ours), (_decode_with_faery, theirs)):
+            started = time.perf_counter()
+            decode(path)
+            rates.append(events / (time.perf_counter() - started) / 1e6)
+    ratios = [a / b for a, b in zip(ours, theirs, strict=True)]
+    return [
+        _row("EVT3 decoding", events, ours, min(ours), "million events/s", "-"),
+        _row("EVT3 decoding by faery", events, theirs, min(theirs), "million events/s", "-"),
+        _row("EVT3 decoding, ours to faery's", events, ratios, min(ratios), "ratio", ">= 1"),
+    ]
+
+
+def _decode(path: Path) -> int:
+    (source,) = open_sources(path)
+    return sum(len(part) for part in source.read(DecodeReport()))
+
+
+def _decode_with_faery(path: Path) -> int:
+    events = 0
+    with evt.Decoder(path, None, None) as decoder:
+        for packet in decoder:
+            events += len(packet["events"]) if "events" in packet else 0
+    return events
 
 
 def _row(measure: str, events: int, values: list[float], worst: float, unit: str, target: str) -> Report:

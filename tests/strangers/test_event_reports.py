@@ -256,6 +256,10 @@ CASES = [
          lambda p: make.hdf5(p, {**{f"events/{k}": v for k, v in columns(
              VGA, t=(VGA.t + (1 << 32) - 200_000).astype(np.uint32)).items()},
              "t_offset": np.int64(49_599_300_523), "ms_to_idx": np.arange(3)}), said="the clock began again"),
+    Case("uzh-rpg/DSEC#3", "the layout of DSEC whose index says that its times are nanoseconds",
+         lambda p: make.hdf5(p, {**group("events/", columns(VGA, t=VGA.t * 1000)), "t_offset": np.int64(0),
+                                 "ms_to_idx": np.searchsorted(VGA.t, np.arange(490) * 1000)}),
+         said="count nanoseconds by ms_to_idx"),
     Case("mgaoling/mpl_dataset_toolbox#1", "two cameras in groups of one file",
          lambda p: make.hdf5(p, {**group("left/events/", columns(VGA)), **group("right/events/", columns(VGA))}),
          given=SensorSize(640, 480)),

@@ -20,18 +20,16 @@ from core.cameras import Camera
 from core.errors import CalibrationError, RecordingError
 from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
-from core.recordings.sources.hdf5_reading import UNREADABLE, explain, read_in_parts
+from core.recordings.sources.hdf5_reading import UNREADABLE, explain, read_in_parts, unit_by_index
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import EventSource, RawColumns, Whence
 from core.recordings.sources.values.stated_sizes import size_in_attributes
 from core.recordings.sources.values.table_order import TableOrder, guess_columns
-from core.recordings.sources.values.table_values import UNIT_NAMES, UNITS_US
+from core.recordings.sources.values.table_values import UNIT_NAMES
 
 _COLUMNS: Final = ("t", "x", "y", "p")
 _V2E_ORDER: Final = TableOrder({"t": 0, "x": 1, "y": 2, "p": 3}, seconds=False)
 _SAMPLE_ROWS: Final = 10_000
-_INDEX_TOLERANCE: Final = 2.0
-"""By this factor the time of an event may be off its place in the index before its unit is another one."""
 
 
 def open_hdf5_data_set(path: Path, sensor: SensorSize | None) -> list[EventSource] | None:
@@ -129,14 +127,11 @@ def _unit_by_index(path: Path, group: h5py.Group) -> str:
     if "ms_map_idx" not in group:
         return "us"
     marks, t = dataset_at(group, "ms_map_idx"), dataset_at(group, "t")
+    unit = unit_by_index(marks, t)
+    if unit is not None:
+        return unit
     last = len(marks) - 1
-    if last < 10 or not len(t):
-        return "us"
-    time = float(t[min(int(marks[last]), len(t) - 1)])
-    for unit, microseconds in UNITS_US.items():
-        if last / _INDEX_TOLERANCE <= time * microseconds / 1000 <= last * _INDEX_TOLERANCE:
-            return unit
-    got = f"{time:,.0f} at the index of millisecond {last:,}"
+    got = f"{float(t[min(int(marks[last]), len(t) - 1)]):,.0f} at the index of millisecond {last:,}"
     raise RecordingError("the times of the events do not fit their index", got=got, where=f"{path}, {group.name}")
 
 

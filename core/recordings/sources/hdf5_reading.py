@@ -12,10 +12,14 @@ import h5py
 
 from core.errors import RecordingError
 from core.recordings.sources.source import Columns, DecodeReport, RawColumns
+from core.recordings.sources.values.table_values import UNITS_US
 
 UNREADABLE: Final = (OSError, ValueError, RuntimeError)
 ROWS: Final = 1 << 18
 """Rows of a part."""
+_TOLERANCE: Final = 2.0
+"""By this factor the time of an event may be off its place in the index before its unit is another one."""
+_SHORTEST_INDEX: Final = 10
 Part = TypeVar("Part", Columns, RawColumns)
 
 
@@ -44,6 +48,19 @@ def read_in_parts(
             yield part
             first += len(part[0])
             report.share = first / count
+
+
+def unit_by_index(marks: h5py.Dataset, t: h5py.Dataset) -> str | None:
+    """The unit of times that fits an index of milliseconds: `marks[k]` is the first event of millisecond k.
+
+    "us" where the index is too short to tell, None where no unit fits.
+    """
+    last = len(marks) - 1
+    if last < _SHORTEST_INDEX or not len(t):
+        return "us"
+    time = float(t[min(int(marks[last]), len(t) - 1)])
+    fits = (unit for unit, us in UNITS_US.items() if last / _TOLERANCE <= time * us / 1000 <= last * _TOLERANCE)
+    return next(fits, None)
 
 
 def explain(error: Exception) -> str:

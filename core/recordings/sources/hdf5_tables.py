@@ -9,6 +9,8 @@ any group of columns, any dataset of records     whose names are those of `table
 
 from __future__ import annotations
 
+import importlib
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -19,12 +21,12 @@ import numpy as np
 from core.errors import RecordingError
 from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
-from core.recordings.sources.hdf5_reading import read_in_parts
+from core.recordings.sources.hdf5_reading import UNREADABLE, read_in_parts, unit_by_index
 from core.recordings.sources.making import make_table_source
 from core.recordings.sources.source import DecodeReport, EventSource, RawColumns, Whence
 from core.recordings.sources.table_columns import find_columns, unit_of_name
 from core.recordings.sources.values.stated_sizes import size_in_attributes
-from core.recordings.sources.values.table_values import Survey, survey
+from core.recordings.sources.values.table_values import UNIT_NAMES, Survey, survey
 
 _COLUMNS: Final = ("t", "x", "y", "p")
 _UNIT_WORDS: Final = {
@@ -133,8 +135,11 @@ def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: S
     dsec = label.startswith("DSEC") and "ms_to_idx" in file
     times = where if table.records else dataset_at(group_at(file, table.path), table.names[0])
     unit, unit_from = unit_of_name(table.names[0]) or _stated_unit([times, *holders]), Whence.FILE
-    if unit is None and dsec:
-        unit, unit_from = "us", Whence.FORMAT
+    remarks: tuple[str, ...] = ()
+    if unit is None and dsec and isinstance(times, h5py.Dataset):
+        unit, unit_from = _unit_of_dsec(dataset_at(file, "ms_to_idx"), times), Whence.FORMAT
+        if unit not in (None, "us"):
+            unit_from, remarks = Whence.FILE, (f"{path.name}: the times count {UNIT_NAMES[unit]} by ms_to_idx.",)
     seen: Survey | None = None
     sensor_from = Whence.FILE
     if sensor is None:
@@ -146,8 +151,18 @@ def _open_table(path: Path, file: h5py.File, table: _Table, name: str, sensor: S
         sensor, sensor_from = _DSEC_SENSOR, Whence.DATA_SET
     return make_table_source(
         path, name, label, sensor, lambda report: read_in_parts(path, table.read, count, report),
-        unit=unit, unit_from=unit_from, shift_us=offset_us, seen=seen, sensor_from=sensor_from,
+        unit=unit, unit_from=unit_from, shift_us=offset_us, seen=seen, sensor_from=sensor_from, remarks=remarks,
     )  # fmt: skip
+
+
+def _unit_of_dsec(marks: h5py.Dataset, times: h5py.Dataset) -> str | None:
+    """Microseconds unless the index says otherwise; what cannot be read yet says nothing."""
+    with suppress(ImportError):
+        importlib.import_module("hdf5plugin")
+    try:
+        return unit_by_index(marks, times)
+    except UNREADABLE:
+        return "us"
 
 
 def _stated_unit(holders: list[h5py.Group | h5py.Dataset]) -> str | None:

@@ -132,9 +132,14 @@ def _say_left_out(
     """Count what was left out; a sensor that is too small for many events is refused."""
     outside, largest = int(state[OUTSIDE]), (int(state[MAX_X]), int(state[MAX_Y]))
     reserved, ignored = int(state[RESERVED]), int(state[IGNORED])
-    # Otherwise it is damage, and no wrong size.
-    if (not ignored and not damaged) or outside > _MOSTLY_OUTSIDE * (outside + read):
+    if not ignored and not damaged:  # else damage, and no wrong size
         refuse_many_outside(outside, outside + read, sensor, largest, path.name)
+    elif outside > _MOSTLY_OUTSIDE * (outside + read):
+        raise RecordingError(
+            f"{outside:,} of {outside + read:,} events lie outside the {sensor} sensor, and {ignored:,} times are"
+            " damaged: the words are not of the format that the header names, or bytes are missing",
+            where=path,
+        )
     report.leave_out(OUTSIDE_SENSOR, outside, outside_note(outside, sensor, largest, path.name))
     note = f"{path.name}: {reserved:,} words of reserved types (padding) were skipped."
     report.leave_out(RESERVED_WORDS, reserved, note)

@@ -18,6 +18,7 @@ def test_the_rows_hold_the_figures_and_no_event_or_trigger_is_lost(monkeypatch):
     assert isinstance(rows, list)
     assert [row["measure"] for row in rows[4:]] == [
         "EVT3 import", "EVT3 import, CPU", "EVT3 import, peak memory", "EVT3 import, triggers kept", "50 ms slice",
+        "EVT3 decoding", "EVT3 decoding by faery", "EVT3 decoding, ours to faery's",
     ]  # fmt: skip
     assert all(row["median"] > 0 for row in rows)
     assert [row["median"] for row in rows if "triggers" in row["measure"]] == [1.0, 1.0]
