@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from math import isnan
 from pathlib import Path
 from typing import Literal
-
-import numpy as np
-from numpy.typing import NDArray
 
 from app.cli.arguments import PositiveInt, flag, positional
 from app.cli.labels_layer import LayerArguments, read_layer
@@ -24,13 +20,11 @@ from app.modes.label.sources import LabelSource
 from core.errors import CommandError, LabelError
 from labels.agreement import Agreement, made_independently, measure_agreement
 from labels.formats import FORMATS, ExportOptions, ImportContext
+from labels.formats.import_check import import_labels
 from labels.formats.import_report import ImportReport, describe_label, report_of
-from labels.formats.picture_names import stem_of
+from labels.formats.picture_times import FrameTimes, read_frame_times
+from labels.model import LabelState
 from labels.store import LabelStore, Layer
-
-NAME_COLUMNS = ("name", "file_name", "filename", "file", "picture", "image")
-"""Of a table of frame times: what pictures are called."""
-
 
 FORMAT_HELP = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
 
@@ -43,10 +37,13 @@ class LabelImportArguments:
     layer: LayerArguments
     format: str = flag(FORMAT_HELP, "|".join(FORMATS), choices=FORMATS)
     frame_times: Path | None = flag(
-        "column t_us: the time of each picture, by its number from 0, or by its name in a column name", "CSV"
+        "column t_us (t_ms, t_s): the time of each picture, by its row from 0, or by a column frame or name", "CSV"
     )
     ball_class: str | None = flag("the class that is the ball, where it has another name or no list", "NAME|N", "ball")
     scale_pictures: bool = flag("scale labels if all pictures have one size, another than the sensor's")
+    empty_pictures: Literal["no-ball", "unchecked"] = flag(
+        "listed pictures without any annotation: somebody saw no ball, or nobody looked", default="unchecked"
+    )
     replace: bool = flag("replace labels that are there already")
 
 
@@ -79,18 +76,21 @@ def run_import(arguments: LabelImportArguments) -> None:
         if not arguments.source.exists():
             raise CommandError("no such file or folder", where=arguments.source)
         annotator = layer.annotator or "imported"
-        times, by_name = _frame_times(arguments.frame_times) if arguments.frame_times else (None, None)
+        times = read_frame_times(arguments.frame_times) if arguments.frame_times else FrameTimes()
         context = ImportContext(
             stream.sensor,
-            times,
+            times.by_number_us,
             f"import {arguments.format}",
             stream.name,
             clock_us=int(getattr(stream, "t_offset_us", 0)),
-            times_by_name=by_name,
+            times_by_name=times.by_name_us,
             ball_class=arguments.ball_class,
             scale_pictures=arguments.scale_pictures,
+            empty_pictures=LabelState.NO_BALL if arguments.empty_pictures == "no-ball" else None,
+            other_cameras=tuple(name for name in recording.cameras if name != stream.name),
+            end_us=recording.duration_us,
         )
-        found = FORMATS[arguments.format].read(arguments.source, context)
+        found = import_labels(arguments.format, arguments.source, context)
         tool = f"rallyscope {version('rallyscope')}"
         with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
             new = [label for label in found.labels if arguments.replace or store.at(label.t_us) is None]
@@ -204,22 +204,3 @@ ACTS = {
     "merge": run_merge,
     "shift": run_shift,
 }
-
-
-def _frame_times(path: Path) -> tuple[NDArray[np.int64], dict[str, int] | None]:
-    """The times by number, and by name where the table has names."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [{(key or "").strip(): value for key, value in row.items()} for row in csv.DictReader(file)]
-        times = np.array([int(row["t_us"]) for row in rows], np.int64)
-    except OSError as error:
-        raise CommandError("cannot read the frame times", got=error.strerror, where=path) from error
-    except (KeyError, TypeError, ValueError, OverflowError, csv.Error) as error:
-        raise CommandError("not frame times", expected="a column t_us of whole numbers", where=path) from error
-    column = next((name for name in NAME_COLUMNS if rows and name in rows[0]), None)
-    if column is None:
-        return times, None
-    names = [stem_of(row[column] or "") for row in rows]
-    if len(set(names)) != len(names):
-        raise CommandError("frame times with a name twice", expected="each picture once", where=path)
-    return times, dict(zip(names, times.tolist(), strict=True))
