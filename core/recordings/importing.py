@@ -20,6 +20,7 @@ from core.recordings.identity import files_of, source_uuid
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
 from core.recordings.sources.source import ASSUMED, DecodeReport, PictureTrack, Stated
+from core.recordings.truth import BallTruth
 from core.recordings.writer import RecordingWriter
 
 _FLUSH_S: Final = 1.0
@@ -129,6 +130,7 @@ def import_recording(
         done = _copy_events(writer, feeds, zero_us, progress, cancelled)
         if done:
             _copy_pictures(writer, feeds, zero_us)
+            _copy_reference(writer, feeds, zero_us)
         if done and frames is not None:
             _copy_frames(writer, frames, zero_us)
         if not done:
@@ -282,6 +284,20 @@ def _copy_pictures(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) ->
             for picture in pictures.read(feed.report):
                 t_us = feed.common_us(np.array([picture.t_us], np.int64)) - zero_us
                 writer.write_frames(name, t_us, np.array([picture.exposure_us]), picture.image[None])
+
+
+def _copy_reference(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) -> None:
+    """Write the first reference of the ball that a source has: those of several cameras are one and the same."""
+    for feed in feeds:
+        ball = None if feed.source.reference is None else feed.source.reference(feed.report)
+        if ball is None:
+            continue
+        t_us = feed.common_us(ball.t_us) - zero_us
+        kept = t_us >= 0
+        if kept.any():
+            p, v, spin = (column[kept] for column in (ball.p_world_m, ball.v_world_mps, ball.spin_radps))
+            writer.write_ball(BallTruth(t_us[kept], p, v, spin, ball.visible[kept]))
+            return
 
 
 def _copy_frames(writer: RecordingWriter, frames: FrameInput, zero_us: int) -> None:

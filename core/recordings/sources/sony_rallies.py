@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -25,10 +26,11 @@ from core.recordings.sources.checking import check_table
 from core.recordings.sources.hdf5_data_sets import polarity_is_on
 from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_source
+from core.recordings.sources.sony_reference import LABEL_SUFFIX, read_reference
 from core.recordings.sources.source import Columns, DecodeReport, EventSource
 from core.recordings.sources.table_columns import addresses_from_column
+from core.recordings.truth import BallTruth
 
-LABEL_SUFFIX: Final = "_label.h5"
 _COLUMNS: Final = ("t", "x", "y", "p")
 _LARGEST_YAML: Final = 1 << 20
 _UP: Final = 3
@@ -65,7 +67,7 @@ def open_sony_folder(path: Path, sensor: SensorSize | None) -> list[EventSource]
     rallies = sorted({file.name for file in files})
     if len(rallies) != 1:
         shown = ", ".join(rallies[:4]) + (", ..." if len(rallies) > 4 else "")
-        remedy = "give the file of one camera, or a folder with the cameras of one rally"
+        remedy = "name one by the files of its cameras: import evs1/SEQ.h5 [evs2/SEQ.h5] REC.h5"
         raise RecordingError("several rallies", got=f"{len(rallies)}: {shown}", where=path, remedy=remedy)
     return [_open_camera(file, file.parent.name, sensor) for file in files]
 
@@ -123,11 +125,29 @@ def _open_camera(path: Path, name: str, sensor: SensorSize | None) -> EventSourc
         return read_in_parts(path, rows, lengths["t"], report)
 
     source = make_source(path, name, "rally of Sony's", size, decode, check_table)
-    return EventSource(source.name, source.format, source.sensor, source.read, calibration=camera)
+
+    def reference(report: DecodeReport) -> BallTruth | None:
+        return read_reference(path, name, camera, _world_frame(path, name), t0_us, report.notes)
+
+    return replace(source, calibration=camera, reference=reference)
+
+
+def _world_frame(path: Path, name: str) -> np.ndarray | None:
+    """The pose T_WO of the table's frame in that of the calibration; None if the file has none."""
+    tree, _ = _calibration_tree(path, name)
+    with suppress(*_BROKEN):
+        return _rigid(np.asarray(tree["T_WO"], np.float64))
+    return None
 
 
 def _calibration(path: Path, name: str) -> tuple[SensorSize | None, Camera | None, str | None]:
     """Size and lens of a camera from a .yaml beside or above its file, and a remark about it."""
+    tree, file = _calibration_tree(path, name)
+    return (None, None, None) if file is None else _camera(tree[name], tree.get("T_WO"), name, file)
+
+
+def _calibration_tree(path: Path, name: str) -> tuple[dict, Path | None]:
+    """The content of the nearest .yaml that has the camera, and where it is; empty if none has."""
     for folder in list(path.resolve().parents)[:_UP]:
         for file in sorted(folder.glob("*.yaml")):
             with suppress(*_BROKEN):
@@ -138,8 +158,8 @@ def _calibration(path: Path, name: str) -> tuple[SensorSize | None, Camera | Non
                     continue
                 entry = tree.get(name)
                 if isinstance(entry, dict) and "camera_matrix" in entry and "resolution" in entry:
-                    return _camera(entry, tree.get("T_WO"), name, file)
-    return None, None, None
+                    return tree, file
+    return {}, None
 
 
 def _camera(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.events import Events, SensorSize
 from core.recordings.recording import Triggers
+from core.recordings.truth import BallTruth
 
 ASSUMED: Final = "assumed from the events"
 
@@ -98,5 +99,7 @@ class EventSource:
     """As the file itself tells."""
     pictures: tuple[PictureTrack, ...] = ()
     """Of this camera and of ordinary cameras on the same clock."""
+    reference: Callable[[DecodeReport], BallTruth | None] | None = None
+    """Where the ball is according to another instrument, in the world of `calibration`, on the source's own clock."""
     sensor_from: str = "the file"
     """Where the sensor's size is from: the file, the command line, or `ASSUMED`."""
