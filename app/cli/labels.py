@@ -26,6 +26,8 @@ from labels.formats.picture_times import FrameTimes, read_frame_times
 from labels.model import LabelState
 from labels.store import LabelStore, Layer
 
+MAX_REASONS = 4
+"""Of the line that says why nothing was imported."""
 FORMAT_HELP = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
 
 
@@ -96,9 +98,11 @@ def run_import(arguments: LabelImportArguments) -> None:
             new = [label for label in found.labels if arguments.replace or store.at(label.t_us) is None]
             store.edit(put=new)  # one step: one undo takes the whole import back
     there, rejections = len(found.labels) - len(new), [str(rejection) for rejection in found.rejections]
-    if not found.labels and rejections:
-        raise LabelError(f"nothing could be imported, {len(rejections)} rejected", got=rejections[0])
     report = report_of(found)
+    if not found.labels and rejections:
+        others = "; ".join(f"{item.count} x {item.reason}" for item in report.rejected[:MAX_REASONS])
+        which = f" ({others})" if len(report.rejected) > 1 else ""
+        raise LabelError(f"nothing could be imported, {len(rejections)} rejected{which}", got=rejections[0])
     lines = [f"{len(new)} labels imported for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
     layer.tell(
         {

@@ -26,6 +26,8 @@ from labels.model import Label, LabelState, PositionSource
 
 STATE, RADIUS = "state", "r_px"
 TRUE: Final = ("1", "true", "True")
+PLACE: Final = ("points", "xtl", "ytl", "xbr", "ybr", "cx", "cy", "rx", "ry")
+"""Attributes that say where a shape is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,6 +99,7 @@ def read_tracks(video: Video, context: ImportContext, collector: Collector) -> N
             name = track.attribute("label")
             if not context.is_ball(name):
                 raise LabelError(f"a track of label {name!r}, which is not {context.ball_class or CLASS_NAME!r}")
+            held = _held_shapes(track)
             for shape in track.children:
                 if shape.tag == "attribute":
                     continue
@@ -104,6 +107,8 @@ def read_tracks(video: Video, context: ImportContext, collector: Collector) -> N
                     outside += 1
                     continue
                 with collector.entry(file, shape.line):
+                    if shape.line in held and shape.attributes.get("frame") in held[shape.line]:
+                        raise LabelError("not a keyframe, and it only repeats the keyframe before")
                     if context.frame_times_us is not None:
                         refuse_counting_from_1(numbers, len(context.frame_times_us))
                     t_us = context.time_of_frame(whole_number(shape.attribute("frame"), "the frame"))
@@ -114,6 +119,27 @@ def read_tracks(video: Video, context: ImportContext, collector: Collector) -> N
                     collector.add(label, file, shape.line)
     if outside:
         collector.note(f"{outside} entries say that the object is outside: no label")
+
+
+def _held_shapes(track: XmlNode) -> dict[int, set[str]]:
+    """Lines and frames of shapes that stay where the keyframe before was, though the next one is elsewhere.
+
+    CVAT holds an object so after its last keyframe, up to the end of the video, and some versions between keyframes.
+    """
+    shapes = [shape for shape in track.children if shape.tag != "attribute"]
+    places = [tuple(shape.attributes.get(name) for name in PLACE) for shape in shapes]
+    keys = [shape.attributes.get("keyframe", "1") in TRUE for shape in shapes]
+    held: dict[int, set[str]] = {}
+    before: int | None = None
+    for at, shape in enumerate(shapes):
+        if keys[at]:
+            before = at
+        elif before is not None and places[at] == places[before]:
+            after = next((k for k in range(at + 1, len(shapes)) if keys[k]), None)
+            gone = after is None or shapes[after].attributes.get("outside", "0") in TRUE
+            if after is None or gone or places[after] != places[before]:
+                held.setdefault(shape.line, set()).add(shape.attributes.get("frame", ""))
+    return held
 
 
 def _frames_of(tracks: list[XmlNode]) -> set[int]:

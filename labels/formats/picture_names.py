@@ -23,6 +23,7 @@ _SUFFIX: Final = re.compile(
 _ROBOFLOW: Final = re.compile(r"[._](png|jpe?g|bmp|tiff?|webp|gif)\.rf\.[0-9A-Za-z]+$", re.IGNORECASE)
 _LABEL_STUDIO: Final = re.compile(r"^[0-9a-f]{8}(?:-|__)(?=.*\d)")
 _UUID: Final = re.compile(r"[0-9a-f]{8}([-_]?[0-9a-f]{4}){3}[-_]?[0-9a-f]{12}", re.IGNORECASE)
+_NUMBER: Final = re.compile(r"\d+")
 _TOKEN: Final = re.compile(r"[A-Za-z0-9]+")
 _NUMBERED: Final = re.compile(r"([A-Za-z]*)(\d{1,18})")
 FRAME_WORDS: Final = frozenset({"frame", "frames", "img", "image", "picture", "pic", "f", "fr", "im"})
@@ -85,7 +86,7 @@ def stem_of(picture: str) -> str:
         if shorter == stem or not shorter:
             break
         stem = shorter
-    return _LABEL_STUDIO.sub("", stem)
+    return stem if _UUID.match(stem) else _LABEL_STUDIO.sub("", stem)
 
 
 def _last_part(picture: str) -> str:
@@ -125,6 +126,7 @@ class PictureNumbers:
     def __init__(self, names: Iterable[str]) -> None:
         self._numbers: dict[str, int] = {}
         self._reasons: dict[str, str] = {}
+        self._families: dict[str, str] = {}
         self._copies = _copies(names := list(dict.fromkeys(names)))
         stems = [stem for stem in dict.fromkeys(map(stem_of, names)) if own_time(stem) is None]
         alike: dict[tuple[str, ...], list[str]] = {}
@@ -132,11 +134,19 @@ class PictureNumbers:
             alike.setdefault(tuple(_TOKEN.split(_UUID.sub("uuid", stem))), []).append(stem)
         for group in alike.values():
             self._decide_alike(group)
+        families: dict[int, set[str]] = {}
+        for stem, number in self._numbers.items():
+            families.setdefault(number, set()).add(self._families[stem])
+        mixed = {family for found in families.values() if len(found) > 1 for family in found}
         counts = Counter(self._numbers.values())
         for stem, number in list(self._numbers.items()):
-            if counts[number] > 1:
+            if counts[number] > 1 or self._families[stem] in mixed:
                 del self._numbers[stem]
-                self._reasons[stem] = f"other pictures have the number {number} too"
+                self._reasons[stem] = (
+                    "pictures are named in two ways, with the same numbers"
+                    if self._families[stem] in mixed
+                    else f"other pictures have the number {number} too"
+                )
 
     @property
     def known(self) -> tuple[int, ...]:
@@ -182,6 +192,7 @@ class PictureNumbers:
             groups.setdefault(tuple(word if word != "#" else "#" for word in kept), []).append(at)
         for members in groups.values():
             columns = [k for k in range(len(rows[0])) if k not in hashed and rows[members[0]][k].number is not None]
+            self._families |= {stems[at]: _NUMBER.sub("#", stems[at]) for at in members}
             self._decide([stems[at] for at in members], [rows[at] for at in members], columns)
 
     def _decide(self, stems: list[str], rows: list[list[_Part]], columns: list[int]) -> None:
@@ -212,7 +223,7 @@ class PictureNumbers:
             chosen = named[0]
         elif len(varying) == 1:
             chosen = varying[0]
-        elif len(possible) == 1 and not varying:
+        elif len(possible) == 1 and not varying and all(joined[k] for k in other):
             chosen = possible[0]
         for stem, row in zip(stems, numbers, strict=True):
             number = None if chosen is None else row[chosen]

@@ -185,7 +185,10 @@ def _read_annotation(
         if extra is not None and not objects:
             collector.add(_label_of_extra(extra, context), file, extra.line)
         elif not objects:
-            collector.add(context.make(_time_of(one, by_name), LabelState.NO_BALL), file, root.line)
+            t_us = _time_of(one, by_name)
+            unsure = _lists_unannotated(root) or context.empty_pictures is not None
+            label = context.unannotated(t_us) if unsure else context.make(t_us, LabelState.NO_BALL)
+            collector.add(label, file, root.line)
         for item in objects:
             with collector.entry(file, item.line):
                 if not context.is_ball(item.value("name")):
@@ -196,6 +199,12 @@ def _read_annotation(
                 else:
                     label = _label_of_extra(extra, context)
                 collector.add(label, file, item.line)
+
+
+def _lists_unannotated(root: XmlNode) -> bool:
+    """Whether the tool writes files of pictures that nobody looked at: CVAT does, and says more of its source."""
+    source = root.child("source")
+    return source is not None and (source.child("annotation") is not None or source.child("image") is not None)
 
 
 def _label_of_extra(extra: XmlNode, context: ImportContext) -> Label:

@@ -42,6 +42,8 @@ NO_LABELS = re.compile(
     re.IGNORECASE,
 )
 """Texts that stand beside those of the pictures, and hidden files."""
+OUTSIDE = 0.5
+"""Share of the picture by which the corner of a polygon may lie beside it."""
 CVAT_FOLDER = re.compile(r"obj_\w+_data")
 PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
 """Visibility of a keypoint: occluded, visible."""
@@ -179,7 +181,7 @@ def _read_file(
             if whole_number(fields[0], "the class") != ball.number:
                 raise LabelError(f"class {fields[0]} is not {context.ball_class or CLASS_NAME!r}")
             numbers = [finite(field, f"field {place}") for place, field in enumerate(fields[1:], start=2)]
-            if not all(0.0 <= number <= 1.0 for number in numbers[:4]):
+            if not all(-OUTSIDE <= number <= 1.0 + OUTSIDE for number in numbers[:4]):
                 remedy = "are these pixels, where shares belong?" if max(numbers) > 2 else ""
                 raise LabelError("outside the picture", expected="shares, 0 to 1", got=numbers[:4], remedy=remedy)
             label = _label_of(numbers, ball, times.time_of(picture.name), context)
@@ -198,13 +200,15 @@ def _label_of(numbers: list[float], ball: BallClass, t_us: int, context: ImportC
         box, point = numbers[:4], numbers[4 : 4 + keypoint]
     elif count in (4, 5) and not keypoint:
         box, point = numbers[:4], []
-    elif count >= 6 and count % 2 == 0:
-        return _label_of_polygon(numbers, t_us, context)
+    elif count >= 6 and not keypoint and (count % 2 == 0 or count >= 9):  # odd: a confidence follows
+        return _label_of_polygon(numbers[: count - count % 2], t_us, context)
     else:
         expected = "a class and 4 numbers (5 with a confidence), those with a keypoint, or 3 and more corners"
         raise LabelError("not a line of YOLO", expected=expected, got=f"{count} numbers")
     x, y, w, h = box
     radius = (w * width + h * height) / 4
+    if not all(0.0 <= number <= 1.0 for number in box):
+        raise LabelError("outside the picture", expected="shares, 0 to 1", got=box)
     if not min(w, h) > 0:
         raise LabelError("the box is empty", got=box)
     if point and (len(point) == 2 or point[2] > 0):
@@ -222,7 +226,7 @@ def _label_of(numbers: list[float], ball: BallClass, t_us: int, context: ImportC
 
 def _label_of_polygon(numbers: list[float], t_us: int, context: ImportContext) -> Label:
     """The centre and the radius of a circle with the area of a polygon, of a segment or of a turned box."""
-    if not all(0.0 <= number <= 1.0 for number in numbers):
+    if not all(-OUTSIDE <= number <= 1.0 + OUTSIDE for number in numbers):
         raise LabelError("outside the picture", expected="shares, 0 to 1", got=numbers[:8])
     corners = np.array(numbers).reshape(-1, 2) * (context.sensor.width_px, context.sensor.height_px)
     x, y, radius = circle_of_polygon(corners)
