@@ -129,8 +129,7 @@ def import_recording(
         )
         done = _copy_events(writer, feeds, zero_us, progress, cancelled)
         if done:
-            _copy_pictures(writer, feeds, zero_us)
-            _copy_reference(writer, feeds, zero_us)
+            _copy_pictures_and_truth(writer, feeds, zero_us)
         if done and frames is not None:
             _copy_frames(writer, frames, zero_us)
         if not done:
@@ -278,12 +277,13 @@ def _copy_triggers(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) ->
         feed.triggers += len(t_us)
 
 
-def _copy_pictures(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) -> None:
+def _copy_pictures_and_truth(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) -> None:
     for feed in feeds:
         for name, pictures in _pictures_of([feed]):
             for picture in pictures.read(feed.report):
                 t_us = feed.common_us(np.array([picture.t_us], np.int64)) - zero_us
                 writer.write_frames(name, t_us, np.array([picture.exposure_us]), picture.image[None])
+    _copy_reference(writer, feeds, zero_us)
 
 
 def _copy_reference(writer: RecordingWriter, feeds: list[_Feed], zero_us: int) -> None:

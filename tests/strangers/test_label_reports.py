@@ -95,7 +95,8 @@ REPORTS = [
         "cvat",
         {
             "annotations.xml": '<annotations><image id="1" name="frame_000001.png"><box label="ball" '
-            'xtl="630" ytl="170" xbr="650" ybr="190"/></image><image id="2" name="frame_000002.png"></image></annotations>'
+            'xtl="630" ytl="170" xbr="650" ybr="190"/></image>'
+            '<image id="2" name="frame_000002.png"></image></annotations>'
         },
         [AT],
         "nobody may have looked at it",
