@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from app.cli.arguments import PositiveInt, flag, positional
-from app.cli.labels_layer import LayerArguments, read_layer
+from app.cli.labels_layer import Labelled, LayerArguments, read_layer
 from app.cli.labels_merge import run_merge
 from app.cli.labels_score import run_score
 from app.cli.labels_shift import run_shift
@@ -19,11 +19,10 @@ from app.modes.label.label_files import LabelFilesRequest, write_label_files
 from app.modes.label.sources import LabelSource
 from core.errors import CommandError, LabelError
 from labels.agreement import Agreement, made_independently, measure_agreement
-from labels.formats import FORMATS, ExportOptions, ImportContext
-from labels.formats.import_check import import_labels
+from labels.formats import FORMATS, ExportOptions
+from labels.formats.import_check import ImportChoices, import_context, import_labels
 from labels.formats.import_report import ImportReport, describe_label, report_of
 from labels.formats.picture_times import FrameTimes, read_frame_times
-from labels.model import LabelState
 from labels.store import LabelStore, Layer
 
 MAX_REASONS = 4
@@ -78,20 +77,13 @@ def run_import(arguments: LabelImportArguments) -> None:
         if not arguments.source.exists():
             raise CommandError("no such file or folder", where=arguments.source)
         annotator = layer.annotator or "imported"
-        times = read_frame_times(arguments.frame_times) if arguments.frame_times else FrameTimes()
-        context = ImportContext(
-            stream.sensor,
-            times.by_number_us,
-            f"import {arguments.format}",
-            stream.name,
-            clock_us=int(getattr(stream, "t_offset_us", 0)),
-            times_by_name=times.by_name_us,
+        choices = ImportChoices(
+            times=_frame_times(arguments.frame_times, stream),
             ball_class=arguments.ball_class,
             scale_pictures=arguments.scale_pictures,
-            empty_pictures=LabelState.NO_BALL if arguments.empty_pictures == "no-ball" else None,
-            other_cameras=tuple(name for name in recording.cameras if name != stream.name),
-            end_us=recording.duration_us,
+            empty_is_no_ball=arguments.empty_pictures == "no-ball",
         )
+        context = import_context(recording, stream.name, stream.sensor, arguments.format, choices)
         found = import_labels(arguments.format, arguments.source, context)
         tool = f"rallyscope {version('rallyscope')}"
         with LabelStore.open(layer.folder, recording.uuid, stream.name, annotator, tool=tool) as store:
@@ -114,6 +106,13 @@ def run_import(arguments: LabelImportArguments) -> None:
         },
         [*lines, *_report_lines(report)],
     )
+
+
+def _frame_times(path: Path | None, stream: Labelled) -> FrameTimes:
+    """Those of the table; without one those of the camera's own pictures, if it takes any."""
+    if path is not None:
+        return read_frame_times(path)
+    return FrameTimes(stream.frames_us if isinstance(stream, LabelSource) else None)
 
 
 def _report_json(report: ImportReport) -> dict[str, object]:

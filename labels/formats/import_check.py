@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from core.errors import LabelError
+from core.events import SensorSize
+from core.recordings import Recording
 from labels.formats.exchange import (
     FORMATS,
     HALF_PIXEL,
@@ -15,12 +17,44 @@ from labels.formats.exchange import (
     Rejection,
     rejection_of,
 )
-from labels.model import Label
+from labels.formats.picture_times import FrameTimes
+from labels.model import Label, LabelState
 
 AFTER_END_US: Final = 100_000
 """Of the last event: a picture may still have been taken so much later."""
 MANY_OUTSIDE: Final = 5
 """Centres outside the picture from which on the rest is looked at."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportChoices:
+    """What a person says of files that they do not say themselves."""
+
+    times: FrameTimes = field(default_factory=FrameTimes)
+    ball_class: str | None = None
+    scale_pictures: bool = False
+    empty_is_no_ball: bool = False
+    """Somebody looked at listed pictures without any annotation."""
+
+
+def import_context(
+    recording: Recording, camera: str, sensor: SensorSize, format_name: str, choices: ImportChoices
+) -> ImportContext:
+    """What files of labels are held against: the camera `camera` of a recording, and what is said of them."""
+    stream = recording.cameras.get(camera)
+    return ImportContext(
+        sensor,
+        choices.times.by_number_us,
+        f"import {format_name}",
+        camera,
+        clock_us=int(getattr(stream, "t_offset_us", 0)),
+        times_by_name=choices.times.by_name_us,
+        ball_class=choices.ball_class,
+        scale_pictures=choices.scale_pictures,
+        empty_pictures=LabelState.NO_BALL if choices.empty_is_no_ball else None,
+        other_cameras=tuple(name for name in recording.cameras if name != camera),
+        end_us=recording.duration_us,
+    )
 
 
 def import_labels(format_name: str, path: Path, context: ImportContext) -> Imported:
