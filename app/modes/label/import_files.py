@@ -34,7 +34,10 @@ LEAST_PX: Final = 24
 WINDOW_US: Final = 2000
 BESIDE: Final = 40
 """Grey of what lies outside the sensor."""
-RING: Final = (255, 140, 0)
+RING: Final = (64, 255, 160)
+"""Of no other thing in the window."""
+MAX_REJECTED: Final = 4
+"""Examples of what was rejected."""
 ONE_LINE: Final = "font-size:12.5px;padding:1px 8px 1px 0"
 
 
@@ -148,8 +151,9 @@ def preview_html(preview: ImportPreview, folder: Path) -> str:
     report = preview.report
     rows = "".join(table_row((number, html_text(what)), ONE_LINE) for what, number in report.rows)
     lines = [html_text(describe_label(label)) for label in report.examples]
-    for reason in report.rejected[:4]:
-        lines += [html_text(example.replace(f"{folder}{os.sep}", "")) for example in reason.examples]
+    of_each = 3 if len(report.rejected) == 1 else 1
+    rejected = [example for reason in report.rejected for example in reason.examples[:of_each]]
+    lines += [html_text(example.replace(f"{folder}{os.sep}", "")) for example in rejected[:MAX_REJECTED]]
     lines += [html_text(note.replace(f"{folder}{os.sep}", "")) for note in report.notes]
     colour = theme.MUTED if report.taken else theme.BAD
     return f"<table style='margin:2px 12px'>{rows}</table>" + "".join(note_html(line, colour) for line in lines)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.modes.label.import_files import FOLDER
+from app.modes.label.import_files import FOLDER, RING
 from labels.model import PositionSource
 from labels.store import LabelStore, Layer, has_labels
 
@@ -45,7 +45,7 @@ def test_labels_of_a_file_are_shown_over_their_events_and_stored_only_when_accep
     assert not has_labels(workspace.labels, layer)
     page.wait_for_timeout(500)
     seen = window.screenshot("label-import")
-    assert count_like(seen[:, 870:], (255, 140, 0)) > 100  # the circles, in the panel
+    assert count_like(seen[:, 870:], RING, 40) > 100  # the circles, in the panel
     accept.click()
     page.get_by_text("10 labels stored for 'imported', camera left").wait_for()
     window.screenshot("label-imported")
