@@ -28,7 +28,7 @@ FOLDER: Final = "labels-to-import"
 MAX_ENTRIES: Final = 200
 SIDE_PX: Final = 260
 """Of one picture of a label, on the screen."""
-RADII: Final = 6.0
+RADII: Final = 4.0
 """Of the ball, from the middle of a picture to its edge."""
 LEAST_PX: Final = 24
 WINDOW_US: Final = 2000
@@ -140,8 +140,8 @@ def _resized(image: NDArray[np.uint8], interpolation: int) -> NDArray[np.uint8]:
 
 
 def _framed(image: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
-    cv2.putText(image, text, (8, SIDE_PX - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (0, 0, 0), 4, cv2.LINE_AA)
-    cv2.putText(image, text, (8, SIDE_PX - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.55, (255, 255, 255), 1, cv2.LINE_AA)
+    cv2.putText(image, text, (8, SIDE_PX - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (0, 0, 0), 4, cv2.LINE_AA)
+    cv2.putText(image, text, (8, SIDE_PX - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 255, 255), 1, cv2.LINE_AA)
     cv2.rectangle(image, (0, 0), (SIDE_PX - 1, SIDE_PX - 1), (70, 70, 70), 1)
     return image
 

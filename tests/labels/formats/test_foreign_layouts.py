@@ -292,6 +292,126 @@ CVAT = [
          ("each with its own count",)),
 ]  # fmt: skip
 
+
+def studio(*regions: dict, image: str = "/data/upload/1/1a2b3c4d-frame_000001.png", **task: object) -> str:
+    inside = [{"type": "labels", "original_width": 1280, "original_height": 720, **one} for one in regions]
+    whole = {"id": 5, "data": {"image": image}, "annotations": [{"id": 1, "result": inside}], "predictions": []}
+    return json.dumps([{**whole, **task}], indent=1)
+
+
+def rectangle(
+    x: float = 49.21875, y: float = 23.611111, w: float = 1.5625, h: float = 2.777778, **more: object
+) -> dict:
+    value = {"x": x, "y": y, "width": w, "height": h, "rotation": 0, "rectanglelabels": ["ball"], **more}
+    return {"value": value}
+
+
+STUDIO = [
+    Case("a rectangle", "label-studio", {"a.json": studio(rectangle())}, [AT]),
+    Case(
+        "JSON-MIN",
+        "label-studio",
+        {
+            "a.json": json.dumps(
+                [
+                    {
+                        "image": "frame_1.png",
+                        "id": 3,
+                        "annotation_id": 4,
+                        "label": [{**rectangle()["value"], "original_width": 1280, "original_height": 720}],
+                    }
+                ]
+            )
+        },
+        [AT],
+    ),
+    Case(
+        "a local file",
+        "label-studio",
+        {"a.json": studio(rectangle(), image="/data/local-files/?d=a%2Fframe_1.png")},
+        [AT],
+    ),
+    Case(
+        "an ellipse and a keypoint",
+        "label-studio",
+        {
+            "a.json": studio(
+                {"value": {"x": 50, "y": 25, "radiusX": 0.78, "radiusY": 1.39, "ellipselabels": ["Ball"]}}
+            ),
+            "b.json": studio({"value": {"x": 50, "y": 25, "width": 0.2, "keypointlabels": ["ball"]}}, image="f_2.png"),
+        },
+        [AT, (20_000, V, 639.5, 179.5)],
+    ),
+    Case(
+        "a polygon",
+        "label-studio",
+        {"a.json": studio({"value": {"points": [[49, 24], [51, 24], [51, 26], [49, 26]], "polygonlabels": ["ball"]}})},
+        [AT],
+    ),
+    Case(
+        "a rectangle turned round its corner",
+        "label-studio",
+        {"a.json": studio(rectangle(50.78125, 23.611111, 2.777778 * 720 / 1280, 1.5625 * 1280 / 720, rotation=90))},
+        [AT],
+    ),
+    Case(
+        "another label",
+        "label-studio",
+        {"a.json": studio(rectangle(rectanglelabels=["person"]))},
+        [],
+        ("is not 'ball'",),
+    ),
+    Case("submitted without a region", "label-studio", {"a.json": studio()}, [(10_000, N, None, None)]),
+    Case("nobody looked", "label-studio", {"a.json": studio(annotations=[])}, [], ("nobody may have looked at it",)),
+    Case(
+        "skipped",
+        "label-studio",
+        {"a.json": studio(annotations=[{"id": 1, "was_cancelled": True, "result": []}])},
+        [],
+        ("nobody may have looked at it",),
+    ),
+    Case(
+        "two persons",
+        "label-studio",
+        {"a.json": studio(annotations=[{"id": 1, "result": []}, {"id": 2, "result": []}])},
+        [],
+        ("whose counts?",),
+    ),
+    Case(
+        "predictions are no labels",
+        "label-studio",
+        {"a.json": studio(annotations=[], predictions=[{"result": [rectangle()]}])},
+        [],
+        ("nobody may have looked at it",),
+    ),
+    Case("no width", "label-studio", {"a.json": studio(rectangle(w=0))}, [], ("the box is empty",)),
+    Case("no numbers", "label-studio", {"a.json": studio(rectangle(x=None))}, [], ("not a finite number",)),
+    Case("outside", "label-studio", {"a.json": studio(rectangle(x=120))}, [], ("the centre is outside",)),
+    Case(
+        "a mask",
+        "label-studio",
+        {"a.json": studio({"type": "brushlabels", "value": {"format": "rle"}})},
+        [],
+        ("not a region that can be a ball",),
+    ),
+    Case(
+        "another size",
+        "label-studio",
+        {"a.json": studio({**rectangle(), "original_width": 1920, "original_height": 1080})},
+        [],
+        ("1920x1080",),
+    ),
+    Case(
+        "another size, scaled",
+        "label-studio",
+        {"a.json": studio({**rectangle(), "original_width": 1920, "original_height": 1080})},
+        [AT],
+        ("scaled to the sensor",),
+        flags=("--scale-pictures",),
+    ),
+    Case("COCO", "label-studio", {"a.json": coco()}, [], ("which picture is it?",)),
+]
+
 TRACKNET = [
     Case("codes 0 to 3", "tracknet", {"a_ball.csv": LETTERS + "0,0,0,0\n1,1,640,180\n2,2,641,180\n3,3,642,180\n"},
          [(0, N, None, None), (10_000, V, 640.0, 180.0), (20_000, P, 641.0, 180.0), (30_000, O, 642.0, 180.0)]),
@@ -346,7 +466,7 @@ TABLES = [
 
 
 @pytest.mark.parametrize(
-    "case", YOLO + COCO + VOC + CVAT + TRACKNET + TABLES, ids=lambda case: f"{case.kind}: {case.name}"
+    "case", YOLO + COCO + VOC + CVAT + STUDIO + TRACKNET + TABLES, ids=lambda case: f"{case.kind}: {case.name}"
 )
 def test_what_another_tool_wrote_is_read_right_or_refused_with_the_reason(case: Case, tmp_path: Path) -> None:
     times = {} if case.times is None else {"times": case.times}
