@@ -161,7 +161,7 @@ def _id_of(entry: JsonObject, key: str) -> str:
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     if isinstance(value, bool) or not isinstance(value, (int, str)):
-        raise LabelError(f"an {key.replace('_', ' ')} that is missing or odd", got=repr(value)[:80])
+        raise LabelError(f"the {key.replace('_', ' ')} is missing or odd", got=repr(value)[:80])
     return str(value).strip()
 
 

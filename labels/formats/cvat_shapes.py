@@ -45,6 +45,8 @@ def label_of_shape(shape: XmlNode, t_us: int, factors: tuple[float, float], cont
     Raises:
         LabelError: if it is none.
     """
+    if shape.attributes.get("outside", "0") in TRUE:
+        raise LabelError("the object is outside of the picture, or hidden: no label")
     attributes = {item.attribute("name"): item.text.strip() for item in shape.all("attribute")}
     state = LabelState.PARTLY_OCCLUDED if shape.attributes.get("occluded", "0") in TRUE else LabelState.VISIBLE
     state = LabelState(attributes[STATE]) if STATE in attributes else state
