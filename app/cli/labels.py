@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -10,11 +9,8 @@ from math import isnan
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from app.cli.arguments import PositiveInt, flag, positional
-from app.cli.labels_layer import LayerArguments, read_layer
+from app.cli.labels_layer import Labelled, LayerArguments, read_layer
 from app.cli.labels_merge import run_merge
 from app.cli.labels_score import run_score
 from app.cli.labels_shift import run_shift
@@ -23,15 +19,14 @@ from app.modes.label.label_files import LabelFilesRequest, write_label_files
 from app.modes.label.sources import LabelSource
 from core.errors import CommandError, LabelError
 from labels.agreement import Agreement, made_independently, measure_agreement
-from labels.formats import FORMATS, ExportOptions, ImportContext
+from labels.formats import FORMATS, ExportOptions
+from labels.formats.import_check import ImportChoices, import_context, import_labels
 from labels.formats.import_report import ImportReport, describe_label, report_of
-from labels.formats.picture_names import stem_of
+from labels.formats.picture_times import FrameTimes, read_frame_times
 from labels.store import LabelStore, Layer, find_layers
 
-NAME_COLUMNS = ("name", "file_name", "filename", "file", "picture", "image")
-"""Of a table of frame times: what pictures are called."""
-
-
+MAX_REASONS = 4
+"""Of the line that says why nothing was imported."""
 FORMAT_HELP = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
 
 
@@ -43,10 +38,13 @@ class LabelImportArguments:
     layer: LayerArguments
     format: str = flag(FORMAT_HELP, "|".join(FORMATS), choices=FORMATS)
     frame_times: Path | None = flag(
-        "column t_us: the time of each picture, by its number from 0, or by its name in a column name", "CSV"
+        "column t_us (t_ms, t_s): the time of each picture, by its row from 0, or by a column frame or name", "CSV"
     )
     ball_class: str | None = flag("the class that is the ball, where it has another name or no list", "NAME|N", "ball")
     scale_pictures: bool = flag("scale labels if all pictures have one size, another than the sensor's")
+    empty_pictures: Literal["no-ball", "unchecked"] = flag(
+        "listed pictures without any annotation: somebody saw no ball, or nobody looked", default="unchecked"
+    )
     replace: bool = flag("replace labels that are there already")
     check: bool = flag("show what would be imported and what would be rejected; write nothing")
 
@@ -80,18 +78,14 @@ def run_import(arguments: LabelImportArguments) -> None:
         if not arguments.source.exists():
             raise CommandError("no such file or folder", where=arguments.source)
         annotator = layer.annotator or "imported"
-        times, by_name = _frame_times(arguments.frame_times) if arguments.frame_times else (None, None)
-        context = ImportContext(
-            stream.sensor,
-            times,
-            f"import {arguments.format}",
-            stream.name,
-            clock_us=int(getattr(stream, "t_offset_us", 0)),
-            times_by_name=by_name,
+        choices = ImportChoices(
+            times=_frame_times(arguments.frame_times, stream),
             ball_class=arguments.ball_class,
             scale_pictures=arguments.scale_pictures,
+            empty_is_no_ball=arguments.empty_pictures == "no-ball",
         )
-        found = FORMATS[arguments.format].read(arguments.source, context)
+        context = import_context(recording, stream.name, stream.sensor, arguments.format, choices)
+        found = import_labels(arguments.format, arguments.source, context)
         if arguments.check:
             known = _labelled_us(layer.folder, recording.uuid, stream.name, annotator)
             new = [label for label in found.labels if arguments.replace or label.t_us not in known]
@@ -101,9 +95,11 @@ def run_import(arguments: LabelImportArguments) -> None:
                 new = [label for label in found.labels if arguments.replace or store.at(label.t_us) is None]
                 store.edit(put=new)  # one step: one undo takes the whole import back
     there, rejections = len(found.labels) - len(new), [str(rejection) for rejection in found.rejections]
-    if not found.labels and rejections:
-        raise LabelError(f"nothing could be imported, {len(rejections)} rejected", got=rejections[0])
     report = report_of(found)
+    if not found.labels and rejections:
+        others = "; ".join(f"{item.count} x {item.reason}" for item in report.rejected[:MAX_REASONS])
+        which = f" ({others})" if len(report.rejected) > 1 else ""
+        raise LabelError(f"nothing could be imported, {len(rejections)} rejected{which}", got=rejections[0])
     done = "would be imported" if arguments.check else "imported"
     lines = [f"{len(new)} labels {done} for {annotator!r}, {there} were there already, {len(rejections)} rejected"]
     layer.tell(
@@ -127,6 +123,13 @@ def _labelled_us(folder: Path, uuid: str, camera: str, annotator: str) -> set[in
         with LabelStore.read(folder, layer) as store:
             times.update(store.labels().t_us.tolist())
     return times
+
+
+def _frame_times(path: Path | None, stream: Labelled) -> FrameTimes:
+    """Those of the table; without one those of the camera's own pictures, if it takes any."""
+    if path is not None:
+        return read_frame_times(path)
+    return FrameTimes(stream.frames_us if isinstance(stream, LabelSource) else None)
 
 
 def _report_json(report: ImportReport) -> dict[str, object]:
@@ -227,22 +230,3 @@ ACTS = {
     "merge": run_merge,
     "shift": run_shift,
 }
-
-
-def _frame_times(path: Path) -> tuple[NDArray[np.int64], dict[str, int] | None]:
-    """The times by number, and by name where the table has names."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [{(key or "").strip(): value for key, value in row.items()} for row in csv.DictReader(file)]
-        times = np.array([int(row["t_us"]) for row in rows], np.int64)
-    except OSError as error:
-        raise CommandError("cannot read the frame times", got=error.strerror, where=path) from error
-    except (KeyError, TypeError, ValueError, OverflowError, csv.Error) as error:
-        raise CommandError("not frame times", expected="a column t_us of whole numbers", where=path) from error
-    column = next((name for name in NAME_COLUMNS if rows and name in rows[0]), None)
-    if column is None:
-        return times, None
-    names = [stem_of(row[column] or "") for row in rows]
-    if len(set(names)) != len(names):
-        raise CommandError("frame times with a name twice", expected="each picture once", where=path)
-    return times, dict(zip(names, times.tolist(), strict=True))

@@ -26,6 +26,7 @@ from benchmarks.labels.durability import (
     write_in_a_crowd,
     write_seconds,
 )
+from benchmarks.labels.sony_rallies import NEAR_PX, NEAR_US, try_shifts
 from benchmarks.labels.whole_flights import DECISION_S, try_whole_flights
 from benchmarks.machine import Row, describe_machine, goal_row
 from benchmarks.partial_rows import report_rows_to
@@ -35,14 +36,16 @@ MANY = 200_000
 ANNOTATORS = 8
 FLIGHT_SERVES = 45
 """More than a person gets through in five minutes."""
+RALLIES, SHIFTS_EACH = 10, 3
+"""Of labels in Sony's layout."""
 SEED = 20260
 
 
 def run(progress: Callable[[float], None]) -> dict[str, object]:
     """Every figure: what it is, its goal, what was measured, and whether that is enough."""
     rows: list[Row] = []
-    parts = (_durability, _undo, _snapping, _interpolation, _stereo, _queue, _flights, _scale)
-    weights = np.cumsum([0.2, 0.1, 0.1, 0.1, 0.02, 0.03, 0.05, 0.4])
+    parts = (_durability, _undo, _snapping, _interpolation, _stereo, _queue, _flights, _shifts, _scale)
+    weights = np.cumsum([0.2, 0.1, 0.1, 0.1, 0.02, 0.03, 0.05, 0.1, 0.4])
     with tempfile.TemporaryDirectory(prefix="rallyscope-labels-") as folder:
         for number, part in enumerate(parts):
             found = part(Path(folder) / part.__name__.strip("_"), np.random.default_rng(SEED + number))
@@ -69,6 +72,18 @@ def _durability(folder: Path, rng: np.random.Generator) -> list[Row]:
         rows.append(goal_row(f"durable write p50 at {already} labels", float(np.median(ms)), 5, "ms"))
         rows.append(goal_row(f"durable write p99 at {already} labels", float(np.percentile(ms, 99)), 10, "ms"))
     return rows
+
+
+def _shifts(folder: Path, rng: np.random.Generator) -> list[Row]:
+    trial = try_shifts(folder, rng, rallies=RALLIES, draws=SHIFTS_EACH)
+    share, most = trial.found / trial.shifted, (trial.errors_us.max(), trial.errors_px.max())
+    note = f"of {trial.shifted}; the largest errors are {most[0] / 1000:.2f} ms and {most[1]:.2f} px"
+    what = f"shifts of labels found within {NEAR_US / 1000:g} ms and {NEAR_PX:g} px"
+    return [
+        goal_row(what, share, 0.99, "share", least=True, note=note),
+        goal_row("labels without a shift that got one", trial.unshifted - trial.said_zero, 0, ""),
+        goal_row("shifts found for labels of another rally", trial.invented, 0, ""),
+    ]
 
 
 def _scale(folder: Path, rng: np.random.Generator) -> list[Row]:

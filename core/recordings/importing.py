@@ -22,6 +22,7 @@ from core.recordings.import_facts import EventCounts, ImportFacts, SourceFacts, 
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
 from core.recordings.sources.source import DecodeReport, PictureTrack, Stated, Whence
+from core.recordings.truth import BallTruth
 from core.recordings.writer import RecordingWriter
 from core.text.plain_text import encodable
 
@@ -395,6 +396,22 @@ def _copy_pictures(writer: RecordingWriter | None, plan: _Plan) -> None:
                     writer.write_frames(name, t_us, np.array([picture.exposure_us]), picture.image[None])
     if plan.frames is not None:
         _copy_frames(writer, plan.frames, plan.zero_us)
+    _copy_reference(writer, plan)
+
+
+def _copy_reference(writer: RecordingWriter | None, plan: _Plan) -> None:
+    """Read the first reference of the ball that a source has, one for all cameras; write it if there is a writer."""
+    for feed in plan.feeds:
+        ball = None if feed.source.reference is None else feed.source.reference(feed.report)
+        if ball is None:
+            continue
+        t_us = feed.common_us(ball.t_us) - plan.zero_us
+        kept = t_us >= 0
+        if kept.any():
+            if writer is not None:
+                p, v, spin = (column[kept] for column in (ball.p_world_m, ball.v_world_mps, ball.spin_radps))
+                writer.write_ball(BallTruth(t_us[kept], p, v, spin, ball.visible[kept]))
+            return
 
 
 def _copy_frames(writer: RecordingWriter | None, frames: FrameInput, zero_us: int) -> None:

@@ -13,6 +13,7 @@ from labels.formats.exchange import (
     Rejection,
     register_label_format,
 )
+from labels.formats.label_studio import read_label_studio, write_label_studio
 from labels.formats.plain_csv import read_csv, write_csv
 from labels.formats.recording_group import read_hdf5, write_hdf5
 from labels.formats.sony import read_sony, write_sony
@@ -28,6 +29,14 @@ register_label_format(
 register_label_format("coco", write_coco, read_coco, "COCO", "COCO keypoints JSON", pictures=True)
 register_label_format("tracknet", write_tracknet, read_tracknet, "TrackNet", "TrackNetV2/V3 CSV", pictures=True)
 register_label_format("cvat", write_cvat, read_cvat, "CVAT", "CVAT XML 1.1 for images", pictures=True)
+register_label_format(
+    "label-studio",
+    write_label_studio,
+    read_label_studio,
+    "Label Studio",
+    "Label Studio JSON or JSON-MIN",
+    pictures=True,
+)
 register_label_format("csv", write_csv, read_csv, "CSV, nothing is lost", "plain CSV with every field")
 register_label_format("hdf5", write_hdf5, read_hdf5, "", "the group /labels/<camera> of a recording")
 register_label_format("sony", write_sony, read_sony, "", "Sony's rallies: HDF5 with a label each millisecond")

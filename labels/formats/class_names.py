@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -20,14 +20,40 @@ NOTES: Final = "notes.json"
 LEVELS: Final = 3
 """Folders above that of the texts in which a data set may have its list."""
 MAX_CLASSES: Final = 10_000
+MAX_YAMLS: Final = 20
+"""Of other names that are looked into in one folder."""
 
 
-def find_ball_number(folder: Path, context: ImportContext, collector: Collector) -> int | None:
-    """The number that means a ball in the texts of a folder; None after a rejection that says what to do."""
+@dataclass(frozen=True, slots=True)
+class BallClass:
+    """What the texts of a folder mean."""
+
+    number: int
+    """The class that is the ball."""
+    classes: int | None = None
+    """How many classes the list has; None: there is none, the user named the number."""
+    keypoint_numbers: int | None = None
+    """Numbers of the one keypoint of a pose: 2 or 3, 0 without one; None: not said."""
+
+
+def find_ball_class(folder: Path, context: ImportContext, collector: Collector) -> BallClass | None:
+    """What means a ball in the texts of a folder; None after a rejection that says what to do."""
     wanted = context.ball_class
+    files = {file: _content_of(file, collector) for file in _lists(folder)}
+    try:
+        shapes = {shape for content in files.values() if (shape := _keypoint_numbers(content)) is not None}
+    except LabelError as error:
+        collector.reject(folder, 1, error)
+        return None
+    keypoint = shapes.pop() if len(shapes) == 1 else None
     if wanted is not None and wanted.strip().isdecimal():
-        return int(wanted)
-    found = {file: names for file, names in _lists(folder, collector) if names}
+        return BallClass(int(wanted), None, keypoint)
+    found = {file: content.names for file, content in files.items() if content.names}
+    for file, content in files.items():
+        if content.names and content.count is not None and content.count != 1 + max(content.names):
+            error = LabelError("nc and names contradict", expected=f"{content.count} names", got=len(content.names))
+            collector.reject(file, 1, error)
+            return None
     if not found:
         what = f"no list of class names ({', '.join((LISTS[0], YAMLS[0], LISTS[1], NOTES))}) here or above"
         collector.reject(folder, 1, LabelError(what, remedy="give --ball-class N: numbers mean nothing without it"))
@@ -53,37 +79,71 @@ def find_ball_number(folder: Path, context: ImportContext, collector: Collector)
         return None
     file, number = next(iter(numbers.items()))
     collector.note(f"class {number} is the ball, as {file} says")
-    return number
+    return BallClass(number, 1 + max(max(names) for names in found.values()), keypoint)
 
 
-def _lists(folder: Path, collector: Collector) -> Iterator[tuple[Path, dict[int, str]]]:
+def _lists(folder: Path) -> list[Path]:
     """The lists of the nearest folder that has any: the texts' own, or one above."""
     for place in (folder, *folder.absolute().parents[:LEVELS]):
         files = [place / name for name in (*LISTS, *YAMLS, NOTES) if (place / name).is_file()]
-        yield from ((file, _names_in(file, collector)) for file in files)
+        if not files:  # Ultralytics takes a YAML file of any name
+            others = sorted(file for file in (*place.glob("*.yaml"), *place.glob("*.yml")) if file.is_file())
+            files = [file for file in others[:MAX_YAMLS] if not file.name.startswith(".") and _has_names(file)]
         if files:
-            return
+            return files
+    return []
 
 
-def _names_in(file: Path, collector: Collector) -> dict[int, str]:
+def _has_names(file: Path) -> bool:
+    return bool(_content_of(file, Collector()).names)
+
+
+@dataclass(frozen=True, slots=True)
+class _Content:
+    """What a list says."""
+
+    names: dict[int, str]
+    count: int | None = None
+    """`nc` of YAML files."""
+    keypoints: object = None
+    """`kpt_shape` of YAML files."""
+
+
+def _keypoint_numbers(content: _Content) -> int | None:
+    """Numbers of the keypoint; None if nothing is said.
+
+    Raises:
+        LabelError: if there are several keypoints.
+    """
+    if content.keypoints is None:
+        return None
+    shape = content.keypoints
+    if not (isinstance(shape, list) and len(shape) == 2 and shape[0] == 1 and shape[1] in (2, 3)):
+        expected = "[1, 2] or [1, 3]: the ball's centre"
+        raise LabelError("a pose of other keypoints", expected=expected, got=f"kpt_shape {shape!r}"[:80])
+    return int(shape[1])
+
+
+def _content_of(file: Path, collector: Collector) -> _Content:
     text = read_text(file, collector) or ""
     if file.name in LISTS:
         lines = [line.strip() for line in text.splitlines()]
         while lines and not lines[-1]:
             lines.pop()
-        return dict(enumerate(lines[:MAX_CLASSES]))
+        return _Content(dict(enumerate(lines[:MAX_CLASSES])))
     try:
         content = parse_json(text) if file.name == NOTES else yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError, LookupError, AttributeError, TypeError, LabelError) as error:
         collector.reject(file, 1, f"not {'JSON' if file.name == NOTES else 'YAML'}: {error}")
-        return {}
+        return _Content({})
     if not isinstance(content, dict):
-        return {}
+        return _Content({})
     if file.name == NOTES:
         items = _dicts(content.get("categories"))
-        return _named({item.get("id"): item.get("name") for item in items if _hashable(item.get("id"))})
-    names = content.get("names")
-    return _named(names if isinstance(names, dict) else dict(enumerate(names)) if isinstance(names, list) else {})
+        return _Content(_named({item.get("id"): item.get("name") for item in items if _hashable(item.get("id"))}))
+    names, count = content.get("names"), content.get("nc")
+    named = _named(names if isinstance(names, dict) else dict(enumerate(names)) if isinstance(names, list) else {})
+    return _Content(named, count if type(count) is int else None, content.get("kpt_shape"))
 
 
 def _dicts(items: object) -> list[dict]:

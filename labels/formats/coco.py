@@ -25,18 +25,22 @@ from labels.formats.exchange import (
     LabelSet,
     PictureScaling,
     PictureTimes,
+    SamePictures,
     count_losses,
     files_at,
     finite,
     picture_name,
     read_text,
     stated_size,
+    whole_number,
     write_text,
 )
 from labels.formats.json_lines import JsonError, JsonObject, parse_json
 from labels.model import Label, LabelState
 
 OCCLUDED, VISIBLE = 1, 2
+SMALLEST_FILL, LARGEST_FILL = 0.25, 1.25
+"""Of the box by the stated area: a circle fills 0.79 of it."""
 
 
 def write_coco(labels: LabelSet, folder: Path, options: ExportOptions) -> Exported:
@@ -103,6 +107,10 @@ def read_coco(path: Path, context: ImportContext) -> Imported:
             collector.reject(file, 1, "not a COCO file; expected lists of images and annotations")
             continue
         documents.append(_document_of(document, file, context, collector))
+    listed = SamePictures()
+    for document in documents:
+        listed.add(document.file, (str(image.get("file_name", "")) for image in document.images.values()))
+    documents = [document for document in documents if listed.accept(document.file, collector)]
     images = [image for document in documents for image in document.images.values()]
     times = context.pictures(str(image.get("file_name", "")) for image in images)
     scaling = context.scaling(map(_size_of, images), collector)
@@ -136,11 +144,14 @@ def _document_of(document: dict, file: Path, context: ImportContext, collector: 
         what = f"no category {wanted or CLASS_NAME!r} among {known}"
         collector.reject(file, 1, LabelError(what, remedy="give --ball-class NAME|N"))
     images: dict[str, JsonObject] = {}
+    twice: set[str] = set()
     for image in _objects(document["images"], "image", file, collector):
         with collector.entry(file, image.line):
             image_id = _id_of(image, "id")
-            if image_id in images:
-                raise LabelError("an image id that is used twice", got=image_id)
+            if image_id in images or image_id in twice:
+                twice.add(image_id)
+                images.pop(image_id, None)
+                raise LabelError("an image id that is used twice: none of the two is taken", got=image_id)
             images[image_id] = image
     return _Document(file, images, frozenset(balls), _objects(document["annotations"], "annotation", file, collector))
 
@@ -150,7 +161,7 @@ def _id_of(entry: JsonObject, key: str) -> str:
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     if isinstance(value, bool) or not isinstance(value, (int, str)):
-        raise LabelError(f"an {key.replace('_', ' ')} that is missing or odd", got=repr(value)[:80])
+        raise LabelError(f"the {key.replace('_', ' ')} is missing or odd", got=repr(value)[:80])
     return str(value).strip()
 
 
@@ -193,8 +204,10 @@ def _read_document(
                     what = "a picture without annotation, in a file with annotations that belong to no picture"
                     raise LabelError(what, got=f"{lost} of them")
                 scaling.of(stated_size(image.get("width"), image.get("height")))
-                state = LabelState(str(image.get("state", LabelState.NO_BALL)))
-                collector.add(context.make(_time_of(image, times), state), file, image.line)
+                t_us = _time_of(image, times)
+                own = image.get("state")
+                label = context.unannotated(t_us) if own is None else context.make(t_us, LabelState(str(own)))
+                collector.add(label, file, image.line)
 
 
 def _objects(items: object, kind: str, file: Path, collector: Collector) -> list[JsonObject]:
@@ -213,25 +226,67 @@ def _time_of(image: JsonObject, times: PictureTimes) -> int:
 
 
 def _label_of(entry: JsonObject, t_us: int, factors: tuple[float, float], context: ImportContext) -> Label:
+    if entry.get("iscrowd") not in (None, 0, False) or entry.get("ignore") not in (None, 0, False):
+        raise LabelError("a crowd, or an annotation to be ignored, is not one ball")
     across, down = factors
-    keypoints, box = entry.get("keypoints"), entry.get("bbox")
-    radius = finite(entry["r_px"], "r_px") if "r_px" in entry else None
+    box = _box_of(entry)
+    radius = finite(entry["r_px"], "r_px") * (across + down) / 2 if "r_px" in entry else None
     own = entry.get("state")
-    if isinstance(keypoints, list) and len(keypoints) >= 3 and keypoints[2] != 0:
-        x, y = finite(keypoints[0], "x"), finite(keypoints[1], "y")
-        state = LabelState.VISIBLE if keypoints[2] == VISIBLE else LabelState.PARTLY_OCCLUDED
-        if radius is None and own is None and isinstance(box, list) and len(box) == 4:
-            width, height = finite(box[2], "width"), finite(box[3], "height")
-            # A point says nothing of its size.
-            radius = None if width == height == 0 else max(width * across, height * down) / 2
-    elif isinstance(box, list) and len(box) == 4:
-        left, top, width, height = (finite(number, "a number of the box") for number in box)
+    point = _keypoint_of(entry)
+    if point is not None:
+        x, y, state = point
+        if own is None and box is not None and box[2] > 0 and box[3] > 0:
+            left, top, width, height = box
+            if abs(x - left - width / 2) > 2 * width or abs(y - top - height / 2) > 2 * height:
+                raise LabelError("the keypoint lies far from its box", got=f"({x:g}, {y:g}) and {box}")
+            radius = max(width * across, height * down) / 2 if radius is None else radius
+    elif box is not None:
+        left, top, width, height = box
         if width <= 0 or height <= 0:
-            raise LabelError("the box is empty", got=(left, top, width, height))
+            raise LabelError("the box is empty", got=box)
+        _compare_area(entry, width * height)
         x, y, radius = left + width / 2, top + height / 2, (width * across + height * down) / 4
-        state = LabelState.VISIBLE
+        attributes = entry.get("attributes")
+        hidden = isinstance(attributes, dict) and attributes.get("occluded") in (True, 1, "true", "True", "1")
+        state = LabelState.PARTLY_OCCLUDED if hidden else LabelState.VISIBLE
     else:
         raise LabelError("an annotation with neither a keypoint nor a box")
     if isinstance(own, str):
         state = LabelState(own)
     return context.ball(t_us, state, x * across - HALF_PIXEL, y * down - HALF_PIXEL, radius)
+
+
+def _box_of(entry: JsonObject) -> tuple[float, float, float, float] | None:
+    box = entry.get("bbox")
+    if not isinstance(box, list) or len(box) != 4:
+        return None
+    left, top, width, height = (finite(number, "a number of the box") for number in box)
+    return left, top, width, height
+
+
+def _keypoint_of(entry: JsonObject) -> tuple[float, float, LabelState] | None:
+    """The only keypoint, if it is labelled; of several it is not known which one is the ball's centre."""
+    keypoints = entry.get("keypoints")
+    if not isinstance(keypoints, list) or len(keypoints) != 3:
+        return None
+    visibility = whole_number(keypoints[2], "the visibility of the keypoint")
+    if visibility == 0:
+        return None
+    if visibility not in (OCCLUDED, VISIBLE):
+        raise LabelError("unknown visibility of the keypoint", expected="0, 1 or 2", got=visibility)
+    state = LabelState.VISIBLE if visibility == VISIBLE else LabelState.PARTLY_OCCLUDED
+    return finite(keypoints[0], "x"), finite(keypoints[1], "y"), state
+
+
+def _compare_area(entry: JsonObject, area: float) -> None:
+    """Compare a stated area with the box: where corners stand instead of sides, it is much smaller.
+
+    Raises:
+        LabelError: if it is no area of a ball in this box.
+    """
+    stated = entry.get("area")
+    if not isinstance(stated, (int, float)) or isinstance(stated, bool) or not stated > 0:
+        return
+    if not SMALLEST_FILL * area <= stated <= LARGEST_FILL * area:
+        remedy = "bbox is x, y, width, height: are these two corners?"
+        raise LabelError("the box and its area contradict each other", expected=f"{area:g}", got=stated, remedy=remedy)

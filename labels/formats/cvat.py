@@ -1,4 +1,7 @@
-"""CVAT XML 1.1 for images: points with two decimals, counted from the picture's corner; states as tags, attributes."""
+"""CVAT XML 1.1: written for images, points with two decimals counted from the picture's corner, states as tags.
+
+Read are images and the tracks of videos.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from core.errors import LabelError
+from labels.formats.cvat_shapes import RADIUS, STATE, Video, label_of_shape, read_tracks
 from labels.formats.exchange import (
     CLASS_NAME,
     HALF_PIXEL,
@@ -17,9 +21,9 @@ from labels.formats.exchange import (
     LabelSet,
     PictureScaling,
     PictureTimes,
+    SamePictures,
     count_losses,
     files_at,
-    finite,
     picture_name,
     read_text,
     stated_size,
@@ -30,7 +34,6 @@ from labels.formats.xml_nodes import XmlError, XmlNode, parse_xml
 from labels.model import Label, LabelState
 
 FILE = "annotations.xml"
-STATE, RADIUS = "state", "r_px"
 _TAGS = {state.value: state for state in LabelState if not state.seen}
 
 
@@ -85,6 +88,7 @@ def read_cvat(path: Path, context: ImportContext) -> Imported:
     """Every XML file of a folder, or one."""
     collector = Collector()
     images: list[tuple[XmlNode, Path]] = []
+    videos: list[Video] = []
     for file in files_at(path, ".xml", collector):
         text = read_text(file, collector)
         if text is None:
@@ -97,11 +101,28 @@ def read_cvat(path: Path, context: ImportContext) -> Imported:
         if root.tag != "annotations":
             collector.reject(file, root.line, f"not a CVAT file; expected <annotations>, got <{root.tag}>")
             continue
+        listed = [(item, file) for item in root.children if item.tag == "image"]
+        tracks = [item for item in root.children if item.tag == "track"]
+        images += listed
+        videos += [Video(file, root, tracks)] if tracks and not listed else []
+        for track in tracks if listed else ():
+            collector.reject(file, track.line, "a track among images: export for images or for video, not both")
         for item in root.children:
-            if item.tag == "image":
-                images.append((item, file))
-            elif item.tag not in ("version", "meta"):
-                collector.reject(file, item.line, f"<{item.tag}> is not read; export CVAT for images, not for video")
+            if item.tag not in ("version", "meta", "image", "track"):
+                collector.reject(file, item.line, f"<{item.tag}> is not read")
+    same = SamePictures()
+    for image, file in images:
+        same.add(file, [image.attributes.get("name", "")])
+    for file in dict.fromkeys(file for _, file in images):
+        if not same.accept(file, collector):
+            images = [entry for entry in images if entry[1] != file]
+    if len(videos) > 1 or (videos and images):
+        what = "several files, each with its own count of pictures: import one of them"
+        for video in videos:
+            collector.reject(video.file, 1, what)
+        videos = []
+    for video in videos:
+        read_tracks(video, context, collector)
     times = context.pictures(image.attributes.get("name", "") for image, _ in images)
     scaling = context.scaling((_size_of(image) for image, _ in images), collector)
     for image, file in images:
@@ -130,7 +151,7 @@ def _read_image(
         index = whole_number(image.attributes["id"], "the image's id") if image.attributes.get("id") else None
         t_us = times.time_of(image.attribute("name"), index)
         if not image.children:
-            collector.add(context.make(t_us, LabelState.NO_BALL), file, image.line)
+            collector.add(context.unannotated(t_us), file, image.line)
         for shape in image.children:
             with collector.entry(file, shape.line):
                 collector.add(_label_of(shape, t_us, factors, context), file, shape.line)
@@ -142,28 +163,4 @@ def _label_of(shape: XmlNode, t_us: int, factors: tuple[float, float], context: 
         return context.make(t_us, _TAGS[name])
     if not context.is_ball(name):
         raise LabelError(f"label {name!r} is not {context.ball_class or CLASS_NAME!r}")
-    attributes = {item.attribute("name"): item.text.strip() for item in shape.all("attribute")}
-    state = LabelState.PARTLY_OCCLUDED if shape.attributes.get("occluded", "0") != "0" else LabelState.VISIBLE
-    state = LabelState(attributes[STATE]) if STATE in attributes else state
-    radius = finite(attributes[RADIUS], RADIUS) if attributes.get(RADIUS) else None
-    across, down = factors
-    radius = None if radius is None else radius * (across + down) / 2
-    if shape.tag == "points":
-        places = shape.attribute("points").split(";")
-        if len(places) != 1 or places[0].count(",") != 1:
-            raise LabelError("not one point", got=shape.attributes["points"][:80])
-        x, y = (finite(text, "a coordinate") for text in places[0].split(","))
-    elif shape.tag == "box":
-        x0, y0, x1, y1 = (finite(shape.attribute(edge), edge) for edge in ("xtl", "ytl", "xbr", "ybr"))
-        if x1 <= x0 or y1 <= y0:
-            raise LabelError("the box is empty", got=(x0, y0, x1, y1))
-        x, y, radius = (x0 + x1) / 2, (y0 + y1) / 2, ((x1 - x0) * across + (y1 - y0) * down) / 4
-    elif shape.tag == "ellipse":
-        x, y = (finite(shape.attribute(edge), edge) for edge in ("cx", "cy"))
-        rx, ry = (finite(shape.attribute(edge), edge) for edge in ("rx", "ry"))
-        if rx <= 0 or ry <= 0:
-            raise LabelError("the ellipse is empty", got=(rx, ry))
-        radius = (rx * across + ry * down) / 2
-    else:
-        raise LabelError(f"<{shape.tag}> is not a ball", expected="points, box, ellipse, or a tag for a state")
-    return context.ball(t_us, state, x * across - HALF_PIXEL, y * down - HALF_PIXEL, radius)
+    return label_of_shape(shape, t_us, factors, context)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,14 +19,23 @@ from core.errors import LabelError, PluginError, RallyscopeError
 from core.events import SensorSize
 from core.files import replace_file
 from core.registry import Registry
-from labels.formats.picture_names import PictureNumbers, own_time, stem_of
+from labels.formats.picture_names import PictureNumbers, other_camera_in, own_time, stem_of
 from labels.model import Label, LabelState, PositionSource, Provenance
 
 CLASS_NAME = "ball"
+SAME_SHAPE = 0.02
+"""Pictures whose ratio of sides differs by no more are of one shape."""
 HALF_PIXEL = 0.5
 """From our pixel-centre convention to formats in which 0 is the outer edge of the first pixel."""
+SMALLEST_PX = 0.5
+"""Radius of another tool's ball."""
+NO_TIME = -(2**63)
+"""In a table of times, of a number that it does not list."""
 MAX_FILE_BYTES = 1 << 30
 _VALUES = re.compile(r"'[^']*'|\"[^\"]*\"|[-+]?\d+(\.\d+)?")
+
+
+_COMMA: Final = re.compile(r"^\s*([-+]?\d+),(\d+)\s*$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +104,8 @@ class Imported:
     """How many were looked into."""
     notes: tuple[str, ...] = ()
     """What was found elsewhere, or scaled: a line each."""
+    places: tuple[tuple[Path, int], ...] = ()
+    """File and line of each label; empty if they are not known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,6 +128,12 @@ class ImportContext:
     """Name or number of the class that is the ball; None: the one that is called so."""
     scale_pictures: bool = False
     """Whether labels on pictures of another size than the sensor's are scaled, if all have the same."""
+    empty_pictures: LabelState | None = None
+    """What a listed picture without any annotation is; None: nobody looked at it, unless the tool says otherwise."""
+    other_cameras: tuple[str, ...] = ()
+    """The other cameras of the recording: pictures of theirs are refused."""
+    end_us: int | None = None
+    """Where the recording ends."""
 
     def is_ball(self, name: str) -> bool:
         """Whether a class of this name is the ball."""
@@ -142,7 +159,7 @@ class ImportContext:
         """
         if self.frame_times_us is None:
             raise LabelError("the time of a picture is not known", got=f"frame {number}", remedy="give --frame-times")
-        if not 0 <= number < len(self.frame_times_us):
+        if not 0 <= number < len(self.frame_times_us) or self.frame_times_us[number] == NO_TIME:
             expected = f"0 to {len(self.frame_times_us) - 1}"
             raise LabelError("no such frame", expected=expected, got=number)
         return int(self.frame_times_us[number])
@@ -170,20 +187,37 @@ class ImportContext:
             if not (-HALF_PIXEL <= x_px <= width - HALF_PIXEL and -HALF_PIXEL <= y_px <= height - HALF_PIXEL):
                 got = f"({x_px:.1f}, {y_px:.1f})"
                 raise LabelError("the centre is outside the picture", expected=f"within {self.sensor}", got=got)
+            if r_px is not None and r_px < SMALLEST_PX:
+                got, remedy = f"radius {r_px:.3g} px", "are these shares of the picture, where pixels belong?"
+                raise LabelError("the ball is smaller than a pixel", got=got, remedy=remedy)
             if r_px is not None and 2 * r_px > max(width, height):
                 got = f"radius {r_px:.1f} px"
                 raise LabelError("the ball is larger than the picture", expected=f"within {self.sensor}", got=got)
         return self.make(t_us, state, x_px, y_px, r_px)
 
+    def unannotated(self, t_us: int) -> Label:
+        """The label of a picture that is listed without any annotation.
+
+        Raises:
+            LabelError: if the user does not say what that means.
+        """
+        if self.empty_pictures is None:
+            what = "a picture without annotation: nobody may have looked at it"
+            raise LabelError(what, remedy="--empty-pictures no-ball if somebody has")
+        return self.make(t_us, self.empty_pictures)
+
     def scaling(self, sizes: Iterable[tuple[float, float] | None], collector: Collector) -> PictureScaling:
         """How pictures of the stated sizes (width, height; None: not stated) become the sensor's."""
         stated = {size for size in sizes if size is not None}
-        other = [size for size in stated if size != (self.sensor.width_px, self.sensor.height_px)]
-        if not other or len(stated) > 1 or not self.scale_pictures:
+        width, height = self.sensor.width_px, self.sensor.height_px
+        other = [size for size in stated if size != (width, height)]
+        if not other or len(stated) > 1 or not self.scale_pictures or (height, width) in other:
             return PictureScaling(self.sensor, None)
-        ((width, height),) = stated
-        collector.note(f"all pictures are {width:g}x{height:g}: scaled to the sensor's {self.sensor}")
-        return PictureScaling(self.sensor, (width, height))
+        ((across, down),) = stated
+        collector.note(f"all pictures are {across:g}x{down:g}: scaled to the sensor's {self.sensor}")
+        if abs(across * height / (down * width) - 1) > SAME_SHAPE:
+            collector.note("their shape is another than the sensor's: they are taken for stretched, not for padded")
+        return PictureScaling(self.sensor, (across, down))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -200,6 +234,11 @@ class PictureTimes:
             LabelError: if nothing tells, or the tool's index and the name contradict each other.
         """
         stem = stem_of(picture)
+        self.numbers.refuse_copies(picture)
+        other = other_camera_in(picture, self.context.camera, self.context.other_cameras)
+        if other is not None:
+            expected = f"one of {self.context.camera!r}"
+            raise LabelError(f"a picture of camera {other!r}", expected=expected, got=repr(picture[:200]))
         ours = own_time(stem)
         if ours is not None:
             return ours
@@ -214,6 +253,9 @@ class PictureTimes:
             if index is None:
                 raise
             return self.context.time_of_frame(index)
+        times = self.context.frame_times_us
+        if times is not None and index is None:
+            refuse_counting_from_1(self.numbers.known, len(times))
         if index is not None and index != number:
             raise LabelError(
                 "the tool's index of a picture is not the number in its name",
@@ -238,6 +280,8 @@ class PictureScaling:
         Raises:
             LabelError: if it has another size than the sensor and is not scaled.
         """
+        if size is None and self.scaled_from is not None:
+            raise LabelError("a picture without a size, among others that are scaled")
         if size is None or size == (self.sensor.width_px, self.sensor.height_px):
             return 1.0, 1.0
         if size != self.scaled_from:
@@ -248,6 +292,47 @@ class PictureScaling:
                 remedy="is it this camera's? --scale-pictures scales labels if all pictures have one size",
             )
         return self.sensor.width_px / size[0], self.sensor.height_px / size[1]
+
+
+def refuse_counting_from_1(numbers: Sequence[int], times: int) -> None:
+    """Check that pictures are not numbered 1 to N where there are N times: each would be one off.
+
+    Raises:
+        LabelError: if they are; `numbers` ascend.
+    """
+    if numbers and numbers[0] >= 1 and numbers[-1] == times and times > 1:
+        raise LabelError(
+            "pictures seem to be numbered from 1, and times are counted from 0",
+            expected=f"0 to {times - 1}",
+            got=f"{numbers[0]} to {numbers[-1]}",
+            remedy="--frame-times with the columns frame,t_us or name,t_us tells",
+        )
+
+
+class SamePictures:
+    """Finds files of one import that list the same pictures: of two clips, or of two persons."""
+
+    def __init__(self) -> None:
+        self._first: dict[str, Path] = {}
+        self._clashes: dict[Path, tuple[Path, str]] = {}
+
+    def add(self, file: Path, pictures: Iterable[str]) -> None:
+        """Remember the pictures of a file."""
+        for picture in pictures:
+            other = self._first.setdefault(picture, file)
+            if other != file and picture:
+                self._clashes.setdefault(file, (other, picture))
+                self._clashes.setdefault(other, (file, picture))
+
+    def accept(self, file: Path, collector: Collector) -> bool:
+        """Whether a file is the only one with its pictures; otherwise it is rejected."""
+        if file not in self._clashes:
+            return True
+        other, picture = self._clashes[file]
+        what = "the same pictures are in several files: of two clips or two persons?"
+        got = f"{picture[:100]!r} in {other.name} too"
+        collector.reject(file, 1, LabelError(what, got=got, remedy="import one of the files"))
+        return False
 
 
 def stated_size(width: object, height: object) -> tuple[float, float] | None:
@@ -315,11 +400,19 @@ def register_label_format(
     FORMATS.register(name, LabelFormat(name, summary or label, write, read, pictures, label))
 
 
+def rejection_of(file: Path, line: int, reason: object) -> Rejection:
+    """A rejection in one line, with what it is counted by."""
+    text = " ".join(str(reason).split())[:500]
+    kind = reason.what if isinstance(reason, RallyscopeError) else text
+    return Rejection(file, line, text, _VALUES.sub("...", kind)[:120])
+
+
 class Collector:
     """Gathers labels while files are read: every entry ends as a label or as a rejection with its place."""
 
     def __init__(self) -> None:
         self._labels: dict[int, Label] = {}
+        self._places: dict[int, tuple[Path, int]] = {}
         self._rejections: list[Rejection] = []
         self._notes: list[str] = []
         self.files = 0
@@ -327,9 +420,7 @@ class Collector:
 
     def reject(self, file: Path, line: int, reason: object) -> None:
         """Say that something was not taken."""
-        text = " ".join(str(reason).split())[:500]
-        kind = reason.what if isinstance(reason, RallyscopeError) else text
-        self._rejections.append(Rejection(file, line, text, _VALUES.sub("...", kind)[:120]))
+        self._rejections.append(rejection_of(file, line, reason))
 
     def note(self, text: str) -> None:
         """Say what was found or done for all entries."""
@@ -351,13 +442,15 @@ class Collector:
             self.reject(file, line, LabelError(f"a second label at {label.t_us} us; the first one is kept"))
         else:
             self._labels[label.t_us] = label
+            self._places[label.t_us] = (file, line)
 
     def done(self) -> Imported:
         """Give back what was gathered."""
         labels = tuple(label for _, label in sorted(self._labels.items()))
         order = {file: number for number, file in enumerate(dict.fromkeys(item.file for item in self._rejections))}
         rejections = sorted(self._rejections, key=lambda item: (order[item.file], item.line))
-        return Imported(labels, tuple(rejections), self.files, tuple(self._notes))
+        places = tuple(self._places[label.t_us] for label in labels)
+        return Imported(labels, tuple(rejections), self.files, tuple(self._notes), places)
 
 
 def picture_name(camera: str, t_us: int) -> str:
@@ -404,7 +497,7 @@ def read_text(file: Path, collector: Collector) -> str | None:
         collector.reject(file, 1, error.strerror or error)
         return None
     try:
-        return content.decode("utf-8-sig")
+        return content.decode("utf-16" if content.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig")
     except UnicodeDecodeError as error:
         collector.reject(file, 1 + content.count(b"\n", 0, error.start), f"not UTF-8 text: {error.reason}")
         return None
@@ -413,13 +506,23 @@ def read_text(file: Path, collector: Collector) -> str | None:
 def table_rows(text: str, file: Path, collector: Collector) -> Iterator[tuple[int, list[str]]]:
     """Rows of a CSV text that are not empty, with their line numbers; what follows one that is none is rejected."""
     # Every kind of line end becomes one that the reader knows.
-    reader = csv.reader(io.StringIO(text.replace("\0", "\ufffd"), newline=None))
+    lines = io.StringIO(text.replace("\0", "\ufffd"), newline=None)
+    delimiter = delimiter_of(text)
+    reader = csv.reader(lines, delimiter=delimiter)
     try:
         for fields in reader:
             if fields:
-                yield reader.line_num, fields
+                # Where fields end with a semicolon, numbers may have a comma.
+                whole = fields if delimiter == "," else [_COMMA.sub(r"\1.\2", field) for field in fields]
+                yield reader.line_num, whole
     except csv.Error as error:
         collector.reject(file, reader.line_num + 1, f"not CSV from here on: {error}")
+
+
+def delimiter_of(text: str) -> str:
+    """What separates the columns of a table: a comma, unless its first line has none, but semicolons or tabs."""
+    first = text.lstrip("\r\n").split("\n", 1)[0]
+    return "," if "," in first else next((sign for sign in ";\t" if sign in first), ",")
 
 
 def files_at(path: Path, suffix: str, collector: Collector) -> list[Path]:

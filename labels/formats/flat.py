@@ -89,13 +89,20 @@ def label_of_row(row: dict[str, str], origin: str) -> Label:
     )
     return Label(
         t_us=_whole(row["t_us"], "t_us"),
-        state=LabelState(row["state"]),
+        state=_state(row["state"]),
         x_px=number("x_px"),
         y_px=number("y_px"),
         r_px=number("r_px"),
         covariance_px2=covariance,
         provenance=provenance,
     )
+
+
+def _state(text: str) -> LabelState:
+    try:
+        return LabelState(text)
+    except ValueError as error:
+        raise LabelError("unknown state", expected=f"one of {', '.join(LabelState)}", got=repr(text)[:80]) from error
 
 
 def _whole(text: str, name: str) -> int:

@@ -1,46 +1,123 @@
 """Which picture a name means: by our own time in it, by a table of times, or by its number, if that is unambiguous.
 
 Tools rename pictures: Roboflow appends `_png.rf.<hash>.jpg`, Label Studio puts eight hex digits before, others add the
-size. A number counts only if it stands alone and, over all names of an import, is the one part that varies.
+size. A number counts only if it stands alone and, over all names of an import, is the one part that varies. Names that
+would mean the same picture, of two folders or two hashes, mean none: they are of two cameras or changed copies.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from typing import Final
+from urllib.parse import unquote
 
 from core.errors import LabelError
 
-_OURS: Final = re.compile(r"_t(\d{12,19})us(?![A-Za-z0-9])")
+_OURS: Final = re.compile(r"^(.*?)_t(\d{12,19})us(?![A-Za-z0-9])")
+_OURS_ANYWHERE: Final = re.compile(r"_t(\d{12,19})us(?![A-Za-z0-9])")
 _SUFFIX: Final = re.compile(
     r"\.(png|jpe?g|jpe|bmp|tiff?|webp|gif|ppm|pgm|pnm|jp2|txt|xml|json|csv|npy)$", re.IGNORECASE
 )
 _ROBOFLOW: Final = re.compile(r"[._](png|jpe?g|bmp|tiff?|webp|gif)\.rf\.[0-9A-Za-z]+$", re.IGNORECASE)
-_LABEL_STUDIO: Final = re.compile(r"^[0-9a-f]{8}-(?=.*\d)")
+_LABEL_STUDIO: Final = re.compile(r"^[0-9a-f]{8}(?:-|__)(?=.*\d)")
+_UUID: Final = re.compile(r"[0-9a-f]{8}([-_]?[0-9a-f]{4}){3}[-_]?[0-9a-f]{12}", re.IGNORECASE)
+_NUMBER: Final = re.compile(r"\d+")
 _TOKEN: Final = re.compile(r"[A-Za-z0-9]+")
 _NUMBERED: Final = re.compile(r"([A-Za-z]*)(\d{1,18})")
 FRAME_WORDS: Final = frozenset({"frame", "frames", "img", "image", "picture", "pic", "f", "fr", "im"})
+OTHER_WORDS: Final = frozenset(
+    {
+        "cam",
+        "camera",
+        "c",
+        "view",
+        "stream",
+        "rally",
+        "rallies",
+        "point",
+        "match",
+        "game",
+        "set",
+        "serve",
+        "s",
+        "seq",
+        "sequence",
+        "video",
+        "vid",
+        "clip",
+        "take",
+        "shot",
+        "session",
+        "run",
+        "rec",
+        "recording",
+        "trial",
+        "day",
+        "player",
+        "p",
+        "part",
+        "fold",
+        "split",
+        "aug",
+        "augmented",
+        "copy",
+        "version",
+        "ver",
+        "v",
+        "job",
+        "task",
+        "page",
+    }
+)
+"""A number joined to one of these, in a name with several numbers, counts something else than pictures."""
+NEVER_PICTURES: Final = frozenset({"cam", "camera", "view", "day", "player", "fold"})
+"""A number joined to one of these counts something else also where it is the only one."""
 LONGEST_TOKEN: Final = 24
 """A longer word of letters and digits is a hash."""
 
 
 def stem_of(picture: str) -> str:
     """A picture's name without folders, without the endings of pictures and label files, and without a tool's hash."""
-    stem = picture.strip().replace("\\", "/").rsplit("/", 1)[-1]
+    stem = _last_part(picture)
     while True:
         shorter = _ROBOFLOW.sub("", _SUFFIX.sub("", stem))
         if shorter == stem or not shorter:
             break
         stem = shorter
-    return _LABEL_STUDIO.sub("", stem)
+    return stem if _UUID.match(stem) else _LABEL_STUDIO.sub("", stem)
+
+
+def _last_part(picture: str) -> str:
+    """The name without folders; one that a tool encoded for an address is decoded, but for ours, whose camera is so."""
+    name = picture.strip().replace("\\", "/").rsplit("/", 1)[-1]
+    if "%" in name and _OURS_ANYWHERE.search(name) is None:
+        name = unquote(name).replace("\\", "/").rsplit("/", 1)[-1]
+    return name
 
 
 def own_time(stem: str) -> int | None:
     """The time that one of our own pictures has in its name."""
-    found = set(map(int, _OURS.findall(stem)))
+    found = set(map(int, _OURS_ANYWHERE.findall(stem)))
     return found.pop() if len(found) == 1 else None
+
+
+def own_camera(stem: str) -> str | None:
+    """The camera that one of our own pictures has in its name; None if it is none of ours."""
+    match = _OURS.match(stem)
+    return None if match is None else unquote(match[1])
+
+
+def other_camera_in(picture: str, camera: str, others: Sequence[str]) -> str | None:
+    """Which of the other cameras a picture is of, by a word of its name or of its folders; None if none tells."""
+    ours = own_camera(_last_part(picture))
+    if ours is not None and ours in others and ours != camera:
+        return ours
+    words = {word.lower() for word in re.split(r"[^A-Za-z0-9]+", unquote(picture)) if word}
+    if not camera or camera.lower() in words:
+        return None
+    return next((name for name in others if name.lower() in words), None)
 
 
 class PictureNumbers:
@@ -49,17 +126,46 @@ class PictureNumbers:
     def __init__(self, names: Iterable[str]) -> None:
         self._numbers: dict[str, int] = {}
         self._reasons: dict[str, str] = {}
-        parts = {stem: _numbers_of(stem) for stem in dict.fromkeys(map(stem_of, names)) if own_time(stem) is None}
-        alike: dict[str, list[str]] = {}
-        for stem, (skeleton, _) in parts.items():
-            alike.setdefault(skeleton, []).append(stem)
-        for stems in alike.values():
-            self._decide(stems, parts)
+        self._families: dict[str, str] = {}
+        self._copies = _copies(names := list(dict.fromkeys(names)))
+        stems = [stem for stem in dict.fromkeys(map(stem_of, names)) if own_time(stem) is None]
+        alike: dict[tuple[str, ...], list[str]] = {}
+        for stem in stems:
+            alike.setdefault(tuple(_TOKEN.split(_UUID.sub("uuid", stem))), []).append(stem)
+        for group in alike.values():
+            self._decide_alike(group)
+        families: dict[int, set[str]] = {}
+        for stem, number in self._numbers.items():
+            families.setdefault(number, set()).add(self._families[stem])
+        mixed = {family for found in families.values() if len(found) > 1 for family in found}
         counts = Counter(self._numbers.values())
         for stem, number in list(self._numbers.items()):
-            if counts[number] > 1:
+            if counts[number] > 1 or self._families[stem] in mixed:
                 del self._numbers[stem]
-                self._reasons[stem] = f"other pictures have the number {number} too"
+                self._reasons[stem] = (
+                    "pictures are named in two ways, with the same numbers"
+                    if self._families[stem] in mixed
+                    else f"other pictures have the number {number} too"
+                )
+
+    @property
+    def known(self) -> tuple[int, ...]:
+        """Every number that a name tells, ascending."""
+        return tuple(sorted(self._numbers.values()))
+
+    def refuse_copies(self, picture: str) -> None:
+        """Check that a name is the only one of its picture.
+
+        Raises:
+            LabelError: if others mean the same one.
+        """
+        copies = self._copies.get(stem_of(picture))
+        if copies is not None:
+            raise LabelError(
+                "several pictures have this name: two cameras, or copies that a tool has changed?",
+                got=" and ".join(copies[:2])[:200],
+                remedy="import the labels of one folder, or those of the original pictures",
+            )
 
     def number_of(self, picture: str) -> int:
         """The number of one of the names.
@@ -76,44 +182,80 @@ class PictureNumbers:
             remedy="--frame-times with the columns name,t_us tells",
         )
 
-    def _decide(self, stems: list[str], parts: Mapping[str, tuple[str, list[tuple[str, int]]]]) -> None:
+    def _decide_alike(self, stems: Sequence[str]) -> None:
+        """Choose the numbers of names that are divided alike; what is a number in one and a hash in another is none."""
+        rows = [[_number_in(token) for token in _TOKEN.findall(_UUID.sub("uuid", stem))] for stem in stems]
+        hashed = {k for k in range(len(rows[0])) if any(row[k].hashed for row in rows)}
+        groups: dict[tuple[str, ...], list[int]] = {}
+        for at, row in enumerate(rows):
+            kept = tuple("?" if k in hashed else f"{part.word}#" for k, part in enumerate(row))
+            groups.setdefault(tuple(word if word != "#" else "#" for word in kept), []).append(at)
+        for members in groups.values():
+            columns = [k for k in range(len(rows[0])) if k not in hashed and rows[members[0]][k].number is not None]
+            self._families |= {stems[at]: _NUMBER.sub("#", stems[at]) for at in members}
+            self._decide([stems[at] for at in members], [rows[at] for at in members], columns)
+
+    def _decide(self, stems: list[str], rows: list[list[_Part]], columns: list[int]) -> None:
         """Choose the number of names that differ in their numbers only."""
-        rows = [parts[stem][1] for stem in stems]
-        words = [word for word, _ in rows[0]]
-        varying = [k for k in range(len(words)) if len({row[k][1] for row in rows}) > 1]
+        numbers = [[row[k].number for k in columns] for row in rows]
+        joined = [rows[0][k].word.lower() for k in columns]
+        before = [rows[0][k - 1].text.lower() if k else "" for k in columns]
+        words = [word or previous for word, previous in zip(joined, before, strict=True)]
+        varying = [k for k in range(len(columns)) if len({row[k] for row in numbers}) > 1]
         named = [k for k, word in enumerate(words) if word in FRAME_WORDS]
-        if not words:
-            reason, chosen = "no number stands alone in its name", None
-        elif len(named) == 1 and varying in ([], named):
-            chosen, reason = named[0], ""
-        elif len(varying) == 1:
-            chosen, reason = varying[0], ""
-        elif len(words) == 1:
-            chosen, reason = 0, ""
+        # "cam2_000005": the 2 is no picture, nor is that of "rally 2" before another number.
+        several = len(columns) > 1
+        other = {
+            k
+            for k in range(len(columns))
+            if joined[k] in NEVER_PICTURES
+            or (several and joined[k] in OTHER_WORDS)
+            or (words[k] in OTHER_WORDS and k < len(columns) - 1)
+        }
+        possible = [k for k in range(len(columns)) if k not in other]
+        chosen: int | None = None
+        reason = f"{len(varying) or len(columns)} numbers in its name, and it does not say which counts"
+        if not columns:
+            reason = "no number stands alone in its name"
+        elif not possible or any(k in other for k in varying if len(named) != 1 or joined[k] in NEVER_PICTURES):
+            reason = "the number that varies counts something else than pictures"
         elif len(named) == 1:
-            chosen, reason = named[0], ""
-        else:
-            chosen, reason = None, f"{len(varying) or len(words)} numbers in its name, and it does not say which counts"
-        for stem, row in zip(stems, rows, strict=True):
-            if chosen is None:
+            chosen = named[0]
+        elif len(varying) == 1:
+            chosen = varying[0]
+        elif len(possible) == 1 and not varying and all(joined[k] for k in other):
+            chosen = possible[0]
+        for stem, row in zip(stems, numbers, strict=True):
+            number = None if chosen is None else row[chosen]
+            if number is None:
                 self._reasons[stem] = reason
             else:
-                self._numbers[stem] = row[chosen][1]
+                self._numbers[stem] = number
 
 
-def _numbers_of(stem: str) -> tuple[str, list[tuple[str, int]]]:
-    """The name with its numbers taken out, and each of them with the word before it."""
-    numbers: list[tuple[str, int]] = []
-    before = ""
+class _Part:
+    """One word of a name: text, or a number with the letters that it is joined to."""
 
-    def take(match: re.Match[str]) -> str:
-        nonlocal before
-        token = match[0]
-        numbered = _NUMBERED.fullmatch(token)
-        word, before = before, token.lower()
-        if numbered is None or len(token) > LONGEST_TOKEN:
-            return "?" if any(letter.isdigit() for letter in token) else token
-        numbers.append((numbered[1].lower() or word, int(numbered[2])))
-        return f"{numbered[1]}#"
+    __slots__ = ("hashed", "number", "text", "word")
 
-    return _TOKEN.sub(take, stem), numbers
+    def __init__(self, text: str, word: str, number: int | None, *, hashed: bool) -> None:
+        self.text, self.word, self.number, self.hashed = text, word, number, hashed
+
+
+def _number_in(token: str) -> _Part:
+    numbered = _NUMBERED.fullmatch(token)
+    if numbered is not None and len(token) <= LONGEST_TOKEN:
+        return _Part(token, numbered[1], int(numbered[2]), hashed=False)
+    hashed = any(letter.isdigit() for letter in token)
+    return _Part(token, token, None, hashed=hashed)
+
+
+def _copies(names: Iterable[str]) -> dict[str, list[str]]:
+    """Names of different pictures that have the same stem, by that."""
+    found: dict[str, dict[str, str]] = {}
+    for name in names:
+        path = name.strip().replace("\\", "/")
+        while (shorter := _SUFFIX.sub("", path)) not in ("", path):
+            path = shorter
+        found.setdefault(stem_of(name), {}).setdefault(path, name)
+    return {stem: list(paths.values()) for stem, paths in found.items() if len(paths) > 1}

@@ -86,7 +86,7 @@ def _velocities(points: NDArray[np.float64], seconds: NDArray[np.float64]) -> ND
 def read_sony(path: Path, context: ImportContext) -> Imported:
     """The labels of a file, or of the only label file of the camera in a folder; rejections count rows from 1."""
     collector = Collector()
-    file = _label_file(path, context.camera, collector)
+    file = _label_file(path, context, collector)
     if file is not None:
         try:
             _read_file(file, context, collector)
@@ -95,20 +95,38 @@ def read_sony(path: Path, context: ImportContext) -> Imported:
     return collector.done()
 
 
-def _label_file(path: Path, camera: str, collector: Collector) -> Path | None:
+def _label_file(path: Path, context: ImportContext, collector: Collector) -> Path | None:
+    """The file itself, or in a folder the one of this camera whose rally is that of the recording, by its t0."""
     if path.is_file():
         return path
-    own = path / _folder_name(camera)
-    folder = own if camera and own.is_dir() else path
-    files = sorted(folder.glob(f"*{LABEL_SUFFIX}")) or sorted(folder.glob(f"*/*{LABEL_SUFFIX}"))
+    files = sorted({file for depth in ("*", "*/*", "*/*/*") for file in path.glob(depth + LABEL_SUFFIX)})
+    own = _folder_name(context.camera)
+    files = [file for file in files if file.parent.name == own] or files
+    if len(files) > 1 and context.camera:
+        files = [file for file in files if _is_of_recording(file, context)] or files
     if len(files) != 1:
         collector.reject(path, 1, f"{len(files)} label files (*{LABEL_SUFFIX}) here, not one; give the file itself")
         return None
     return files[0]
 
 
+def _is_of_recording(file: Path, context: ImportContext) -> bool:
+    """Whether the rally beside a label file begins during the recording."""
+    try:
+        start_us = read_t0_us(events_file_of(file)) - context.clock_us
+    except RecordingError:
+        return False
+    return 0 <= start_us <= (context.end_us or 0)
+
+
+def events_file_of(labels: Path) -> Path:
+    """The file of the events that labels are of."""
+    return labels.with_name(labels.name.removesuffix(LABEL_SUFFIX) + ".h5")
+
+
 def _read_file(path: Path, context: ImportContext, collector: Collector) -> None:
     with h5py.File(path, "r") as file:
+        collector.files += 1
         if "labels" in file:  # our own, with every field
             read_labels(file, path, context, collector)
             return
@@ -131,7 +149,7 @@ def _read_file(path: Path, context: ImportContext, collector: Collector) -> None
 
 def _start_us(path: Path, context: ImportContext, collector: Collector) -> int | None:
     """The recording's time of t0: 0 of the events file beside the labels, on the recording's clock."""
-    events = path.with_name(path.name.removesuffix(LABEL_SUFFIX) + ".h5")
+    events = events_file_of(path)
     if not events.is_file():
         if context.clock_us:
             collector.reject(path, 1, f"the events file {events.name}, which tells t0, is not beside it")

@@ -8,6 +8,7 @@ these pictures. `frames.csv` beside it holds the time of each number.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,11 +22,13 @@ from labels.formats.exchange import (
     ImportContext,
     Imported,
     LabelSet,
+    SamePictures,
     count_losses,
     files_at,
     finite,
     picture_name,
     read_text,
+    refuse_counting_from_1,
     table_rows,
     whole_number,
     write_text,
@@ -35,6 +38,7 @@ from labels.model import Label, LabelState
 HEADER = ["Frame", "Visibility", "X", "Y"]
 IMGLABEL_HEADER = ["Frame", "Ball", "x", "y"]
 TENNIS_START = ["file name", "visibility", "x-coordinate", "y-coordinate"]
+NO_PLACE = frozenset({"", "nan", "none", "null", "na"})
 FRAMES = "frames.csv"
 FRAMES_HEADER = ["frame", "t_us"]
 
@@ -75,12 +79,21 @@ def write_tracknet(labels: LabelSet, folder: Path, options: ExportOptions) -> Ex
 def read_tracknet(path: Path, context: ImportContext) -> Imported:
     """Every CSV file of a folder, or one; times come from `frames.csv` beside it, else from the context."""
     collector = Collector()
-    folder = path if path.is_dir() else path.parent
-    times = _read_times(folder / FRAMES, collector) if (folder / FRAMES).is_file() else None
+    tables: list[_Table] = []
+    same = SamePictures()
     for file in files_at(path, ".csv", collector):
         text = None if file.name == FRAMES else read_text(file, collector)
-        if text is not None:
-            _read_file(text, file, times, context, collector)
+        table = None if text is None else _table_of(text, file, collector)
+        if table is not None:
+            tables.append(table)
+            same.add(file, table.pictures)
+    times: dict[Path, dict[int, int] | None] = {}
+    for table in tables:
+        folder = table.file.parent
+        if folder not in times:
+            times[folder] = _read_times(folder / FRAMES, collector) if (folder / FRAMES).is_file() else None
+        if same.accept(table.file, collector):
+            _read_table(table, times[folder], context, collector)
     return collector.done()
 
 
@@ -100,36 +113,69 @@ class _Columns:
 
 def _columns_of(header: list[str]) -> _Columns | None:
     """None if these are not the columns of a TrackNet table; further columns may be anything."""
+    small = [name.lower() for name in header]
     for names, shares, named in ((HEADER, False, False), (IMGLABEL_HEADER, True, False), (TENNIS_START, False, True)):
-        if all(header.count(name) == 1 for name in names):
-            return _Columns(*(header.index(name) for name in names), shares=shares, named=named)
+        if all(small.count(name.lower()) == 1 for name in names):
+            return _Columns(*(small.index(name.lower()) for name in names), shares=shares, named=named)
     return None
 
 
-def _read_file(
-    text: str, file: Path, times: dict[int, int] | None, context: ImportContext, collector: Collector
-) -> None:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Table:
+    """One file whose columns are known."""
+
+    file: Path
+    header: list[str]
+    columns: _Columns
+    rows: list[tuple[int, list[str]]]
+    """With their lines, without the header."""
+
+    @property
+    def pictures(self) -> list[str]:
+        """What pictures are called or numbered, without the rows that are too short."""
+        return [fields[self.columns.picture].strip() for _, fields in self.rows if len(fields) == len(self.header)]
+
+
+def _table_of(text: str, file: Path, collector: Collector) -> _Table | None:
     rows = list(table_rows(text, file, collector))
     header = [name.strip() for name in rows[0][1]] if rows else []
     columns = _columns_of(header)
     if columns is None:
         expected = f"{','.join(HEADER)} or {','.join(IMGLABEL_HEADER)} or {','.join(TENNIS_START)}, and others"
         collector.reject(file, 1, f"not a TrackNet file; expected the columns {expected}")
-        return
-    names = [fields[columns.picture] for _, fields in rows[1:] if columns.named and len(fields) == len(header)]
-    pictures = context.pictures(names)
+        return None
     if not columns.shares and _looks_like_shares(rows[1:], columns):
         what = "all positions are below 1: shares of the picture where pixels belong"
         remedy = f"name the columns {','.join(IMGLABEL_HEADER)} if they are shares"
         collector.reject(file, 1, LabelError(what, remedy=remedy))
-        return
-    for line, fields in rows[1:]:
+        return None
+    return _Table(file, header, columns, rows[1:])
+
+
+def _read_table(table: _Table, times: dict[int, int] | None, context: ImportContext, collector: Collector) -> None:
+    columns, file = table.columns, table.file
+    pictures = context.pictures(table.pictures if columns.named else ())
+    numbers = [] if columns.named else sorted(_numbers_in(table.pictures))
+    for line, fields in table.rows:
         with collector.entry(file, line):
-            if len(fields) != len(header):
-                raise LabelError("wrong number of fields", expected=len(header), got=len(fields))
+            if len(fields) != len(table.header):
+                raise LabelError("wrong number of fields", expected=len(table.header), got=len(fields))
             picture = fields[columns.picture].strip()
-            t_us = pictures.time_of(picture) if columns.named else _time_of(picture, times, context)
+            if columns.named:
+                t_us = pictures.time_of(picture)
+            else:
+                if times is None and context.frame_times_us is not None:
+                    refuse_counting_from_1(numbers, len(context.frame_times_us))
+                t_us = _time_of(picture, times, context)
             collector.add(_label_of(fields, columns, t_us, context), file, line)
+
+
+def _numbers_in(pictures: list[str]) -> set[int]:
+    found = set()
+    for picture in pictures:
+        with suppress(LabelError):
+            found.add(whole_number(picture, "the frame"))
+    return found
 
 
 def _looks_like_shares(rows: list[tuple[int, list[str]]], columns: _Columns) -> bool:
@@ -155,11 +201,16 @@ def _time_of(text: str, times: dict[int, int] | None, context: ImportContext) ->
 
 def _label_of(fields: list[str], columns: _Columns, t_us: int, context: ImportContext) -> Label:
     visibility = whole_number(fields[columns.visibility].strip(), "the visibility")
+    places = fields[columns.x].strip(), fields[columns.y].strip()
     if visibility == 0:
+        if any(place.lower() not in NO_PLACE and finite(place, "a coordinate") > 0 for place in places):
+            raise LabelError("a position where the visibility says that there is no ball", got=",".join(places))
         return context.make(t_us, LabelState.NO_BALL)
     if visibility not in (1, 2, 3):
         raise LabelError("unknown visibility", expected="0 to 3", got=visibility)
-    x, y = finite(fields[columns.x], "x"), finite(fields[columns.y], "y")
+    if visibility == 3 and set(map(str.lower, places)) <= NO_PLACE:
+        return context.make(t_us, LabelState.OCCLUDED)
+    x, y = finite(places[0], "x"), finite(places[1], "y")
     if columns.shares:
         if not (0 <= x <= 1 and 0 <= y <= 1):
             raise LabelError("outside the picture", expected="shares of it, 0 to 1", got=(x, y))
@@ -172,13 +223,13 @@ def _label_of(fields: list[str], columns: _Columns, t_us: int, context: ImportCo
 def _read_times(file: Path, collector: Collector) -> dict[int, int]:
     text = read_text(file, collector)
     rows = list(table_rows(text or "", file, collector))
-    if not rows or rows[0][1] != FRAMES_HEADER:
+    if not rows or [name.strip() for name in rows[0][1]] != FRAMES_HEADER:
         collector.reject(file, 1, f"expected {','.join(FRAMES_HEADER)}")
         return {}
     times: dict[int, int] = {}
     for line, fields in rows[1:]:
         with collector.entry(file, line):
-            number, t_us = (int(field) for field in fields)
+            number, t_us = (whole_number(field, "a number") for field in fields)
             if number in times:
                 raise LabelError(f"frame {number} twice")
             times[number] = t_us

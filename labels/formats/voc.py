@@ -32,7 +32,6 @@ from labels.formats.exchange import (
     stated_size,
     write_text,
 )
-from labels.formats.picture_names import stem_of
 from labels.formats.xml_nodes import XmlError, XmlNode, parse_xml
 from labels.model import Label, LabelState
 
@@ -144,23 +143,31 @@ def _annotation_of(root: XmlNode, file: Path) -> _Annotation:
         raise LabelError("not a Pascal VOC file", expected="<annotation>", got=f"<{root.tag}>")
     picture, size = root.child("filename"), root.child("size")
     name = picture.text.strip() if picture is not None and picture.text.strip() else file.name
+    name = f"{file.parent.name}/{name}" if "/" not in name else name
     edges = [None if size is None else size.child(tag) for tag in ("width", "height")]
     width, height = (None if edge is None else edge.text.strip() for edge in edges)
-    return _Annotation(file, root, (name, file.name), stated_size(width, height))
+    return _Annotation(file, root, (name, f"{file.parent.name}/{file.name}"), stated_size(width, height))
 
 
 def _time_of(one: _Annotation, by_name: list[PictureTimes]) -> int:
-    """By the picture's name, else by the file's."""
-    try:
-        return by_name[0].time_of(one.names[0])
-    except LabelError:
-        if stem_of(one.names[1]) == stem_of(one.names[0]):
-            raise
+    """By the picture's name, else by the file's.
+
+    Raises:
+        LabelError: if neither tells, or they tell different times.
+    """
+    times: list[int] = []
+    errors: list[LabelError] = []
+    for names, name in zip(by_name, one.names, strict=True):
         try:
-            return by_name[1].time_of(one.names[1])
-        except LabelError:
-            pass
-        raise
+            times.append(names.time_of(name))
+        except LabelError as error:
+            errors.append(error)
+    if not times:
+        raise errors[0]
+    if len(set(times)) > 1:
+        got = f"{one.names[0]!r} and {one.names[1]!r}"
+        raise LabelError("<filename> and the file's name are of two pictures", got=got, remedy="rename the file")
+    return times[0]
 
 
 def _read_annotation(
@@ -178,7 +185,10 @@ def _read_annotation(
         if extra is not None and not objects:
             collector.add(_label_of_extra(extra, context), file, extra.line)
         elif not objects:
-            collector.add(context.make(_time_of(one, by_name), LabelState.NO_BALL), file, root.line)
+            t_us = _time_of(one, by_name)
+            unsure = _lists_unannotated(root) or context.empty_pictures is not None
+            label = context.unannotated(t_us) if unsure else context.make(t_us, LabelState.NO_BALL)
+            collector.add(label, file, root.line)
         for item in objects:
             with collector.entry(file, item.line):
                 if not context.is_ball(item.value("name")):
@@ -189,6 +199,12 @@ def _read_annotation(
                 else:
                     label = _label_of_extra(extra, context)
                 collector.add(label, file, item.line)
+
+
+def _lists_unannotated(root: XmlNode) -> bool:
+    """Whether the tool writes files of pictures that nobody looked at: CVAT does, and says more of its source."""
+    source = root.child("source")
+    return source is not None and (source.child("annotation") is not None or source.child("image") is not None)
 
 
 def _label_of_extra(extra: XmlNode, context: ImportContext) -> Label:
@@ -205,8 +221,8 @@ def _label_of_box(item: XmlNode, t_us: int, factors: tuple[float, float], contex
     if x1 <= x0 or y1 <= y0:
         raise LabelError("the box is empty", got=(x0, y0, x1, y1))
     shift = 0.0 if all(edge.is_integer() for edge in (x0, y0, x1, y1)) else HALF_PIXEL
-    difficult = item.child("difficult")
-    partly = difficult is not None and difficult.text.strip() not in ("", "0")
+    flags = [item.child(tag) for tag in ("difficult", "occluded", "truncated")]
+    partly = any(flag is not None and flag.text.strip().lower() not in ("", "0", "false") for flag in flags)
     state = LabelState.PARTLY_OCCLUDED if partly else LabelState.VISIBLE
     across, down = factors
     x, y = ((x0 + x1) / 2 - shift + HALF_PIXEL) * across, ((y0 + y1) / 2 - shift + HALF_PIXEL) * down

@@ -1,4 +1,6 @@
-"""YOLO text files, for detection (a box) and for pose (a box and the centre as its one keypoint).
+"""YOLO text files: written for detection (a box) and for pose (a box and the centre as its one keypoint).
+
+Read are also turned boxes and segments, as the circle of the polygon's area.
 
 One file a picture: empty where a person saw no ball, absent where nobody looked. Numbers are shares of the picture,
 counted from its corner. What number means a ball is read from the list of names, see `labels.formats.class_names`.
@@ -7,11 +9,14 @@ counted from its corner. What number means a ball is read from the list of names
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from core.errors import LabelError
-from labels.formats.boxes import Box, box_of, losses_of_box
-from labels.formats.class_names import find_ball_number
+from labels.formats.boxes import Box, box_of, circle_of_polygon, losses_of_box
+from labels.formats.class_names import BallClass, find_ball_class
 from labels.formats.exchange import (
     CLASS_NAME,
     HALF_PIXEL,
@@ -37,6 +42,9 @@ NO_LABELS = re.compile(
     re.IGNORECASE,
 )
 """Texts that stand beside those of the pictures, and hidden files."""
+OUTSIDE = 0.5
+"""Share of the picture by which the corner of a polygon may lie beside it."""
+CVAT_FOLDER = re.compile(r"obj_\w+_data")
 PARTLY_VISIBLE, WHOLLY_VISIBLE = 1, 2
 """Visibility of a keypoint: occluded, visible."""
 
@@ -93,15 +101,54 @@ def read_yolo(path: Path, context: ImportContext) -> Imported:
     """Every text file of a folder, of boxes or of poses; without any there, those of the folders below."""
     collector = Collector()
     files = _texts_at(path, collector)
-    times = context.pictures(file.name for file in files)
-    balls: dict[Path, int | None] = {}
+    names = {file: str(file.relative_to(path)) if file != path else file.name for file in files}
+    times = context.pictures(names.values())
+    balls: dict[Path, BallClass | None] = {}
+    texts: dict[Path, str] = {}
     for file in files:
         if file.parent not in balls:
-            balls[file.parent] = find_ball_number(file.parent, context, collector)
+            balls[file.parent] = find_ball_class(file.parent, context, collector)
         text = None if balls[file.parent] is None else read_text(file, collector)
         if text is not None:
-            _read_file(text, file, balls[file.parent], times, context, collector)
+            texts[file] = text
+    for folder, ball in balls.items():
+        if ball is not None and not _classes_fit(folder, ball, texts, collector):
+            balls[folder] = None
+    for file, text in texts.items():
+        ball = balls[file.parent]
+        if ball is not None:
+            _read_file(text, _Picture(file, names[file]), ball, times, context, collector)
     return collector.done()
+
+
+def _classes_fit(folder: Path, ball: BallClass, texts: dict[Path, str], collector: Collector) -> bool:
+    """Whether the classes in the texts of a folder do not count from 1 while the list counts from 0."""
+    numbers = set()
+    for file, text in texts.items():
+        if file.parent == folder:
+            starts = (line.split(maxsplit=1)[0] for line in text.splitlines() if line.strip())
+            numbers |= {int(start) for start in starts if start.isdecimal() and len(start) < 7}
+    if ball.classes is None or not numbers or min(numbers) == 0 or max(numbers) != ball.classes:
+        return True
+    what = "classes seem to count from 1, and the list of names from 0"
+    got, expected = f"{min(numbers)} to {max(numbers)}", f"0 to {ball.classes - 1}"
+    error = LabelError(what, expected=expected, got=got, remedy="which is the ball? --ball-class N")
+    collector.reject(folder, 1, error)
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class _Picture:
+    """A text and what its picture is called."""
+
+    file: Path
+    name: str
+    """With the folders below that of the import."""
+
+    @property
+    def lists_unannotated(self) -> bool:
+        """Whether the tool writes an empty text also where nobody looked: CVAT does, in folders of such a name."""
+        return bool(CVAT_FOLDER.fullmatch(self.file.parent.name))
 
 
 def _texts_at(path: Path, collector: Collector) -> list[Path]:
@@ -119,35 +166,68 @@ def _texts_at(path: Path, collector: Collector) -> list[Path]:
 
 
 def _read_file(
-    text: str, file: Path, ball: int | None, times: PictureTimes, context: ImportContext, collector: Collector
+    text: str, picture: _Picture, ball: BallClass, times: PictureTimes, context: ImportContext, collector: Collector
 ) -> None:
+    file = picture.file
     lines = [(number, line.split()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     if not lines:
         with collector.entry(file, 1):
-            collector.add(context.make(times.time_of(file.name), LabelState.NO_BALL), file, 1)
+            t_us = times.time_of(picture.name)
+            unsure = picture.lists_unannotated or context.empty_pictures is not None
+            label = context.unannotated(t_us) if unsure else context.make(t_us, LabelState.NO_BALL)
+            collector.add(label, file, 1)
     for number, fields in lines:
         with collector.entry(file, number):
-            if len(fields) not in (5, 6, 8):
-                expected = "5 fields (6 with a confidence, 8 with a keypoint)"
-                raise LabelError("not a line of YOLO", expected=expected, got=len(fields))
-            if whole_number(fields[0], "the class") != ball:
+            if whole_number(fields[0], "the class") != ball.number:
                 raise LabelError(f"class {fields[0]} is not {context.ball_class or CLASS_NAME!r}")
-            collector.add(_label_of(fields, times.time_of(file.name), context), file, number)
+            numbers = [finite(field, f"field {place}") for place, field in enumerate(fields[1:], start=2)]
+            if not all(-OUTSIDE <= number <= 1.0 + OUTSIDE for number in numbers[:4]):
+                remedy = "are these pixels, where shares belong?" if max(numbers) > 2 else ""
+                raise LabelError("outside the picture", expected="shares, 0 to 1", got=numbers[:4], remedy=remedy)
+            label = _label_of(numbers, ball, times.time_of(picture.name), context)
+            collector.add(label, file, number)
 
 
-def _label_of(fields: list[str], t_us: int, context: ImportContext) -> Label:
-    numbers = [finite(field, f"field {number}") for number, field in enumerate(fields[1:], start=2)]
-    if not all(0.0 <= number <= 1.0 for number in numbers[:4]):
-        raise LabelError("outside the picture", expected="shares of it, 0 to 1", got=numbers[:4])
+def _label_of(numbers: list[float], ball: BallClass, t_us: int, context: ImportContext) -> Label:
+    """From what follows the class: a box, with a confidence or a keypoint, or the corners of a polygon."""
     width, height = context.sensor.width_px, context.sensor.height_px
-    x, y, w, h = numbers[:4]
-    radius = (w * width + h * height) / 4
-    if not radius > 0:
-        raise LabelError("the box is empty", got=numbers[:4])
+    count = len(numbers)
     state = LabelState.VISIBLE
-    if len(numbers) == 7 and numbers[6] > 0:
-        x, y = numbers[4:6]
-        state = LabelState.VISIBLE if numbers[6] >= WHOLLY_VISIBLE else LabelState.PARTLY_OCCLUDED
+    keypoint = ball.keypoint_numbers
+    if keypoint is None:  # not said: three belong to a keypoint, two may be the third corner of a polygon
+        keypoint = 3 if count == 7 else 0
+    if keypoint and count in (4 + keypoint, 5 + keypoint):
+        box, point = numbers[:4], numbers[4 : 4 + keypoint]
+    elif count in (4, 5) and not keypoint:
+        box, point = numbers[:4], []
+    elif count >= 6 and not keypoint and (count % 2 == 0 or count >= 9):  # odd: a confidence follows
+        return _label_of_polygon(numbers[: count - count % 2], t_us, context)
+    else:
+        expected = "a class and 4 numbers (5 with a confidence), those with a keypoint, or 3 and more corners"
+        raise LabelError("not a line of YOLO", expected=expected, got=f"{count} numbers")
+    x, y, w, h = box
+    radius = (w * width + h * height) / 4
+    if not all(0.0 <= number <= 1.0 for number in box):
+        raise LabelError("outside the picture", expected="shares, 0 to 1", got=box)
+    if not min(w, h) > 0:
+        raise LabelError("the box is empty", got=box)
+    if point and (len(point) == 2 or point[2] > 0):
+        if not all(0 <= share <= 1 for share in point[:2]):
+            raise LabelError("the keypoint is outside the picture", expected="shares, 0 to 1", got=point[:2])
+        if abs(point[0] - x) > 2 * w or abs(point[1] - y) > 2 * h:
+            raise LabelError("the keypoint lies far from its box", got=numbers)
+        x, y = point[:2]
+        whole = len(point) == 2 or point[2] >= WHOLLY_VISIBLE
+        state = LabelState.VISIBLE if whole else LabelState.PARTLY_OCCLUDED
         # The box may be cut off by an edge; its larger side still shows the radius.
         radius = max(w * width, h * height) / 2
     return context.ball(t_us, state, x * width - HALF_PIXEL, y * height - HALF_PIXEL, radius)
+
+
+def _label_of_polygon(numbers: list[float], t_us: int, context: ImportContext) -> Label:
+    """The centre and the radius of a circle with the area of a polygon, of a segment or of a turned box."""
+    if not all(-OUTSIDE <= number <= 1.0 + OUTSIDE for number in numbers):
+        raise LabelError("outside the picture", expected="shares, 0 to 1", got=numbers[:8])
+    corners = np.array(numbers).reshape(-1, 2) * (context.sensor.width_px, context.sensor.height_px)
+    x, y, radius = circle_of_polygon(corners)
+    return context.ball(t_us, LabelState.VISIBLE, x - HALF_PIXEL, y - HALF_PIXEL, radius)

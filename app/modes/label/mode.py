@@ -14,6 +14,7 @@ import numpy as np
 from app.modes.label.annotator import AnnotatorPrompt, annotator_from, last_annotator, remember_annotator
 from app.modes.label.comparer import LabelComparer, OtherStores
 from app.modes.label.editor import EditorAct, LabelCallbacks, LabelEditor
+from app.modes.label.import_panel import LabelImports
 from app.modes.label.keys import ACTS, HeldKeys
 from app.modes.label.label_picture import strip_time
 from app.modes.label.labelling import DEFAULT_STEP_US, LABEL_STEPS_US, ZOOMS, LabelView, Point, begin_labelling
@@ -99,6 +100,7 @@ class LabelMode:
                 lambda name: host.later(lambda: self._act(name)),
             )
             self._results = LabelResults(host)
+            self._imports = LabelImports(host)
 
     @property
     def middle(self) -> Middle:
@@ -147,6 +149,7 @@ class LabelMode:
             self._elsewhere = (state.camera, state.looks)
             editor.change_view({"camera": state.camera})
         self._results.tick(editor, wall_s)
+        self._imports.tick(editor, wall_s)
         comparer.tick(wall_s)
         now = editor.labelling
         scene = self._scene(editor, state)
@@ -181,6 +184,7 @@ class LabelMode:
         """The browser is gone."""
         self._pictures.close()
         self._live.close()
+        self._imports.close()
         self._drop()
 
     def _show_in_time_bar(self, editor: LabelEditor, wall_s: float) -> None:

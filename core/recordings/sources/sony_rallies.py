@@ -7,8 +7,8 @@ with resolution, camera_matrix, distortion_coeffs, T_CW), or has to be given. Th
 
 from __future__ import annotations
 
-import dataclasses
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -23,9 +23,10 @@ from core.geometry import invert_transform
 from core.recordings.hdf5 import dataset_at, group_at
 from core.recordings.sources.hdf5_reading import read_in_parts
 from core.recordings.sources.making import make_table_source
-from core.recordings.sources.source import EventSource, RawColumns, Whence
+from core.recordings.sources.sony_reference import LABEL_SUFFIX, read_reference
+from core.recordings.sources.source import DecodeReport, EventSource, RawColumns, Whence
+from core.recordings.truth import BallTruth
 
-LABEL_SUFFIX: Final = "_label.h5"
 _COLUMNS: Final = ("t", "x", "y", "p")
 _LARGEST_YAML: Final = 1 << 20
 _UP: Final = 3
@@ -62,7 +63,7 @@ def open_sony_folder(path: Path, sensor: SensorSize | None) -> list[EventSource]
     rallies = sorted({file.name for file in files})
     if len(rallies) != 1:
         shown = ", ".join(rallies[:4]) + (", ..." if len(rallies) > 4 else "")
-        remedy = "give the file of one camera, or a folder with the cameras of one rally"
+        remedy = "name one by the files of its cameras: import evs1/SEQ.h5 [evs2/SEQ.h5] REC.h5"
         raise RecordingError("several rallies", got=f"{len(rallies)}: {shown}", where=path, remedy=remedy)
     return [_open_camera(file, file.parent.name, sensor) for file in files]
 
@@ -117,11 +118,29 @@ def _open_camera(path: Path, name: str, sensor: SensorSize | None) -> EventSourc
         unit="us", unit_from=Whence.FORMAT, sensor_from=Whence.CALIBRATION, shift_us=t0_us,
         remarks=(remark,) if remark else (),
     )  # fmt: skip
-    return dataclasses.replace(source, calibration=camera)
+
+    def reference(report: DecodeReport) -> BallTruth | None:
+        return read_reference(path, name, camera, _world_frame(path, name), t0_us, report.notes)
+
+    return replace(source, calibration=camera, reference=reference)
+
+
+def _world_frame(path: Path, name: str) -> np.ndarray | None:
+    """The pose T_WO of the table's frame in that of the calibration; None if the file has none."""
+    tree, _ = _calibration_tree(path, name)
+    with suppress(*_BROKEN):
+        return _rigid(np.asarray(tree["T_WO"], np.float64))
+    return None
 
 
 def _calibration(path: Path, name: str) -> tuple[SensorSize | None, Camera | None, str | None]:
     """Size and lens of a camera from a .yaml beside or above its file, and a remark about it."""
+    tree, file = _calibration_tree(path, name)
+    return (None, None, None) if file is None else _camera(tree[name], tree.get("T_WO"), name, file)
+
+
+def _calibration_tree(path: Path, name: str) -> tuple[dict, Path | None]:
+    """The content of the nearest .yaml that has the camera, and where it is; empty if none has."""
     for folder in list(path.resolve().parents)[:_UP]:
         for file in sorted(folder.glob("*.yaml")):
             with suppress(*_BROKEN):
@@ -132,8 +151,8 @@ def _calibration(path: Path, name: str) -> tuple[SensorSize | None, Camera | Non
                     continue
                 entry = tree.get(name)
                 if isinstance(entry, dict) and "camera_matrix" in entry and "resolution" in entry:
-                    return _camera(entry, tree.get("T_WO"), name, file)
-    return None, None, None
+                    return tree, file
+    return {}, None
 
 
 def _camera(

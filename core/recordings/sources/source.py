@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from core.cameras import Camera
 from core.events import Events, SensorSize
 from core.recordings.recording import Triggers
+from core.recordings.truth import BallTruth
 
 TIME_UNIT: Final = "time unit"
 POLARITY: Final = "polarity"
@@ -162,3 +163,5 @@ class EventSource:
     """Where the sensor's size is from."""
     facts: Mapping[str, Fact] = field(default_factory=dict)
     """What is known before the first event is read; the report of the reading adds to them."""
+    reference: Callable[[DecodeReport], BallTruth | None] | None = None
+    """Where the ball is according to another instrument, in the world of `calibration`, on the source's own clock."""

@@ -54,7 +54,9 @@ def common(recording: Path, data: Path) -> list[object]:
     return [recording, "--camera", "left", "--data", data]
 
 
-@pytest.mark.parametrize("name", ["voc", "yolo", "yolo-pose", "coco", "tracknet", "cvat", "csv", "hdf5", "sony"])
+@pytest.mark.parametrize(
+    "name", ["voc", "yolo", "yolo-pose", "coco", "tracknet", "cvat", "label-studio", "csv", "hdf5", "sony"]
+)
 def test_labels_go_out_and_come_back(
     capsys: pytest.CaptureFixture[str], recording: Path, data: Path, tmp_path: Path, name: str
 ) -> None:

@@ -19,6 +19,7 @@ WORST_ERROR_PX = {
     "yolo": 0.01,
     "yolo-pose": 0.01,
     "coco": 0.01,
+    "label-studio": 0.0,
     "tracknet": 0.71,
     "cvat": 0.01,
     "csv": 0.0,
@@ -26,7 +27,7 @@ WORST_ERROR_PX = {
     "sony": 0.0,
 }
 EXACT = ("csv", "hdf5")
-KEEPS_STATES = ("voc", "coco", "cvat", "csv", "hdf5", "sony")
+KEEPS_STATES = ("voc", "coco", "cvat", "csv", "hdf5", "label-studio", "sony")
 
 
 @pytest.fixture(params=sorted(FORMATS))

@@ -93,8 +93,11 @@ def test_coco_boxes_without_keypoints_are_read(tmp_path: Path) -> None:
       {"id": 4, "image_id": 7, "category_id": 5,
        "bbox": [1, 2, 3]}, 17]}"""
     imported = read("coco", tmp_path / "a.json", text)
+    assert places(imported) == [(20_000, "visible", 11.5, 22.5)]
+    assert sorted(rejection.line for rejection in imported.rejections) == [1, 1, 5, 6, 7]
+    looked_at = dataclasses.replace(FRAMES, empty_pictures=LabelState.NO_BALL)
+    imported = read("coco", tmp_path / "a.json", text, looked_at)
     assert places(imported) == [(20_000, "visible", 11.5, 22.5), (30_000, "no_ball", None, None)]
-    assert sorted(rejection.line for rejection in imported.rejections) == [1, 5, 6, 7]
 
 
 def test_cvat_boxes_ellipses_and_foreign_shapes(tmp_path: Path) -> None:
@@ -104,7 +107,7 @@ def test_cvat_boxes_ellipses_and_foreign_shapes(tmp_path: Path) -> None:
   <box label="ball" occluded="1" xtl="10.0" ytl="20.0" xbr="14.0" ybr="26.0"/></image>
 <image id="1" name="frame_000001.PNG" width="1280" height="720">
   <ellipse label="ball" cx="100.5" cy="50.5" rx="4" ry="6"/>
-  <polygon label="ball" points="1,1;2,2;3,3"/></image>
+  <polyline label="ball" points="1,1;2,2;3,3"/></image>
 <image id="2" name="frame_000002.PNG" width="1280" height="720"/>
 <track id="0" label="ball"/>
 </annotations>"""
@@ -112,9 +115,10 @@ def test_cvat_boxes_ellipses_and_foreign_shapes(tmp_path: Path) -> None:
     assert places(imported) == [
         (0, "partly_occluded", 11.5, 22.5),
         (10_000, "visible", 100.0, 50.0),
-        (20_000, "no_ball", None, None),
     ]
-    assert [rejection.line for rejection in imported.rejections] == [7, 9]
+    assert [rejection.line for rejection in imported.rejections] == [7, 8, 9]
+    looked_at = dataclasses.replace(FRAMES, empty_pictures=LabelState.NO_BALL)
+    assert places(read("cvat", tmp_path / "a.xml", text, looked_at))[2:] == [(20_000, "no_ball", None, None)]
 
 
 def test_a_picture_whose_time_is_not_known_is_rejected_with_what_to_do(tmp_path: Path) -> None:

@@ -1,0 +1,170 @@
+"""Shapes of CVAT: balls of images, and the tracks of videos with their keyframes and what lies between them."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from core.errors import LabelError
+from labels.formats.boxes import circle_of_polygon
+from labels.formats.exchange import (
+    CLASS_NAME,
+    HALF_PIXEL,
+    Collector,
+    ImportContext,
+    finite,
+    refuse_counting_from_1,
+    stated_size,
+    whole_number,
+)
+from labels.formats.xml_nodes import XmlNode
+from labels.model import Label, LabelState, PositionSource
+
+STATE, RADIUS = "state", "r_px"
+TRUE: Final = ("1", "true", "True")
+PLACE: Final = ("points", "xtl", "ytl", "xbr", "ybr", "cx", "cy", "rx", "ry")
+"""Attributes that say where a shape is."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Video:
+    """One file of tracks."""
+
+    file: Path
+    root: XmlNode
+    tracks: list[XmlNode]
+
+
+def label_of_shape(shape: XmlNode, t_us: int, factors: tuple[float, float], context: ImportContext) -> Label:
+    """The ball that a shape is.
+
+    Raises:
+        LabelError: if it is none.
+    """
+    if shape.attributes.get("outside", "0") in TRUE:
+        raise LabelError("the object is outside of the picture, or hidden: no label")
+    attributes = {item.attribute("name"): item.text.strip() for item in shape.all("attribute")}
+    state = LabelState.PARTLY_OCCLUDED if shape.attributes.get("occluded", "0") in TRUE else LabelState.VISIBLE
+    state = LabelState(attributes[STATE]) if STATE in attributes else state
+    across, down = factors
+    radius = finite(attributes[RADIUS], RADIUS) * (across + down) / 2 if attributes.get(RADIUS) else None
+    if shape.tag == "points":
+        places = shape.attribute("points").split(";")
+        if len(places) != 1 or places[0].count(",") != 1:
+            raise LabelError("not one point", got=shape.attributes["points"][:80])
+        x, y = (finite(text, "a coordinate") for text in places[0].split(","))
+    elif shape.tag == "box":
+        x0, y0, x1, y1 = (finite(shape.attribute(edge), edge) for edge in ("xtl", "ytl", "xbr", "ybr"))
+        if x1 <= x0 or y1 <= y0:
+            raise LabelError("the box is empty", got=(x0, y0, x1, y1))
+        x, y, radius = (x0 + x1) / 2, (y0 + y1) / 2, ((x1 - x0) * across + (y1 - y0) * down) / 4
+    elif shape.tag == "ellipse":
+        x, y = (finite(shape.attribute(edge), edge) for edge in ("cx", "cy"))
+        rx, ry = (finite(shape.attribute(edge), edge) for edge in ("rx", "ry"))
+        if rx <= 0 or ry <= 0:
+            raise LabelError("the ellipse is empty", got=(rx, ry))
+        radius = (rx * across + ry * down) / 2
+    elif shape.tag == "polygon" and shape.attribute("points").count(";") >= 2:
+        pairs = [place.split(",") for place in shape.attribute("points").split(";")]
+        corners = [[finite(text, "a coordinate") for text in pair] for pair in pairs if len(pair) == 2]
+        if len(corners) != len(pairs):
+            raise LabelError("not a polygon", got=shape.attributes["points"][:80])
+        x, y, radius = circle_of_polygon(np.array(corners) * (across, down))
+        x, y = x / across, y / down
+    else:
+        raise LabelError(f"<{shape.tag}> is not a ball", expected="points, box, ellipse, polygon, or a tag for a state")
+    return context.ball(t_us, state, x * across - HALF_PIXEL, y * down - HALF_PIXEL, radius)
+
+
+def read_tracks(video: Video, context: ImportContext, collector: Collector) -> None:
+    """Take the balls of tracks: one for each picture in which the object is not *outside*.
+
+    Between keyframes CVAT writes what it interpolated: such labels are *interpolated*. An object that is outside of
+    the picture, or not there yet, is no statement about other balls.
+    """
+    file = video.file
+    try:
+        size = _size_of(video.root)
+        factors = context.scaling([size], collector).of(size)
+    except LabelError as error:
+        collector.reject(file, video.root.line, error)
+        return
+    _note_frames(video.root, collector)
+    numbers = sorted(_frames_of(video.tracks))
+    outside = 0
+    for track in video.tracks:
+        with collector.entry(file, track.line):
+            name = track.attribute("label")
+            if not context.is_ball(name):
+                raise LabelError(f"a track of label {name!r}, which is not {context.ball_class or CLASS_NAME!r}")
+            held = _held_shapes(track)
+            for shape in track.children:
+                if shape.tag == "attribute":
+                    continue
+                if shape.attributes.get("outside", "0") in TRUE:
+                    outside += 1
+                    continue
+                with collector.entry(file, shape.line):
+                    if shape.line in held and shape.attributes.get("frame") in held[shape.line]:
+                        raise LabelError("not a keyframe, and it only repeats the keyframe before")
+                    if context.frame_times_us is not None:
+                        refuse_counting_from_1(numbers, len(context.frame_times_us))
+                    t_us = context.time_of_frame(whole_number(shape.attribute("frame"), "the frame"))
+                    label = label_of_shape(shape, t_us, factors, context)
+                    if shape.attributes.get("keyframe", "1") not in TRUE:
+                        made = dataclasses.replace(label.provenance, source=PositionSource.INTERPOLATED)
+                        label = dataclasses.replace(label, provenance=made)
+                    collector.add(label, file, shape.line)
+    if outside:
+        collector.note(f"{outside} entries say that the object is outside: no label")
+
+
+def _held_shapes(track: XmlNode) -> dict[int, set[str]]:
+    """Lines and frames of shapes that stay where the keyframe before was, though the next one is elsewhere.
+
+    CVAT holds an object so after its last keyframe, up to the end of the video, and some versions between keyframes.
+    """
+    shapes = [shape for shape in track.children if shape.tag != "attribute"]
+    places = [tuple(shape.attributes.get(name) for name in PLACE) for shape in shapes]
+    keys = [shape.attributes.get("keyframe", "1") in TRUE for shape in shapes]
+    held: dict[int, set[str]] = {}
+    before: int | None = None
+    for at, shape in enumerate(shapes):
+        if keys[at]:
+            before = at
+        elif before is not None and places[at] == places[before]:
+            after = next((k for k in range(at + 1, len(shapes)) if keys[k]), None)
+            gone = after is None or shapes[after].attributes.get("outside", "0") in TRUE
+            if after is None or gone or places[after] != places[before]:
+                held.setdefault(shape.line, set()).add(shape.attributes.get("frame", ""))
+    return held
+
+
+def _frames_of(tracks: list[XmlNode]) -> set[int]:
+    texts = {shape.attributes.get("frame", "") for track in tracks for shape in track.children}
+    return {int(text) for text in texts if text.isdecimal() and len(text) < 12}
+
+
+def _size_of(root: XmlNode) -> tuple[float, float] | None:
+    """The size of the video, as <meta><task><original_size> (or <job>) says it."""
+    meta = root.child("meta")
+    for owner in () if meta is None else (*meta.children, meta):
+        size = owner.child("original_size")
+        if size is not None:
+            return stated_size(size.value("width"), size.value("height"))
+    return None
+
+
+def _note_frames(root: XmlNode, collector: Collector) -> None:
+    """Say that the task has a part of the video only: its frames keep the numbers of the whole one."""
+    meta = root.child("meta")
+    for owner in () if meta is None else meta.children:
+        start, step = owner.child("start_frame"), owner.child("frame_filter")
+        if start is not None and start.text.strip() not in ("", "0"):
+            collector.note(f"the task begins at frame {start.text.strip()[:20]} of the video: its numbers are kept")
+        if step is not None and step.text.strip():
+            collector.note(f"the task has a part of the frames ({step.text.strip()[:40]}): their numbers are kept")

@@ -1,0 +1,58 @@
+"""Label files of another tool are looked at in the app before they are accepted, in a real browser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from app.modes.label.import_files import FOLDER, RING
+from labels.model import PositionSource
+from labels.store import LabelStore, Layer, has_labels
+
+pytestmark = pytest.mark.browser
+TIMES_US = tuple(range(250_000, 350_000, 10_000))
+
+
+def test_labels_of_a_file_are_shown_over_their_events_and_stored_only_when_accepted(
+    window, workspace, wait_for, count_like
+) -> None:
+    window.seek(300_000)
+    window.press("Label")
+    mode = window.session._modes["Label"]
+    wait_for(lambda: mode._editor is not None, "Label")
+    recording = mode._editor.labelling.recording
+    truth = recording.cameras["left"].truth.at(np.array(TIMES_US))
+    folder = workspace.root / FOLDER / "yolo of the lab"
+    folder.mkdir(parents=True)
+    (folder / "classes.txt").write_text("person\nball\n")
+    for t_us, u, v, r in zip(TIMES_US, truth.u_px, truth.v_px, truth.r_px, strict=True):
+        box = f"{(u + 0.5) / 1280:.6f} {(v + 0.5) / 720:.6f} {2 * r / 1280:.6f} {2 * r / 720:.6f}"
+        (folder / f"left_t{t_us:012d}us_png.rf.0a1b2c3d4e5f.txt").write_text(f"1 {box}\n0 0.5 0.5 0.2 0.2\n")
+    (folder / "holiday.txt").write_text("1 0.5 0.5 0.01 0.01\n")
+    layer = Layer(recording.uuid, "left", "imported")
+    wait_for(lambda: mode._imports._panel.chosen[0] == "yolo of the lab", "the folder to be offered")
+    page = window.page
+    page.get_by_text("Import labels", exact=True).click()
+    window.field("Made by").locator("xpath=..").locator("input:visible").first.click()
+    page.locator("div[role=option]:visible").get_by_text("YOLO", exact=True).click()
+    page.wait_for_timeout(200)
+    window.press("Look at them")
+    accept = page.get_by_role("button", name="Accept 10 labels")
+    accept.wait_for()
+    accept.scroll_into_view_if_needed()
+    page.get_by_text("rejected: class ... is not ...").wait_for()
+    page.get_by_text("rejected: which picture is it?").wait_for()
+    assert not has_labels(workspace.labels, layer)
+    page.wait_for_timeout(500)
+    seen = window.screenshot("label-import")
+    assert count_like(seen[:, 870:], RING, 40) > 100  # the circles, in the panel
+    accept.click()
+    page.get_by_text("10 labels stored for 'imported', camera left").wait_for()
+    window.screenshot("label-imported")
+    stored = LabelStore.read(workspace.labels, layer).all()
+    assert [label.t_us for label in stored] == list(TIMES_US)
+    assert (
+        np.hypot(*(np.array([(one.x_px, one.y_px) for one in stored]) - np.stack([truth.u_px, truth.v_px], 1)).T).max()
+        < 0.01
+    )
+    assert {label.provenance.source for label in stored} == {PositionSource.IMPORTED}

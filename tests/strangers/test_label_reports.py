@@ -1,0 +1,310 @@
+"""Public reports of people with label files of other tools, each with a small input made here, through the command.
+
+`was` says what an import did before, where it was wrong: mostly it stored something else, with exit code 0.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from tests.labels.formats.import_command import Row, import_files
+
+BALL = "0.5 0.25 0.015625 0.0277778"
+AT: Row = (10_000, "visible", 639.5, 179.5)
+CVAT, STUDIO = "https://github.com/cvat-ai/cvat", "https://github.com/HumanSignal/label-studio"
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report, its input, and what has to come of it."""
+
+    link: str
+    was: str
+    kind: str
+    files: Mapping[str, str]
+    rows: list[Row] = field(default_factory=list)
+    says: str = ""
+    flags: tuple[str, ...] = ()
+
+
+def coco(annotations: list[dict], images: list[dict], categories: list[dict]) -> str:
+    return json.dumps({"images": images, "annotations": annotations, "categories": categories})
+
+
+def picture(number: object = 1, name: str = "frame_000001.png", **more: object) -> dict:
+    return {"id": number, "file_name": name, **more}
+
+
+def ball(**more: object) -> dict:
+    return {"id": 1, "image_id": 1, "category_id": 1, "bbox": [630, 170, 20, 20], "area": 400, "iscrowd": 0, **more}
+
+
+BALLS = [{"id": 1, "name": "ball"}]
+
+
+def track(*shapes: tuple[int, float, int, int]) -> str:
+    """Boxes of one track: frame, centre, keyframe, outside."""
+    boxes = "".join(
+        f'<box frame="{frame}" outside="{outside}" occluded="0" keyframe="{key}" xtl="{x - 10}" ytl="170" '
+        f'xbr="{x + 10}" ybr="190"/>'
+        for frame, x, key, outside in shapes
+    )
+    return (
+        f'<annotations><version>1.1</version><track id="0" label="ball" source="manual">{boxes}</track></annotations>'
+    )
+
+
+REPORTS = [
+    Report(
+        f"{CVAT}/issues/7643",
+        "Circles are not in CVAT's YOLO export: 329 empty texts became 329 pictures without a ball.",
+        "yolo",
+        {"obj.names": "ball\n", "obj_train_data/frame_000001.txt": "", "obj_train_data/frame_000002.txt": ""},
+        says="nobody may have looked at it",
+    ),
+    Report(
+        f"{CVAT}/issues/7643",
+        "The same in its Pascal VOC export: files without objects became pictures without a ball.",
+        "voc",
+        {
+            "Annotations/frame_000001.xml": "<annotation><filename>frame_000001.PNG</filename><source><database>Unknown"
+            "</database><annotation>Unknown</annotation><image>Unknown</image></source></annotation>"
+        },
+        says="nobody may have looked at it",
+    ),
+    Report(
+        f"{CVAT}/issues/8322",
+        "Turned boxes are not in CVAT's YOLO 1.1 export: blank texts became no ball.",
+        "yolo",
+        {
+            "obj.names": "ball\n",
+            "obj_train_data/frame_000001.txt": f"0 {BALL}\n",
+            "obj_train_data/frame_000002.txt": "",
+        },
+        [AT],
+        "nobody may have looked at it",
+    ),
+    Report(
+        f"{CVAT}/issues/1251",
+        "Frames that nobody annotated are exported too (CVAT for images): they became no ball.",
+        "cvat",
+        {
+            "annotations.xml": '<annotations><image id="1" name="frame_000001.png"><box label="ball" '
+            'xtl="630" ytl="170" xbr="650" ybr="190"/></image>'
+            '<image id="2" name="frame_000002.png"></image></annotations>'
+        },
+        [AT],
+        "nobody may have looked at it",
+    ),
+    Report(
+        f"{CVAT}/issues/1294",
+        "With frame steps there are empty texts of the pictures' numbers, full ones of others: both were taken.",
+        "yolo",
+        {
+            "obj.names": "ball\n",
+            "obj_train_data/000000.txt": "",
+            "obj_train_data/000005.txt": "",
+            "obj_train_data/frame_000000.txt": f"0 {BALL}\n",
+            "obj_train_data/frame_000001.txt": f"0 {BALL}\n",
+        },
+        says="pictures are named in two ways",
+    ),
+    Report(
+        f"{CVAT}/issues/3879",
+        "Boxes between keyframes are exported at the place of the keyframe before. (Tracks were refused altogether.)",
+        "cvat",
+        {"annotations.xml": track((1, 640, 1, 0), (2, 640, 0, 0), (3, 680, 1, 0))},
+        [AT, (30_000, "visible", 679.5, 179.5)],
+        "only repeats the keyframe before",
+    ),
+    Report(
+        f"{CVAT}/issues/8514",
+        "A track that is not ended has a box in every frame up to the end of the video. (Tracks were refused.)",
+        "cvat",
+        {"annotations.xml": track((1, 640, 1, 0), *((frame, 640, 0, 0) for frame in range(2, 60)))},
+        [AT],
+        "only repeats the keyframe before",
+    ),
+    Report(
+        f"{CVAT}/issues/900",
+        "The last entry of a track, `outside`, is no ball's place and says nothing of others. (Tracks were refused.)",
+        "cvat",
+        {"annotations.xml": track((1, 640, 1, 0), (2, 650, 0, 0), (3, 660, 1, 0), (4, 660, 1, 1))},
+        [AT, (20_000, "visible", 649.5, 179.5), (30_000, "visible", 659.5, 179.5)],
+        "1 entries say that the object is outside",
+    ),
+    Report(
+        f"{CVAT}/issues/4185",
+        "Pictures of one name in two folders share an image id: the second one's ball was put into the first.",
+        "coco",
+        {
+            "a.json": coco(
+                [ball(), ball(id=2, bbox=[10, 10, 20, 20])],
+                [picture(1, "left/frame_000001.png"), picture(1, "right/frame_000001.png")],
+                BALLS,
+            )
+        },
+        says="used twice",
+    ),
+    Report(
+        f"{CVAT}/issues/298",
+        "Image ids are text in the list, numbers in the annotations: every picture became empty.",
+        "coco",
+        {"a.json": coco([ball()], [picture("1")], BALLS)},
+        [AT],
+    ),
+    Report(
+        "https://github.com/pylabel-project/pylabel/issues/6",
+        "category_id is text, and iscrowd is null.",
+        "coco",
+        {"a.json": coco([ball(category_id="1", iscrowd=None)], [picture()], BALLS)},
+        [AT],
+    ),
+    Report(
+        f"{STUDIO}/issues/6609",
+        "Categories count from 0.",
+        "coco",
+        {
+            "result.json": coco([ball(category_id=0)], [picture(0)], [{"id": 0, "name": "ball"}]).replace(
+                '"image_id": 1', '"image_id": 0'
+            )
+        },
+        [AT],
+    ),
+    Report(
+        f"{STUDIO}/issues/9366",
+        "file_name is the place where Label Studio keeps the picture, with eight hex digits before its name.",
+        "coco",
+        {
+            "result.json": coco(
+                [ball()], [picture(1, "../../label-studio/data/media/upload/3/1a2b3c44-frame_000001.png")], BALLS
+            )
+        },
+        [AT],
+    ),
+    Report(
+        f"{STUDIO}/issues/6416",
+        "classes.txt and notes.json of one export number the classes differently: the first one was believed.",
+        "yolo",
+        {
+            "classes.txt": "racket\nball\n",
+            "notes.json": '{"categories": [{"id": "1", "name": "racket"}, {"id": "0", "name": "ball"}]}',
+            "labels/1a2b3c44-frame_000001.txt": f"0 {BALL}\n",
+        },
+        says="lists of class names disagree",
+    ),
+    Report(
+        "https://github.com/obss/sahi/issues/524",
+        "Classes in the texts count from 1, the list from 0: persons (1) were taken for the ball, balls (2) rejected.",
+        "yolo",
+        {
+            "data.yaml": "names: [person, ball]\nnc: 2\n",
+            "train/frame_000001.txt": f"2 {BALL}\n1 0.3 0.5 0.2 0.4\n",
+            "train/frame_000002.txt": "1 0.31 0.5 0.2 0.4\n",
+        },
+        says="count from 1",
+    ),
+    Report(
+        "https://github.com/ultralytics/yolov5/issues/1538",
+        "A class beyond the list, in one line: it is left out, the rest is kept.",
+        "yolo",
+        {"data.yaml": "names: [ball]\n", "frame_000001.txt": f"16 0.1 0.1 0.1 0.1\n0 {BALL}\n"},
+        [AT],
+        "class 16 is not 'ball'",
+    ),
+    Report(
+        "https://github.com/HumanSignal/labelImg/issues/465",
+        "LabelImg overwrote classes.txt with fewer names: a class that is not in it is not the ball.",
+        "yolo",
+        {"classes.txt": "person\n", "frame_000001.txt": f"1 {BALL}\n"},
+        says="no class 'ball' among ['person']",
+    ),
+    Report(
+        "https://github.com/GreatV/labelme2yolo/issues/25",
+        "Nine columns are a polygon (labelme2yolo): they were refused as no YOLO.",
+        "yolo",
+        {
+            "data.yaml": "names: [ball]\n",
+            "frame_000001.txt": "0 0.4921875 0.2361111 0.5078125 0.2361111 0.5078125 0.2638889 0.4921875 0.2638889\n",
+        },
+        [AT],
+    ),
+    Report(
+        "https://github.com/ultralytics/yolov5/issues/10196",
+        "A segment in pixels, with a confidence at its end.",
+        "yolo",
+        {"data.yaml": "names: [ball]\n", "frame_000001.txt": "0 630 170 650 170 650 190 630 190 0.464866\n"},
+        says="are these pixels",
+    ),
+    Report(
+        "https://github.com/ultralytics/yolov5/issues/4873",
+        "x, y, width and height in pixels from OpenCV.",
+        "yolo",
+        {"data.yaml": "names: [ball]\n", "frame_000001.txt": "0 164 487 105 35\n"},
+        says="are these pixels",
+    ),
+    Report(
+        "https://github.com/AlexeyAB/darknet/issues/785",
+        "A wrong conversion of COCO gives heights below 0.",
+        "yolo",
+        {"data.yaml": "names: [ball]\n", "frame_000001.txt": "0 0.004953 0.311290 0.009906 -0.299441\n"},
+        says="outside the picture",
+    ),
+    Report(
+        "https://github.com/cocodataset/cocoapi/issues/474",
+        "A box in shares of the picture in COCO became a ball of 0.8 px in the corner.",
+        "coco",
+        {
+            "a.json": coco(
+                [ball(bbox=[0.230576753616333, 0.5892798900604248, 1.7554702758789062, 1.3417853116989136], area=0)],
+                [picture()],
+                BALLS,
+            )
+        },
+        says="shares of the picture",
+    ),
+    Report(
+        "https://github.com/weecology/DeepForest/pull/1215",
+        "Corners where COCO has a corner and sides: a ball of 230 px beside the place was taken.",
+        "coco",
+        {"a.json": coco([ball(bbox=[630, 170, 650, 190])], [picture()], BALLS)},
+        says="the box and its area contradict each other",
+    ),
+    Report(
+        "https://github.com/Chang-Chia-Chi/TrackNet-Badminton-Tracking-tensorflow2/issues/8",
+        "Shares of the picture under the header of pixels put every ball into the corner.",
+        "tracknet",
+        {"match1.csv": "Frame,Visibility,X,Y\n0,1,0.461,0.451\n1,1,0.463,0.45\n"},
+        says="shares of the picture",
+    ),
+    Report(
+        "https://github.com/mareksubocz/TrackNet/issues/2",
+        "A folder with the table of every video: frames of the second one were added to the first's.",
+        "tracknet",
+        {
+            "csvs/vid1.csv": "Frame,Visibility,X,Y\n0,1,100,100\n",
+            "csvs/vid2.csv": "Frame,Visibility,X,Y\n0,1,500,500\n1,1,510,500\n",
+        },
+        says="the same pictures are in several files",
+    ),
+]
+
+
+@pytest.mark.parametrize("report", REPORTS, ids=lambda report: "-".join(report.link.split("/")[3:]) + f"-{report.kind}")
+def test_what_was_reported_is_read_right_or_refused(report: Report, tmp_path: Path) -> None:
+    made = import_files(tmp_path, report.kind, report.files, *report.flags)
+    assert made.code == (0 if report.rows else 2), made
+    assert [row[:2] for row in made.rows] == [row[:2] for row in report.rows]
+    for found, wanted in zip(made.rows, report.rows, strict=True):
+        assert found[2:] == pytest.approx(wanted[2:], abs=0.02)
+    assert report.says in made.said
+
+
+def test_each_report_is_named_with_what_was_wrong() -> None:
+    assert len({report.link for report in REPORTS}) >= 20
+    assert all(report.link.startswith("https://github.com/") and report.was[-1] in ".)" for report in REPORTS)
