@@ -6,7 +6,7 @@ To import this module registers it, as does `gymnasium.make("core.learning.gym_e
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -130,11 +130,12 @@ def task_of(
     return task, reward
 
 
-def spaces_of(environment: EnvironmentConfig) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
+def spaces_of(environment: EnvironmentConfig) -> tuple[gymnasium.Space[Floats], gymnasium.Space[Floats]]:
     """The spaces of an observation and of an action."""
     size = STATE_SIZES[environment.state] + 2
     observation = gymnasium.spaces.Box(-WIDEST, WIDEST, (size,), np.float32)
-    return observation, gymnasium.spaces.Box(-1.0, 1.0, (action_size(environment),), np.float32)
+    action = gymnasium.spaces.Box(-1.0, 1.0, (action_size(environment),), np.float32)
+    return cast("gymnasium.Space[Floats]", observation), cast("gymnasium.Space[Floats]", action)
 
 
 def observations_of(balls: ServeBatch) -> Floats:
