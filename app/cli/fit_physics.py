@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from core.metrics.flight_predictions import FlightErrors
 
 TEST_SHARE = 0.3
+MOST_SAMPLES = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,8 +37,11 @@ def run(arguments: FitPhysicsArguments) -> None:
     """Fit on most of the flights, test on the others, print both."""
     if not 0 <= arguments.magnus <= 0.5:
         raise CommandError("no such coefficient", expected="0 to 0.5", got=arguments.magnus, where="--magnus")
-    if arguments.samples < 2 or arguments.seed < 0:
-        raise CommandError("not a usable count", expected="--samples from 2, --seed from 0")
+    if not 2 <= arguments.samples <= MOST_SAMPLES:
+        expected = f"2 to {MOST_SAMPLES}"
+        raise CommandError("not a usable count", expected=expected, got=arguments.samples, where="--samples")
+    if arguments.seed < 0:
+        raise CommandError("not a usable seed", expected="0 or more", got=arguments.seed, where="--seed")
     if len(arguments.flights) < 4:
         raise CommandError(
             "not enough flights", expected="4 or more: some are kept for the test", got=len(arguments.flights)
