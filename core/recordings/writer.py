@@ -161,7 +161,8 @@ class RecordingWriter:
         self.append_rows(layout.frames_group(camera), rows)
 
     def note(self, text: str) -> None:
-        """Say something that a reader of the recording should know."""
+        """Say something that a reader of the recording should know; names of files may hold what is no text."""
+        text = text.encode("utf-8", "backslashreplace").decode("utf-8")
         self._append_frame({"kind": "note", "text": text})
 
     def extend_duration(self, duration_us: int) -> None:

@@ -5,6 +5,7 @@ Each case says whether it was wrong here before it was tried.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import gymnasium
@@ -13,10 +14,12 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
+from app.cli import main
 from core.cameras.calibration_file import read_calibration_file
 from core.errors import AgentError, CalibrationError
 from core.learning.gym_environment import RETURN_ID
 from core.physics.points_file import PointsFileError, read_points_file
+from core.recordings import open_recording
 
 CAMERA_INFO = "height: {h}\nwidth: {w}\ndistortion_model: {model}\nd: {d}\nk: {k}\nbinning_x: {bin}\nbinning_y: {bin}\n"
 ONE = "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
@@ -197,3 +200,17 @@ def test_a_vectorised_episode_serves_no_ball_twice() -> None:
         seen.append(copies.step(np.zeros((4, 3), np.float32))[0])
     rows = np.concatenate(seen)
     assert len(np.unique(rows, axis=0)) == len(rows)
+
+
+def test_a_calibration_whose_name_is_no_text_is_kept_with_its_remark(tmp_path: Path) -> None:
+    """https://github.com/rsnitsch/py3createtorrent/issues/33 (names that are no text): was an error of the codec."""
+    lens = tmp_path / os.fsdecode(b"\xfflens.yml")
+    K = "[[1000, 0, 640], [0, 1000, 360], [0, 0, 1]]"
+    lens.write_text(
+        f"image_width: 1280\nimage_height: 720\ncamera_matrix: {K}\ndistortion_coefficients: [0.1, 0.01, 0, 0]\n"
+    )
+    np.savez(tmp_path / "a.npz", t=np.array([0, 5]), x=np.array([1, 2]), y=np.array([3, 4]), p=np.array([0, 1]))
+    words = ["--width", "1280", "--height", "720", "--calibration", str(lens), "--time-unit", "us"]
+    assert main(["import", str(tmp_path / "a.npz"), str(tmp_path / "a.h5"), *words]) == 0
+    with open_recording(tmp_path / "a.h5") as recording:
+        assert "names no lens model" in " ".join(recording.notes)

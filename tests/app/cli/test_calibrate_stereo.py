@@ -108,7 +108,7 @@ def test_a_recording_is_enough_where_it_has_lenses(serve_recording: Path, tmp_pa
         (["--scale", "baseline=nan"], "--scale: a baseline of nan m cannot be right"),
         (["--scale", "wand=400"], "0.4 m (millimetres)"),
         (["--scale", "baseline=x"], "not a length"),
-        (["--scale", "baseline=-1"], "0.001 to 100 m"),
+        (["--scale", "baseline=-1"], "0.005 to 12 m"),
         (["--scale", "table"], "--table-corners"),
         (["--scale", "wand=0.4"], "too little of the wand"),
         (["--table-corners", "none.csv"], "cannot read the corners"),
@@ -116,7 +116,7 @@ def test_a_recording_is_enough_where_it_has_lenses(serve_recording: Path, tmp_pa
         (["--scale", "baseline=3.5", "--detections", "left=none.csv,right=none.csv"], "none.csv"),
         (["--scale", "baseline=3.5", "--lenses", "left=none.toml,right=none.toml"], "none.toml"),
         (["--scale", "baseline=3.5", "--out", "rig.yaml"], "expected .toml"),
-        (["--scale", "baseline=3.5", "--max-offset-ms", "-1"], "max_offset_ms"),
+        (["--scale", "baseline=3.5", "--max-offset-ms", "-1"], "--max-offset-ms: expected 0 to 2000"),
         (["--scale", "baseline=3.5", "--report", "rig.png"], "FILE.svg"),
     ],
 )
