@@ -110,9 +110,8 @@ def import_recording(
         sensors.setdefault(name, pictures.sensor)
     if frames is not None:
         sensors[FRAME_CAMERA] = first_image_size(frames.images)
-    uuid = source_uuid(
-        sources, list(sensors), str(sensor) + (clock.digest if clock is not None else "") + _choices(stated), offset_us
-    )
+    details = str(sensor) + (clock.digest if clock is not None else "") + _choices(stated)
+    uuid = source_uuid(sources, list(sensors), details, offset_us)
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
