@@ -74,6 +74,10 @@ class ConfigError(RallyscopeError):
     """A configuration value or file that is out of range, unknown or malformed."""
 
 
+class AgentError(RallyscopeError):
+    """An agent whose action, or a reward whose value, is no number."""
+
+
 class CommandError(RallyscopeError):
     """A command line that asks for something impossible."""
 

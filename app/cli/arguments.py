@@ -12,15 +12,18 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import NoneType
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
-from core.config import field_spec
+from core.config import Bounds, field_spec
 from core.errors import CommandError, RallyscopeError
 
 A = TypeVar("A")
+LARGEST_COUNT = 10**12
+"""Of anything that can be counted here; a time of eleven days in us."""
 DATA = Path("rallyscope-data")
 """The workspace, unless `--data` names another."""
 
@@ -40,14 +43,17 @@ def flag(
     choices: Iterable[object] | None = None,
     name: str | None = None,
     repeated: bool = False,
+    within: tuple[type, str] | None = None,
 ) -> Any:
     """A field that is a flag: `--its-name`, unless it is given another `name`.
 
     Its help says the default. Of a field with `| None` that is what the verb takes for None. Of a tuple, all words
-    follow the flag, unless it is `repeated`: then it is given again for each.
+    follow the flag, unless it is `repeated`: then it is given again for each. It has the bounds of the config's field
+    that `within` names.
     """
     settings = {"help": what, "metavar": metavar, "default": default, "choices": choices}
-    return dataclasses.field(metadata={"settings": settings, "name": name, "repeated": repeated})
+    bounds = None if within is None else field_spec(*within).bounds
+    return dataclasses.field(metadata={"settings": settings, "name": name, "repeated": repeated, "bounds": bounds})
 
 
 def setting_flag(config: type, setting: str, metavar: str | None = None, what: str = "") -> Any:
@@ -56,7 +62,7 @@ def setting_flag(config: type, setting: str, metavar: str | None = None, what: s
     (item,) = (item for item in dataclasses.fields(config) if item.name == setting)
     registered = item.metadata.get("choices")  # of a text; those of a Literal are known by the field's type
     made = flag(what or spec.doc.removesuffix("."), metavar, spec.default, choices=registered)
-    return dataclasses.field(metadata={**made.metadata, "sets": f"{config.__name__}.{setting}"})
+    return dataclasses.field(metadata={**made.metadata, "bounds": spec.bounds})
 
 
 def positional(what: str, metavar: str, *, choices: Iterable[object] | None = None) -> Any:
@@ -83,36 +89,7 @@ def add_verb(parser: argparse.ArgumentParser, run: Callable[[A], None]) -> None:
     except argparse.ArgumentError as error:
         remedy = "a plugin has taken the name of a flag: register what it adds by another name"
         raise CommandError("two flags of one name", got=error, where=parser.prog, remedy=remedy) from error
-    parser.set_defaults(run=lambda parsed: _run(run, read_arguments(kind, parsed)))
-
-
-def _run(run: Callable[[A], None], arguments: A) -> None:
-    """Run the verb; an error about a setting that a flag has set names the flag.
-
-    Raises:
-        RallyscopeError: what the verb raises.
-    """
-    try:
-        run(arguments)
-    except RallyscopeError as error:
-        text = str(error)
-        for setting, name in _flags_given(arguments):
-            if text.startswith(f"{setting}: "):
-                raise CommandError(f"{name}{text.removeprefix(setting)}") from error
-        raise
-
-
-def _flags_given(arguments: object) -> Iterator[tuple[str, str]]:
-    """Settings of configs, and plain names, that flags on the command line have set, with the flags."""
-    for item, hint in _fields(type(arguments)):
-        value = getattr(arguments, item.name)
-        if _is_group(hint):
-            yield from _flags_given(value)
-        elif "name" in item.metadata and value is not None and value != item.metadata["settings"]["default"]:
-            name = f"--{item.metadata['name'] or item.name.replace('_', '-')}"
-            yield item.name, name
-            if "sets" in item.metadata:
-                yield item.metadata["sets"], name
+    parser.set_defaults(run=lambda parsed: run(read_arguments(kind, parsed)))
 
 
 def arguments_of(run: Callable[[A], None]) -> type[A]:
@@ -173,12 +150,12 @@ def _add_argument(parser: argparse._ActionsContainer, item: dataclasses.Field[An
     elif get_origin(kind) is Literal:
         options["choices"] = get_args(kind)
     elif get_origin(kind) is Annotated:
-        options["type"] = kind.__metadata__[0]
+        options["type"] = _reader(kind.__metadata__[0], None)
     elif get_origin(kind) is tuple:
         many = {"action": "append"} if item.metadata.get("repeated") else {"nargs": "+"}
-        options |= {"type": get_args(kind)[0], **many}
+        options |= {"type": _reader(get_args(kind)[0], None), **many}
     else:
-        options["type"] = kind
+        options["type"] = _reader(kind, item.metadata.get("bounds"))
     if "name" not in item.metadata:
         options |= {"nargs": "?"} if optional else {}
         parser.add_argument(item.name, **options)
@@ -188,6 +165,43 @@ def _add_argument(parser: argparse._ActionsContainer, item: dataclasses.Field[An
     parser.add_argument(f"--{item.metadata['name'] or item.name.replace('_', '-')}", dest=item.name, **options)
 
 
+def _reader(kind: Callable[[str], Any], bounds: Bounds | None) -> Callable[[str], Any]:
+    """Reads a word as argparse wants it: whatever is wrong with it is said with the name of the flag."""
+    words = {int: "a whole number", float: "a number"}.get(kind)  # type: ignore[call-overload]
+
+    def read(text: str) -> Any:
+        try:
+            value = kind(text)
+        except RallyscopeError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
+        except ValueError as error:
+            if words is None:
+                raise
+            raise argparse.ArgumentTypeError(f"expected {words}, got {text!r}") from error
+        if isinstance(value, float) and not math.isfinite(value):
+            raise argparse.ArgumentTypeError(f"expected a finite number, got {text!r}")
+        if bounds is not None and not bounds.low <= value <= bounds.high:
+            raise argparse.ArgumentTypeError(f"expected {bounds.low:g} to {bounds.high:g}, got {text!r}")
+        return value
+
+    read.__name__ = getattr(kind, "__name__", "value")
+    return read
+
+
+def name_the_flag(error: RallyscopeError, words: Iterable[str]) -> RallyscopeError:
+    """An error about a setting as one about the flag that set it, if one of the words is such a flag."""
+    found = re.match(r"(?:[A-Z]\w*\.)?([a-z]\w*): ", str(error))
+    if found is None:
+        return error
+    flags = {word.partition("=")[0] for word in words if word.startswith("--")}
+    fits = [
+        word
+        for word in flags
+        if f"{found[1]}_".startswith((f"{(name := word[2:].replace('-', '_'))}_", f"{name.removesuffix('s')}_"))
+    ]
+    return CommandError(str(error)[found.end() :], where=fits[0]) if len(fits) == 1 else error
+
+
 def given(values: Mapping[str, A | None]) -> dict[str, A]:
     """Those that were given: what is None is left to others."""
     return {name: value for name, value in values.items() if value is not None}
@@ -195,8 +209,11 @@ def given(values: Mapping[str, A | None]) -> dict[str, A]:
 
 def positive_int(text: str) -> int:
     """A whole number above 0."""
-    value = int(text)
-    if value <= 0:
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if not 0 < value <= LARGEST_COUNT:
         raise argparse.ArgumentTypeError(f"expected a whole number above 0, got {text!r}")
     return value
 
@@ -211,7 +228,10 @@ def whole_number(text: str) -> int:
 
 def positive_float(text: str) -> float:
     """A number above 0."""
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not 0 < value < math.inf:
         raise argparse.ArgumentTypeError(f"expected a number above 0, got {text!r}")
     return value
@@ -229,6 +249,13 @@ def separated(read: Callable[[str], A], what: str) -> Callable[[str], tuple[A, .
     return read_all
 
 
+def _finite(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError
+    return value
+
+
 def _name(text: str) -> str:
     if not text:
         raise ValueError
@@ -238,6 +265,6 @@ def _name(text: str) -> str:
 WholeNumber = Annotated[int, whole_number]
 PositiveInt = Annotated[int, positive_int]
 PositiveFloat = Annotated[float, positive_float]
-Numbers = Annotated[tuple[float, ...], separated(float, "numbers")]
+Numbers = Annotated[tuple[float, ...], separated(_finite, "numbers")]
 Counts = Annotated[tuple[int, ...], separated(positive_int, "whole numbers above 0")]
 Names = Annotated[tuple[str, ...], separated(_name, "names")]

@@ -14,16 +14,18 @@ from app.cli.progress import progress_bar
 from app.cli.terminal import say
 from core.cameras.calibration import Board, BoardView, Lens, calibrate_lens, find_board
 from core.cameras.calibration.board import KINDS, BoardKind
-from core.cameras.calibration.board_cover import BoardCover, board_cover, missing_for_lens
+from core.cameras.calibration.board_cover import BoardCover, board_cover, missing_for_lens, odd_spacing
 from core.cameras.calibration.cover_picture import cover_column
 from core.cameras.calibration.coverage import CELLS_ACROSS, CELLS_DOWN
 from core.cameras.calibration.intrinsics import COEFFICIENTS
 from core.cameras.calibration.lens_file import YAML_SUFFIXES, save_lens
 from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
-from core.errors import CalibrationError, CommandError
+from core.cameras.distortion import LensModel
+from core.errors import CalibrationError, CommandError, ConfigError
 from core.events import SensorSize
 from core.recordings.board_pictures import read_board_pictures
 
+DEFAULT_COEFFICIENTS = 4
 POOR_SIGMA = 0.005
 """Relative standard deviation of the focal length above which a warning is printed."""
 
@@ -39,10 +41,11 @@ class IntrinsicsArguments:
     spacing_mm: float = flag("from one to the next", "S")
     out: Path = flag(".yaml: as OpenCV writes it; .toml: as Rallyscope does", "CAL")
     camera: str | None = flag("which camera of a recording; its name in the file", "NAME")
-    coefficients: int = flag(
-        "how many of k1 k2 p1 p2 k3 are fitted, 5 for a wide lens",
+    model: LensModel = flag("fisheye: Kannala-Brandt, for lenses beyond about 100 degrees", default="pinhole")
+    coefficients: int | None = flag(
+        "how many of a pinhole's k1 k2 p1 p2 k3 are fitted, 5 for a wide lens",
         "|".join(map(str, COEFFICIENTS)),
-        4,
+        DEFAULT_COEFFICIENTS,
         choices=COEFFICIENTS,
     )
     pictures: PositiveInt = flag("at most so many, evenly spread", "N", 40)
@@ -53,10 +56,12 @@ class IntrinsicsArguments:
 
 def run(arguments: IntrinsicsArguments) -> None:
     """Find the board, fit the lens, write it, and say how good it is."""
-    board = Board(arguments.board, arguments.rows, arguments.columns, arguments.spacing_mm / 1e3)
+    board = _board(arguments)
+    if arguments.model == "fisheye" and arguments.coefficients is not None:
+        raise CommandError("a fisheye lens has four coefficients", where="--coefficients", remedy="leave it out")
     check_destinations(arguments.out, arguments.report)
     views, empty, sensor = _find_views(arguments, board)
-    lens = calibrate_lens(views, board, sensor, coefficients=arguments.coefficients)
+    lens = calibrate_lens(views, board, sensor, coefficients=_coefficients(arguments), model=arguments.model)
     name = arguments.camera or "camera"
     save_lens(arguments.out, name, lens.camera, notes={"rms_px": lens.rms_px, "camera_name": name})
     cover = board_cover([fit.view for fit in lens.fits if fit.used], board, lens.camera)
@@ -64,6 +69,18 @@ def run(arguments: IntrinsicsArguments) -> None:
         write_text(arguments.report, _picture(lens, cover, f"{name}: {arguments.source.name}"))
     report = _report(lens, cover, empty, arguments)
     say(json.dumps(report) if arguments.json else _describe(lens, cover, empty, arguments.out))
+
+
+def _coefficients(arguments: IntrinsicsArguments) -> int:
+    return DEFAULT_COEFFICIENTS if arguments.coefficients is None else arguments.coefficients
+
+
+def _board(arguments: IntrinsicsArguments) -> Board:
+    try:
+        return Board(arguments.board, arguments.rows, arguments.columns, arguments.spacing_mm / 1e3)
+    except ConfigError as error:
+        where = "--spacing-mm" if "spacing" in error.what else "--rows, --columns"
+        raise CommandError(str(error), where=where) from error
 
 
 def check_destinations(out: Path, report: Path | None, suffixes: tuple[str, ...] = (*YAML_SUFFIXES, ".toml")) -> None:
@@ -125,6 +142,7 @@ def _report(lens: Lens, cover: BoardCover, empty: list[str], arguments: Intrinsi
             "distances_m": cover.distances_m.round(4).tolist(),
             "missing": list(missing_for_lens(cover)),
         },
+        "notes": [note for note in (odd_spacing(cover),) if note is not None],
         "out": str(arguments.out),
     }
 
@@ -139,7 +157,7 @@ def _describe(lens: Lens, cover: BoardCover, empty: list[str], out: Path) -> str
         f"cx {K[0, 2]:.2f} +- {sigma['cx']:.2f}, cy {K[1, 2]:.2f} +- {sigma['cy']:.2f} px",
         ", ".join(
             f"{name} {value:.5f} +- {sigma[name]:.5f}"
-            for name, value in zip(("k1", "k2", "p1", "p2", "k3"), d, strict=True)
+            for name, value in zip(list(sigma)[4:], d, strict=True)
             if sigma[name] > 0
         ),
     ]
@@ -149,7 +167,7 @@ def _describe(lens: Lens, cover: BoardCover, empty: list[str], out: Path) -> str
         lines.append(f"no whole board in {len(empty)} pictures: {', '.join(empty[:5])}{more}")
     if sigma["fx"] > POOR_SIGMA * K[0, 0]:
         lines.append("the focal length is poorly known: tilt the board more, by 20 to 40 degrees about both axes")
-    lines += _cover_lines(cover)
+    lines += [odd_spacing(cover) or "", *_cover_lines(cover)]
     return "\n".join(line for line in lines if line)
 
 

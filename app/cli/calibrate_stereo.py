@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
@@ -14,12 +15,13 @@ import numpy as np
 
 from app.cli.arguments import PositiveInt, flag, positional, setting_flag
 from app.cli.calibrate_intrinsics import check_destinations
+from app.cli.cameras import told_calibration
 from app.cli.detector_arguments import MethodArguments
 from app.cli.files import write_text
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table
 from app.cli.terminal import say
-from core.cameras import Camera, load_calibration, save_calibration
+from core.cameras import Camera, save_calibration
 from core.cameras.calibration.free_fall import REAL_DRAG_PER_M
 from core.cameras.calibration.point_track import PointTrack, read_point_track
 from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
@@ -27,6 +29,7 @@ from core.cameras.calibration.rig import RigConfig, calibrate_rig
 from core.cameras.calibration.rig_result import CameraFit, RigCalibration
 from core.cameras.calibration.scale import KINDS, Scale
 from core.cameras.calibration.table_corners import CORNERS, read_clicks
+from core.cameras.units import FARTHEST_M, NEAREST_M, likely_unit
 from core.detection import make_detector
 from core.errors import CommandError
 from core.metrics import run_detector
@@ -35,6 +38,7 @@ from core.recordings import Recording, open_recording
 
 DETECTING = 0.7
 """Share of the time that the detector takes."""
+LIKELY_WAND_M = (0.02, 5.0)
 SCALE_FORM = "baseline=METRES|wand=METRES|gravity|table"
 
 
@@ -129,6 +133,14 @@ def read_scale(text: str | None, corners: bool, physics: str) -> Scale:
         length_m = float(length) if length else 0.0
     except ValueError as error:
         raise CommandError("not a length", expected="metres", got=repr(length), where="--scale") from error
+    limits = {"baseline": (NEAREST_M, FARTHEST_M), "wand": LIKELY_WAND_M}.get(kind)
+    if limits is not None and not limits[0] <= length_m <= limits[1]:
+        raise CommandError(
+            f"a {kind} of {length_m:g} m cannot be right",
+            expected=f"{limits[0]:g} to {limits[1]:g} m",
+            where="--scale",
+            remedy=re.sub(r", --calibration-unit \w+", "", likely_unit(length_m, limits)),
+        )
     if kind == "table" and not corners:
         raise CommandError(
             "the table's corners are not given", remedy="give them with --table-corners", where="--scale"
@@ -176,7 +188,7 @@ def detect_tracks(
 
 def read_lens(name: str, path: Path) -> Camera:
     """The camera of that name in a calibration file, or the only one in it."""
-    cameras = load_calibration(path)
+    cameras = told_calibration(path)
     if len(cameras) > 1 and name not in cameras:
         raise CommandError(f"no camera {name!r}", expected=f"one of {', '.join(cameras)}", where=path)
     return cameras.get(name) or next(iter(cameras.values()))

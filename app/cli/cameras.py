@@ -6,7 +6,9 @@ import argparse
 from pathlib import Path
 from typing import Annotated
 
-from core.cameras import Camera, load_calibration, stereo_preset
+from app.cli.terminal import say
+from core.cameras import Camera, stereo_preset
+from core.cameras.calibration_file import read_calibration_file
 from core.cameras.presets import PLACEMENTS, SENSOR_720
 from core.errors import CommandError
 from core.events import SensorSize
@@ -25,7 +27,19 @@ def named_cameras(where: str, sensor: SensorSize | None) -> dict[str, Camera]:
         raise CommandError("no such cameras", expected=expected, got=repr(where), where="--cameras")
     if sensor is not None:
         raise CommandError("--sensor goes with a placement; a calibration file has its own", where="--sensor")
-    return load_calibration(Path(where))
+    return told_calibration(Path(where))
+
+
+def told_calibration(path: Path) -> dict[str, Camera]:
+    """The cameras of a calibration file; what had to be assumed about them is said on standard error.
+
+    Raises:
+        CalibrationError: if it is none.
+    """
+    found = read_calibration_file(path)
+    for note in found.notes:
+        say(f"{path.name}: {note}", error=True)
+    return found.cameras
 
 
 def sensor_size(text: str) -> SensorSize:

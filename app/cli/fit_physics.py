@@ -12,13 +12,14 @@ import numpy as np
 from app.cli.arguments import flag, positional
 from app.cli.progress import progress_bar
 from app.cli.tables import format_table
-from app.cli.terminal import say
+from app.cli.terminal import print_lines, say
 from core.errors import CommandError
 
 if TYPE_CHECKING:
     from core.metrics.flight_predictions import FlightErrors
 
 TEST_SHARE = 0.3
+MOST_SAMPLES = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,17 +37,21 @@ def run(arguments: FitPhysicsArguments) -> None:
     """Fit on most of the flights, test on the others, print both."""
     if not 0 <= arguments.magnus <= 0.5:
         raise CommandError("no such coefficient", expected="0 to 0.5", got=arguments.magnus, where="--magnus")
-    if arguments.samples < 2 or arguments.seed < 0:
-        raise CommandError("not a usable count", expected="--samples from 2, --seed from 0")
+    if not 2 <= arguments.samples <= MOST_SAMPLES:
+        expected = f"2 to {MOST_SAMPLES}"
+        raise CommandError("not a usable count", expected=expected, got=arguments.samples, where="--samples")
+    if arguments.seed < 0:
+        raise CommandError("not a usable seed", expected="0 or more", got=arguments.seed, where="--seed")
     if len(arguments.flights) < 4:
         raise CommandError(
             "not enough flights", expected="4 or more: some are kept for the test", got=len(arguments.flights)
         )
     from core.metrics.flight_predictions import compare_models, compare_predictors
     from core.physics.fit_flights import bootstrap, fit_physics
-    from core.physics.flight_files import read_flight
+    from core.physics.flight_files import read_flight_file
 
-    flights = [read_flight(path) for path in arguments.flights]
+    read = [read_flight_file(path) for path in arguments.flights]
+    flights = [flight for flight, _ in read]
     order = np.random.default_rng(arguments.seed).permutation(len(flights))
     tests = max(1, round(TEST_SHARE * len(flights)))
     test, fit = ([flights[k] for k in part] for part in (order[:tests], order[tests:]))
@@ -71,9 +76,11 @@ def run(arguments: FitPhysicsArguments) -> None:
             "test": [{"model": name, **asdict(row)} for name, row in errors.items()],
             "predictors": [{"method": name, **asdict(row)} for name, row in predictors.items()],
             "flights": {"fit": len(fit), "test": len(test)},
+            "taken_for": {flight.name: [points.taken_for, *points.notes] for flight, points in read},
         }
         say(json.dumps(report))
         return
+    print_lines(f"{flight.name}: {'; '.join([points.taken_for, *points.notes])}" for flight, points in read)
     say(f"{len(fit)} flights fitted, {len(test)} kept for the test; median distance {1e3 * fitted.median_m:.1f} mm")
     say(format_table([{"constant": name, **values} for name, values in constants.items()]))
     say()

@@ -59,7 +59,7 @@ class ImportArguments:
     )
     names: Names | None = flag("what to call the cameras", "left,right")
     calibration: Path | None = flag("calibration of the cameras, to be kept along", "FILE")
-    calibration_unit: Unit = flag("of the lengths in a calibration file", "m|mm", "m", choices=METRES)
+    calibration_unit: Unit = flag("of the lengths in a calibration file", "|".join(METRES), "m", choices=METRES)
     calibration_model: LensModel | None = flag(
         "lens model of a calibration file that names none", "|".join(COEFFICIENTS), "what the file says"
     )
@@ -81,6 +81,10 @@ def run(arguments: ImportArguments) -> None:
     """Import and say what was made, or check and say what would be."""
     sources, destination = _files(arguments)
     calibration = None
+    if arguments.calibration is None and (arguments.calibration_unit != "m" or arguments.calibration_model is not None):
+        raise CommandError(
+            "--calibration-unit and --calibration-model go with --calibration", remedy="give the file too"
+        )
     if arguments.calibration is not None:
         calibration = read_calibration_file(
             arguments.calibration, unit=arguments.calibration_unit, model=arguments.calibration_model

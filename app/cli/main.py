@@ -13,9 +13,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import NoReturn
 
-from app.cli.arguments import Parser, add_verb, arguments_of
+from app.cli.arguments import Parser, add_verb, arguments_of, name_the_flag
 from app.cli.terminal import PlainFormatter, accept_any_text, say
-from core.errors import CommandError, RallyscopeError
+from core.errors import CommandError, ConfigError, RallyscopeError
 from core.registry import use_plugins
 
 VERBS = {
@@ -61,6 +61,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except RallyscopeError as error:
         say(f"rallyscope: {error}", error=True)
         return 2
+    except MemoryError as error:
+        say(f"rallyscope: not enough memory for this much at once; {str(error)[:200] or 'ask for less'}", error=True)
+        return 2
     except KeyboardInterrupt:
         say("rallyscope: stopped", error=True)
         return 130
@@ -80,7 +83,13 @@ def _run(argv: list[str]) -> int:
     handler = logging.StreamHandler()
     handler.setFormatter(PlainFormatter("%(levelname)s %(name)s: %(message)s"))
     logging.basicConfig(level=logging.WARNING, handlers=[handler])
-    arguments.run(arguments)
+    try:
+        arguments.run(arguments)
+    except ConfigError as error:
+        named = name_the_flag(error, words)
+        if named is error:
+            raise
+        raise named from error
     return 0
 
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from app.cli.arguments import flag, positional, setting_flag
 from app.cli.files import check_folder, write_text
-from app.cli.terminal import say
+from app.cli.terminal import print_lines, say
 from core.errors import CommandError
 from core.physics.config import Profile
-from core.physics.points_file import read_points
+from core.physics.points_file import PointsFile, read_points_file
 from core.trajectory import (
     FilterPredictor,
     HitPlane,
@@ -34,7 +34,9 @@ from core.trajectory import (
 class PredictArguments:
     """Predict a flight from its first points: where it bounces and where it crosses the hitting plane."""
 
-    points: Path = positional("columns t_s,x_m,y_m,z_m (world), or what `track` writes", "POINTS.csv")
+    points: Path = positional(
+        "columns t_s,x_m,y_m,z_m (world), what `track` writes, or as tt3d writes it", "POINTS.csv"
+    )
     observe_ms: float = flag("how much of the flight is seen", "MS", 150.0)
     method: Literal["paper", "filter"] = flag(
         "filter: every point, drag, spin; paper: five points, gravity, one reflection", default="filter"
@@ -54,7 +56,8 @@ def run(arguments: PredictArguments) -> None:
         raise CommandError("nothing would be seen", expected="above 0", got=arguments.observe_ms, where="--observe-ms")
     check_folder(arguments.out)
     paper = predictor_for(arguments.physics or "paper", hit_x_m=arguments.hit_x)
-    t_s, ps_m = read_points(arguments.points)
+    points = read_points_file(arguments.points)
+    t_s, ps_m = points.t_s, points.ps_m
     seen = t_s < t_s[0] + 1e-3 * arguments.observe_ms
     if arguments.method == "filter":
         config = filter_for(arguments.physics or "paper")
@@ -75,7 +78,7 @@ def run(arguments: PredictArguments) -> None:
             remedy="see more with --observe-ms",
         )
     write_text(arguments.out, json.dumps(prediction_json(prediction, t_s[~seen])) + "\n")
-    _say(arguments, prediction, int(seen.sum()))
+    _say(arguments, prediction, int(seen.sum()), points)
 
 
 def prediction_json(prediction: Prediction, later_s: NDArray[np.float64]) -> dict[str, object]:
@@ -117,7 +120,7 @@ def _hit_plane_json(plane: HitPlane) -> dict[str, object]:
     }
 
 
-def _say(arguments: PredictArguments, prediction: Prediction, seen: int) -> None:
+def _say(arguments: PredictArguments, prediction: Prediction, seen: int, points: PointsFile) -> None:
     plane = prediction.hit_plane
     if arguments.json:
         summary = {
@@ -126,10 +129,13 @@ def _say(arguments: PredictArguments, prediction: Prediction, seen: int) -> None
             "stage": prediction.stage,
             "bounces": len(prediction.bounces),
             "hit_plane": None if plane is None else _hit_plane_json(plane),
+            "taken_for": points.taken_for,
+            "notes": list(points.notes),
             "out": str(arguments.out),
         }
         say(json.dumps(summary))
-    elif plane is None:
+        return
+    if plane is None:
         say(f"from {seen} points: the ball does not come to x = {arguments.hit_x:g} m: {arguments.out}")
     else:
         y, z = plane.p_world_m[1:]
@@ -138,3 +144,4 @@ def _say(arguments: PredictArguments, prediction: Prediction, seen: int) -> None
             f"from {seen} points, {prediction.stage}-bounce: at x = {arguments.hit_x:g} m in {after_ms:.0f} ms, "
             f"y {y:.3f} m, z {z:.3f} m: {arguments.out}"
         )
+    print_lines(f"  {arguments.points.name}: {line}" for line in (points.taken_for, *points.notes))

@@ -55,7 +55,7 @@ class SimulateArguments:
     robot: bool | None = flag(
         "let the robot, which knows every ball, play it: racket and episodes are recorded (data sets: on)"
     )
-    frames_hz: float | None = flag("take colour pictures too, at this rate", "HZ")
+    frames_hz: float | None = flag("take colour pictures too, at this rate", "HZ", within=(FrameConfig, "rate_hz"))
     exposure_us: int | None = setting_flag(FrameConfig, "exposure_us", "N", "of the pictures")
     seed: int = flag("the same seed, the same events", "N", 0)
     force: bool = flag("replace what is there")

@@ -37,5 +37,6 @@ def span_of(recording: Recording, start_us: int | None = None, end_us: int | Non
             "no such part of the recording",
             expected=f"a start before the end, both within 0 and {recording.duration_us} us",
             got=f"{start} to {recording.duration_us if end_us is None else end_us} us",
+            where="--start-us, --end-us",
         )
     return Span(start, end)

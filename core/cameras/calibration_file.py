@@ -1,4 +1,4 @@
-"""Calibration files, told apart by their content: ours (TOML), OpenCV's FileStorage, ROS, Kalibr and DSEC.
+"""Calibration files, told apart by their content: ours (TOML or JSON), OpenCV's FileStorage, ROS, Kalibr and DSEC.
 
 All but ours know no world: there, the first camera's frame is the world until the rig is aligned to the table.
 All count pixels from the centre of the top left one, as we do. Nothing in a file is ever executed.
@@ -16,7 +16,14 @@ from typing import Final
 import tomli_w
 import yaml
 
-from core.cameras.calibration_values import CalibrationNode, Unreadable, make_camera, read_numbers, read_sensor
+from core.cameras.calibration_values import (
+    CalibrationNode,
+    Unreadable,
+    make_camera,
+    read_numbers,
+    read_sensor,
+    short_repr,
+)
 from core.cameras.camera import Camera
 from core.cameras.distortion import LensModel
 from core.cameras.kalibr import (
@@ -34,7 +41,8 @@ from core.cameras.opencv_yaml import (
     read_pose,
     tree_from_xml,
 )
-from core.cameras.units import Unit, check_lengths, in_metres
+from core.cameras.plausible import check_lenses, odd_lenses, odd_poses
+from core.cameras.units import Unit, check_board_unit, check_lengths, in_metres
 from core.errors import CalibrationError
 from core.files import replace_file
 from core.text.toml_text import parse_toml
@@ -78,28 +86,40 @@ def read_calibration_file(path: Path, *, unit: Unit = "m", model: LensModel | No
     """
     text = _read_text(path)
     notes: list[str] = []
-    if FORMAT in text[:4096] and not text.startswith("%YAML"):
-        cameras = _cameras_from_toml(text, path, model)
-    else:
-        where = str(path)
-        tree = tree_from_xml(text, where) if text.lstrip().startswith("<") else _parse_yaml(text, path)
-        cameras = _cameras_from_tree(tree, where, notes, model)
+    tree = _parse(text, path, notes)
+    cameras = _cameras_from_tree(tree, str(path), notes, model, unit)
     if not cameras:
         raise CalibrationError("no camera in it", expected=f"a {FORMAT} file, OpenCV YAML or a camchain", where=path)
+    check_lenses(cameras, path)
     cameras = in_metres(cameras, unit)
     check_lengths(cameras, path)
+    own_world = tree.values.get("format") != FORMAT and "T_world_camera" not in tree.values
+    notes += [*odd_lenses(cameras), *odd_poses(cameras, own_world=own_world)]
     return CalibrationFile(cameras, tuple(notes))
 
 
+def _parse(text: str, path: Path, notes: list[str]) -> CalibrationNode:
+    """The named values of a text, whatever its form."""
+    start = text.lstrip()
+    if FORMAT in text[:4096] and not start.startswith(("%YAML", "{")):
+        return _parse_toml(text, path)
+    if start.startswith("<") and not start.startswith("<<"):
+        return tree_from_xml(text, str(path))
+    return _parse_yaml(text, path, notes)
+
+
 def _cameras_from_tree(
-    tree: CalibrationNode, where: str, notes: list[str], model: LensModel | None
+    tree: CalibrationNode, where: str, notes: list[str], model: LensModel | None, unit: Unit
 ) -> dict[str, Camera]:
+    if tree.values.get("format") == FORMAT:
+        return _cameras_from_ours(tree, model)
+    check_board_unit(tree, unit)
     if looks_like_dsec(tree):
         return cameras_from_dsec(tree, notes, model)
     if looks_like_kalibr(tree):
-        return cameras_from_kalibr(tree, model)
+        return cameras_from_kalibr(tree, notes, model)
     if isinstance(tree.values.get("intrinsics"), list) and "resolution" in tree.values:
-        return camera_from_euroc(tree, model)
+        return camera_from_euroc(tree, notes, model)
     return cameras_from_opencv(tree, where, notes, model)
 
 
@@ -145,23 +165,25 @@ def _read_text(path: Path) -> str:
         return content.decode("latin-1")  # a comment of an old editor; numbers and names are the same in all
 
 
-def _cameras_from_toml(text: str, path: Path, model: LensModel | None) -> dict[str, Camera]:
+def _parse_toml(text: str, path: Path) -> CalibrationNode:
     try:
-        tree = parse_toml(text)
+        return CalibrationNode(parse_toml(text), str(path))
     except ValueError as error:
         raise CalibrationError("not a TOML file", got=str(error)[:200], where=path) from error
-    where = str(path)
-    if (tree.get("format"), tree.get("version")) != (FORMAT, VERSION):
-        got = f"{tree.get('format')!r} version {tree.get('version')!r}"
-        raise CalibrationError("unknown format", expected=f"{FORMAT!r} version {VERSION}", got=got, where=where)
-    root = CalibrationNode.of(tree.get("cameras"), f"{where}: cameras")
+
+
+def _cameras_from_ours(tree: CalibrationNode, model: LensModel | None) -> dict[str, Camera]:
+    if tree.values.get("version") != VERSION:
+        got = f"{FORMAT!r} version {short_repr(tree.values.get('version'))}"
+        raise CalibrationError("unknown format", expected=f"{FORMAT!r} version {VERSION}", got=got, where=tree.where)
+    root = CalibrationNode.of(tree.values.get("cameras"), f"{tree.where}: cameras")
     return {
-        name: _camera_from_toml(CalibrationNode.of(root.values[name], f"{root.where}.{name}"), model)
+        name: _camera_of_ours(CalibrationNode.of(root.values[name], f"{root.where}.{name}"), model)
         for name in root.values
     }
 
 
-def _camera_from_toml(node: CalibrationNode, model: LensModel | None) -> Camera:
+def _camera_of_ours(node: CalibrationNode, model: LensModel | None) -> Camera:
     lens = find_lens(node, read_numbers(node, "distortion"), asked=model, default="pinhole")
     return make_camera(
         read_sensor(node, "width_px", "height_px"),
@@ -173,14 +195,20 @@ def _camera_from_toml(node: CalibrationNode, model: LensModel | None) -> Camera:
     )
 
 
-def _parse_yaml(text: str, path: Path) -> CalibrationNode:
+def _parse_yaml(text: str, path: Path, notes: list[str]) -> CalibrationNode:
     # OpenCV writes "%YAML:1.0", which is no valid directive; comments may stand before it.
     text = re.sub(r"\A((?:[ \t\r]*(?:#[^\n]*)?\n)*)%YAML[: ][0-9.]+[^\n]*\n(---[^\n]*\n)?", "", text)
+    if text.lstrip().startswith("{"):  # JSON is YAML but for tabs, which its texts cannot hold
+        text = text.replace("\t", " ")
     try:
         # A SafeLoader: makes plain values, runs nothing. What `rostopic echo` prints ends with "---".
-        tree: object = next((tree for tree in yaml.load_all(text, Loader=OpenCVLoader) if tree is not None), None)
+        trees = (tree for tree in yaml.load_all(text, Loader=OpenCVLoader) if tree is not None)
+        tree: object = next(trees, None)
+        another: object = next(trees, None)
     except YAML_ERRORS as error:
         raise CalibrationError("neither TOML nor YAML", got=str(error)[:200], where=path) from error
     if isinstance(tree, Unreadable):
         raise CalibrationError("neither TOML nor YAML", got=tree.reason, where=path)
+    if another is not None:
+        notes.append(f"{path} holds several documents, one after the other: the first is read")
     return CalibrationNode.of(tree, str(path))

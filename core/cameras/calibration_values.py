@@ -90,6 +90,10 @@ class CalibrationNode:
             raise CalibrationError("incomplete", expected=f"one of the keys {', '.join(keys)}", where=self.where)
         return found
 
+    def without(self, key: str) -> CalibrationNode:
+        """The same without a key."""
+        return CalibrationNode({name: value for name, value in self.values.items() if name != key}, self.where)
+
     def child(self, key: str) -> CalibrationNode:
         """The mapping under a key; raises CalibrationError if there is none."""
         return CalibrationNode.of(self.get(key), f"{self.where}: {key}")
@@ -166,7 +170,7 @@ def read_sensor(node: CalibrationNode, width_key: str, height_key: str) -> Senso
     Raises:
         CalibrationError: if they are absent or impossible.
     """
-    width, height = node.get(width_key), node.get(height_key)
+    width, height = (_whole(node.get(key)) for key in (width_key, height_key))
     for key, value in ((width_key, width), (height_key, height)):
         if isinstance(value, bool) or not isinstance(value, int):
             raise CalibrationError(f"{key} is not a whole number", got=short_repr(value), where=node.where)
@@ -177,6 +181,13 @@ def read_sensor(node: CalibrationNode, width_key: str, height_key: str) -> Senso
         raise CalibrationError("impossible sensor size", got=got, where=node.where) from error
 
 
+def _whole(value: object) -> object:
+    """1280.0 and "1280" as whole numbers; anything else as it is."""
+    if isinstance(value, float) and value.is_integer() and abs(value) < 1e9:
+        return int(value)
+    return int(value) if isinstance(value, str) and re.fullmatch(r"[0-9]{1,9}", value) else value
+
+
 def read_size(node: CalibrationNode) -> SensorSize:
     """The picture's size, by any of the names that tools give it.
 
@@ -184,6 +195,9 @@ def read_size(node: CalibrationNode) -> SensorSize:
         CalibrationError: if it is absent or impossible.
     """
     pair = node.find(*SIZES)
+    if node.find(*WIDTHS) is None and pair is None:
+        remedy = "add image_width and image_height, in pixels, of the pictures it was made from"
+        raise CalibrationError("the file does not say for which picture size it is", where=node.where, remedy=remedy)
     if node.find(*WIDTHS) is not None or pair is None:
         return read_sensor(node, node.first(*WIDTHS), node.first(*HEIGHTS))
     if isinstance(node.get(pair), dict):

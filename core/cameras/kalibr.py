@@ -37,8 +37,10 @@ def looks_like_dsec(tree: CalibrationNode) -> bool:
     return isinstance(lenses, dict) and isinstance(poses, dict) and "cam0" in lenses and "T_10" in poses
 
 
-def cameras_from_kalibr(tree: CalibrationNode, asked: LensModel | None = None) -> dict[str, Camera]:
+def cameras_from_kalibr(tree: CalibrationNode, notes: list[str], asked: LensModel | None = None) -> dict[str, Camera]:
     """The cameras cam0, cam1, ...; the world is cam0's frame.
+
+    Each is posed by T_cn_cnm1, which takes coordinates of the camera before it to its own, or by T_cam_imu of both.
 
     Raises:
         CalibrationError: if a key is missing, or a model is not ours.
@@ -48,10 +50,23 @@ def cameras_from_kalibr(tree: CalibrationNode, asked: LensModel | None = None) -
     T_world_camera = np.eye(4)
     for index, name in enumerate(names):
         node = tree.child(name)
+        if name != f"cam{index}":
+            raise CalibrationError(f"no cam{index} before {name}, which is posed against it", where=tree.where)
         if index:
-            T_world_camera = T_world_camera @ invert_transform(read_pose(node, "T_cn_cnm1"))
-        cameras[name] = _camera(node, T_world_camera, "intrinsics", asked)
+            T_world_camera = T_world_camera @ invert_transform(_to_camera_before(tree, node, index))
+        shift = node.values.get("timeshift_cam_imu")
+        if shift not in (None, 0):
+            notes.append(f"{name}: timeshift_cam_imu of {short_repr(shift)} s is not used; see --offset-us")
+        cameras[name] = _camera(node, T_world_camera, "intrinsics", notes, asked)
     return cameras
+
+
+def _to_camera_before(tree: CalibrationNode, node: CalibrationNode, index: int) -> Array:
+    """`T_camera_before` of a camera."""
+    before = tree.child(f"cam{index - 1}")
+    if "T_cn_cnm1" not in node.values and "T_cam_imu" in node.values and "T_cam_imu" in before.values:
+        return read_pose(node, "T_cam_imu") @ invert_transform(read_pose(before, "T_cam_imu"))
+    return read_pose(node, "T_cn_cnm1")
 
 
 def cameras_from_dsec(tree: CalibrationNode, notes: list[str], asked: LensModel | None = None) -> dict[str, Camera]:
@@ -67,12 +82,14 @@ def cameras_from_dsec(tree: CalibrationNode, notes: list[str], asked: LensModel 
     T_world = {"left": np.eye(4), "right": invert_transform(T_right_left)}
     notes.append(f"{tree.where}: cam0 and cam3, the event cameras, are left and right; cam1 and cam2 are left out")
     return {
-        name: _camera(lenses.child(f"cam{number}"), T_world[name], "camera_matrix", asked)
+        name: _camera(lenses.child(f"cam{number}"), T_world[name], "camera_matrix", notes, asked)
         for name, number in DSEC_EVENTS.items()
     }
 
 
-def _camera(node: CalibrationNode, T_world_camera: Array, intrinsics: str, asked: LensModel | None) -> Camera:
+def _camera(
+    node: CalibrationNode, T_world_camera: Array, intrinsics: str, notes: list[str], asked: LensModel | None
+) -> Camera:
     model = node.values.get("camera_model", "pinhole")
     if not isinstance(model, str) or model.lower() not in ("pinhole", "none"):
         got = model[:40] if isinstance(model, str) else short_repr(model)
@@ -80,20 +97,26 @@ def _camera(node: CalibrationNode, T_world_camera: Array, intrinsics: str, asked
     if read_numbers(node, intrinsics).size not in (4, 9):
         what, got = f"{intrinsics} has the wrong shape", read_numbers(node, intrinsics).shape
         raise CalibrationError(what, expected="fx, fy, cx, cy", got=got, where=node.where)
-    stated = node.values.get("distortion_model", "none")
     key = node.find("distortion_coeffs", "distortion_coefficients")
-    if key is None and stated not in ("none", None):
+    if key is None and node.values.get("distortion_model") not in ("none", None):
         key = "distortion_coeffs"
-    coefficients = np.zeros(0) if key is None or stated in ("none", None) else read_numbers(node, key)
-    lens = find_lens(node, coefficients, asked=asked, default="none")
+    coefficients = np.zeros(0) if key is None else read_numbers(node, key)
+    # Kalibr's "pinhole" is the projection only; without a distortion_model it does not say what the numbers are.
+    lens = find_lens(
+        node.without("camera_model"), coefficients, asked=asked, default=None if coefficients.any() else "none"
+    )
+    if lens.assumed:
+        notes.append(lens.assumed)
     K = read_camera_matrix(node, intrinsics)
     return make_camera(read_size(node), K, lens.distortion, T_world_camera, node.where, lens.model)
 
 
-def camera_from_euroc(tree: CalibrationNode, asked: LensModel | None = None) -> dict[str, Camera]:
+def camera_from_euroc(tree: CalibrationNode, notes: list[str], asked: LensModel | None = None) -> dict[str, Camera]:
     """`camera` of a file that describes one camera with Kalibr's keys, as EuRoC's `sensor.yaml` does.
 
     Raises:
         CalibrationError: if a key is missing, or a model is not ours.
     """
-    return {"camera": _camera(tree, np.eye(4), "intrinsics", asked)}
+    if "T_BS" in tree.values:
+        notes.append(f"{tree.where}: T_BS, the pose on the sensor's body, is not used: the world is the camera's frame")
+    return {"camera": _camera(tree, np.eye(4), "intrinsics", notes, asked)}

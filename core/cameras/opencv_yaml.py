@@ -6,6 +6,7 @@ Only what a camera needs is looked at: image points, errors, flags and whatever 
 from __future__ import annotations
 
 import re
+from collections.abc import Hashable
 from typing import Final
 from xml.etree.ElementTree import Element, ParseError
 
@@ -23,10 +24,12 @@ from core.cameras.calibration_values import (
     read_matrix,
     read_numbers,
     read_size,
+    short_repr,
 )
 from core.cameras.camera import Camera
 from core.cameras.distortion import LensModel
 from core.cameras.lens_names import find_lens
+from core.cameras.plausible import check_against_essential
 from core.errors import CalibrationError
 from core.events import SensorSize
 from core.geometry import check_transform, invert_transform, make_transform
@@ -68,6 +71,10 @@ ROUGH: Final = 1e-3
 """A rotation that was written with few digits is made whole; one that is farther off is none."""
 
 
+NO_SKEW: Final = 1e-6
+"""Of the focal length: a thousandth of a pixel at the edge of the picture."""
+
+
 class OpenCVLoader(yaml.SafeLoader):
     """PyYAML's safe loader that knows `!!opencv-matrix`, and leaves values that it cannot make to who asks for them."""
 
@@ -77,6 +84,14 @@ class OpenCVLoader(yaml.SafeLoader):
             return super().construct_object(node, deep)
         except BROKEN_VALUE as error:
             return Unreadable(f"{node.tag.rpartition(':')[2]}: {' '.join(str(error).split())[:120]}")
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, object]:
+        """The values of a mapping; a key that is written twice has none."""
+        keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode) and key.value != "<<"]
+        values = super().construct_mapping(node, deep)
+        for key in values.keys() & {key for key in keys if keys.count(key) > 1} if len(set(keys)) < len(keys) else ():
+            values[key] = Unreadable("it is written twice")
+        return values
 
 
 def _construct_matrix(loader: yaml.SafeLoader, node: yaml.Node) -> object:
@@ -105,7 +120,11 @@ def tree_from_xml(text: str, where: str) -> CalibrationNode:
         raise CalibrationError("not XML that can be read", got=str(error)[:200], where=where) from error
     if root.tag != "opencv_storage":
         raise CalibrationError("not OpenCV's XML", expected="<opencv_storage>", got=f"<{root.tag}>", where=where)
-    return CalibrationNode({child.tag: _value_of(child) for child in root}, where)
+    values: dict[str, object] = {}
+    for child in root:
+        twice = child.tag in values
+        values[child.tag] = Unreadable("it is written twice") if twice else _value_of(child)
+    return CalibrationNode(values, where)
 
 
 def _value_of(element: Element) -> object:
@@ -145,6 +164,7 @@ def cameras_from_opencv(
     Raises:
         CalibrationError: if a key is missing or does not fit.
     """
+    _refuse_cropped(tree)
     sensor = read_size(tree)
     T_world_left = read_pose(tree, "T_world_camera") if "T_world_camera" in tree.values else np.eye(4)
     reader = _LensReader(tree, sensor, notes, asked)
@@ -152,10 +172,27 @@ def cameras_from_opencv(
         return {"camera": reader.camera(SINGLE_K, SINGLE_DISTORTION, T_world_left)}
     R, T = tree.first("R", "rotation_matrix"), tree.first("T", "translation_vector", "translation")
     T_right_left = rigid(read_matrix(tree, R, (3, 3)), read_matrix(tree, T, (3,)), f"{where}: R, T")
+    essential = tree.find("E", "essential_matrix")
+    if essential is not None and not isinstance(tree.values[essential], Unreadable):
+        check_against_essential(read_matrix(tree, essential, (3, 3)), T_right_left, f"{where}: R, T, {essential}")
     return {
         "left": reader.camera(LEFT_K, LEFT_DISTORTION, T_world_left),
         "right": reader.camera(RIGHT_K, RIGHT_DISTORTION, T_world_left @ invert_transform(T_right_left)),
     }
+
+
+def _refuse_cropped(tree: CalibrationNode) -> None:
+    """Raises CalibrationError for a ROS camera_info of binned or cropped pictures: its K is for the whole sensor."""
+    for key in ("binning_x", "binning_y"):
+        if tree.values.get(key) not in (None, 0, 1):
+            got = f"{key} {short_repr(tree.values[key])}"
+            raise CalibrationError("the pictures are binned, and K is for the whole sensor", got=got, where=tree.where)
+    roi = tree.values.get("roi")
+    if isinstance(roi, dict) and any(roi.get(key) not in (None, 0) for key in ("x_offset", "y_offset")):
+        got = f"x_offset {short_repr(roi.get('x_offset'))}, y_offset {short_repr(roi.get('y_offset'))}"
+        raise CalibrationError(
+            "the pictures are a part of the sensor, and K is for the whole", got=got, where=tree.where
+        )
 
 
 class _LensReader:
@@ -183,9 +220,20 @@ def read_camera_matrix(node: CalibrationNode, key: str) -> Array:
     """
     values = read_numbers(node, key)
     if values.shape != (4,):
-        return read_matrix(node, key, (3, 3))
+        return _upright(read_matrix(node, key, (3, 3)), f"{node.where}: {key}")
     fx, fy, cx, cy = values.ravel()
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
+
+
+def _upright(K: Array, where: str) -> Array:
+    """K without a skew of rounding; one that is transposed, as MATLAB has it, is refused as such."""
+    if not K[:2, 2].any() and K[2, :2].any():
+        remedy = "write fx, 0, cx in the first row, fy and cy in the second, 0, 0, 1 in the third"
+        raise CalibrationError("the camera matrix is transposed, as MATLAB writes it", where=where, remedy=remedy)
+    if 0 < abs(K[0, 1]) < NO_SKEW * abs(K[0, 0]):
+        K = K.copy()
+        K[0, 1] = 0.0
+    return K
 
 
 def read_pose(node: CalibrationNode, key: str) -> Array:

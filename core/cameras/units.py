@@ -9,12 +9,13 @@ from typing import Final, Literal
 
 import numpy as np
 
+from core.cameras.calibration_values import CalibrationNode, read_numbers
 from core.cameras.camera import Camera
 from core.errors import CalibrationError
 from core.geometry import make_transform
 
-Unit = Literal["m", "mm"]
-METRES: Final[dict[str, float]] = {"m": 1.0, "mm": 1e-3}
+Unit = Literal["m", "mm", "cm"]
+METRES: Final[dict[str, float]] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2}
 
 NEAREST_M: Final = 0.005
 FARTHEST_M: Final = 12.0
@@ -25,12 +26,16 @@ LIKELY_M: Final = (0.03, 6.0)
 """Distances of two cameras that a factor may lead to."""
 FACTORS: Final = (
     (1e-3, "millimetres, --calibration-unit mm"),
-    (1e-2, "centimetres"),
+    (1e-2, "centimetres, --calibration-unit cm"),
     (0.0254, "inches"),
     (0.03, "squares of a board of 30 mm"),
     (1e3, "divided by 1000 once too often, --calibration-unit m"),
 )
 """What lengths in files are, if not metres."""
+LIKELY_SQUARE_M: Final = (0.005, 0.3)
+SQUARE_KEYS: Final = ("square_size", "squareSize", "board_square_size", "square_length", "tag_size")
+LARGEST_SQUARE_M: Final = 0.5
+"""Of a board; larger ones are in other units."""
 
 
 def in_metres(cameras: Mapping[str, Camera], unit: Unit) -> dict[str, Camera]:
@@ -44,6 +49,30 @@ def in_metres(cameras: Mapping[str, Camera], unit: Unit) -> dict[str, Camera]:
         )
         for name, camera in cameras.items()
     }
+
+
+def check_board_unit(tree: CalibrationNode, unit: Unit) -> None:
+    """Raises CalibrationError if the squares of the board that a file states are too large for this unit.
+
+    The poses of its cameras have the same unit; a file of one lens has no lengths.
+    """
+    key = tree.find(*SQUARE_KEYS)
+    if key is None or tree.find("T", "translation_vector", "translation", "T_world_camera") is None:
+        return
+    try:
+        sizes = read_numbers(tree, key) if isinstance(tree.values[key], list) else [float(str(tree.values[key]))]
+    except (CalibrationError, ValueError):
+        return  # nobody asked for it
+    size = max(map(float, np.ravel(sizes)), default=0.0)
+    if size * METRES[unit] <= LARGEST_SQUARE_M:
+        return
+    likely = "the lengths are counted in squares of the board" if size == 1 else likely_unit(size, LIKELY_SQUARE_M)
+    raise CalibrationError(
+        f"the lengths are not in {unit}: {key} says squares of {size * METRES[unit]:g} m",
+        expected=f"squares of up to {LARGEST_SQUARE_M:g} m",
+        where=tree.where,
+        remedy=likely,
+    )
 
 
 def check_lengths(cameras: Mapping[str, Camera], where: object) -> None:

@@ -246,6 +246,7 @@ def _plan(
         _refuse_assumed_sizes(feeds)
     own = {name: camera for name, camera in _own_calibration(feeds).items() if name not in calibration}
     given = _match_calibration(calibration, list(sensors))
+    remarks = [*remarks, *_unmatched(calibration, own | given, list(sensors)), *_exchanged(sources, feeds)]
     for name, pictures in _pictures_of(feeds):
         sensors.setdefault(name, pictures.sensor)
     if frames is not None:
@@ -318,7 +319,37 @@ def _match_calibration(calibration: Mapping[str, Camera], names: list[str]) -> d
     if len(calibration) == 1 and len(names) == 1:
         return {names[0]: next(iter(calibration.values()))}
     wanted = {name: camera for name, camera in calibration.items() if name in names}
-    return wanted if len(wanted) == len(names) else dict(calibration)
+    if wanted or not calibration:
+        return wanted
+    called = ",".join(calibration)
+    raise RecordingError(
+        "calibration of an unknown camera",
+        expected=", ".join(names),
+        got=called.replace(",", ", "),
+        remedy=f"--names {called} if they are the same, in the order of the sources"
+        if len(calibration) == len(names)
+        else "--names gives the cameras the names of the calibration",
+    )
+
+
+def _unmatched(calibration: Mapping[str, Camera], matched: Mapping[str, Camera], names: list[str]) -> list[str]:
+    """What was left out of a calibration, and whom it leaves without one."""
+    if not calibration:
+        return []
+    left_out = [name for name in calibration if name not in names and not len(calibration) == len(names) == 1]
+    lines = [f"The calibration of {', '.join(left_out)} is left out: there is no such camera."] if left_out else []
+    without = [name for name in names if name not in matched]
+    return [*lines, f"The calibration has no camera {', '.join(without)}."] if without else lines
+
+
+def _exchanged(sources: Sequence[Path], feeds: list[_Feed]) -> list[str]:
+    """A line if the files of a pair are called as the other camera."""
+    if [feed.name for feed in feeds] != ["left", "right"] or len(sources) != 2:
+        return []
+    first, second = (path.stem.lower() for path in sources)
+    if "right" in first and "left" not in first and "left" in second and "right" not in second:
+        return [f"Camera left is {sources[0].name} and camera right {sources[1].name}: they may be exchanged."]
+    return []
 
 
 def _own_calibration(feeds: list[_Feed]) -> dict[str, Camera]:

@@ -260,6 +260,16 @@ class RecordingWriter:
             raise
 
 
+def _other_size(stated: SensorSize, sensor: SensorSize) -> str:
+    """What may have made the size in a calibration another one."""
+    if (stated.width_px, stated.height_px) == (sensor.height_px, sensor.width_px):
+        return "width and height seem to be exchanged"
+    across, down = stated.width_px / sensor.width_px, stated.height_px / sensor.height_px
+    if across == down:
+        return f"the pictures were {across:g} times as large: calibrate the sensor's own, or scale K and the size"
+    return "calibrate pictures of the sensor's own size: a part of a picture cannot be told from a scaled one"
+
+
 def _check_names(cameras: Mapping[str, SensorSize], calibration: Mapping[str, Camera]) -> None:
     for name in cameras:
         layout.check_camera_name(name)
@@ -268,5 +278,8 @@ def _check_names(cameras: Mapping[str, SensorSize], calibration: Mapping[str, Ca
             raise RecordingError("calibration of an unknown camera", expected=", ".join(cameras), got=name)
         if camera.sensor != cameras[name]:
             raise RecordingError(
-                f"the calibration of camera {name} is for another sensor", expected=cameras[name], got=camera.sensor
+                f"the calibration of camera {name} is for another sensor",
+                expected=cameras[name],
+                got=camera.sensor,
+                remedy=_other_size(camera.sensor, cameras[name]),
             )

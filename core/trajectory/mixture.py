@@ -67,7 +67,7 @@ class MixedPaths:
         rows = [mean[None]]
         for weight, ps in zip(self.weights, each, strict=True):
             moves = np.sqrt(weight) * np.concatenate([ps[:1] - mean, (ps[1::2] - ps[2::2]) / 2])
-            rows.append(np.stack([mean + moves, mean - moves], axis=1).reshape(-1, *mean.shape))
+            rows.append(np.stack([mean + moves, mean - moves], axis=1).reshape(2 * len(moves), *mean.shape))
         return np.concatenate(rows)
 
     def nominal(self) -> MixedPaths:

@@ -63,6 +63,20 @@ _DEFINITIONS: Final = {
 }
 
 
+def distortion_model(camera: Camera) -> str:
+    """What ROS calls the lens. Raises CommandError where it has no name for it."""
+    if camera.model == "fisheye":
+        return "equidistant"
+    if camera.distortion[8:].any():
+        raise CommandError(
+            "ROS has no name for a lens with thin prism or tilt coefficients",
+            expected="plumb_bob, rational_polynomial or equidistant",
+            got=f"{len(camera.distortion)} coefficients",
+            remedy="export it to another format, or import the recording without --calibration",
+        )
+    return "plumb_bob" if len(camera.distortion) == 5 else "rational_polynomial"
+
+
 class MessageFile(Protocol):
     """What messages are written to."""
 
@@ -104,8 +118,8 @@ class RosMessages:
             header=self._header(time_ns, name),
             height=camera.sensor.height_px,
             width=camera.sensor.width_px,
-            distortion_model="plumb_bob",
-            d=np.array(camera.distortion, np.float64),
+            distortion_model=distortion_model(camera),
+            d=np.array(camera.distortion[:8], np.float64),
             k=np.array(camera.K, np.float64).ravel(),
             r=np.eye(3).ravel(),
             p=P.ravel(),

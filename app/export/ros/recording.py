@@ -63,6 +63,7 @@ def export_rosbag(
         ExportCancelledError: if `cancelled` said so; nothing is written then.
     """
     messages = RosMessages()
+    _check_lenses(recording)
     streams = [_calibration(recording, span, messages), *_events(recording, span, messages)]
     names = ["metadata.yaml", f"{folder.name}.db3"]
     with unfinished_folder(folder, names, overwrite=overwrite) as unfinished:
@@ -93,6 +94,7 @@ def export_mcap(
         ExportCancelledError: if `cancelled` said so; nothing is written then.
     """
     messages = RosMessages()
+    _check_lenses(recording)
     streams: list[Iterable[_Message]] = [
         _calibration(recording, span, messages),
         *_events(recording, span, messages),
@@ -132,6 +134,12 @@ def _write(
 
 def _calibrated(recording: Recording) -> dict[str, Camera]:
     return {name: one.calibration for name, one in recording.cameras.items() if one.calibration is not None}
+
+
+def _check_lenses(recording: Recording) -> None:
+    """Raises CommandError, before anything is written, for a lens that ROS has no name for."""
+    for camera in _calibrated(recording).values():
+        ros.distortion_model(camera)
 
 
 def _calibration(recording: Recording, span: Span, messages: RosMessages) -> Iterator[_Message]:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from core.cameras.camera import Camera
 from core.errors import ConfigError
 
 Array = NDArray[np.float64]
@@ -35,13 +36,27 @@ class Board:
             got = f"{self.rows} x {self.columns}"
             raise ConfigError("impossible board", expected="3 to 100 rows and columns", got=got, remedy=remedy)
         if not 1e-4 <= self.spacing_m <= 2.0:
-            raise ConfigError("impossible spacing", expected="0.1 to 2000 mm", got=f"{1e3 * self.spacing_m:g} mm")
+            metres = 1e-4 <= 1e3 * self.spacing_m <= 1.0
+            remedy = f"{1e3 * self.spacing_m:g} m are {1e6 * self.spacing_m:g} mm" if metres else None
+            got = f"{1e3 * self.spacing_m:g} mm"
+            raise ConfigError("impossible spacing", expected="0.1 to 2000 mm", got=got, remedy=remedy)
 
     @property
     def points_m(self) -> Array:
         """(rows * columns, 3) in the board's frame, row by row; z is 0."""
         row, column = np.divmod(np.arange(self.rows * self.columns), self.columns)
         return self.spacing_m * np.column_stack([column, row, np.zeros(len(row))])
+
+
+def board_pose(board: Board, uvs_px: Array, camera: Camera) -> tuple[Array, Array]:
+    """Rotation (3, 3) and translation (3,) from the board to the camera that explain its points (N, 2) best."""
+    if camera.model == "fisheye":
+        uvs, K, coefficients = camera.undistort(uvs_px), np.eye(3), np.zeros(5)
+    else:
+        uvs, K, coefficients = uvs_px, camera.K, camera.distortion
+    seen = np.isfinite(uvs[:, 0])
+    _, rvec, tvec = cv2.solvePnP(board.points_m[seen], uvs[seen], K, coefficients)
+    return np.asarray(cv2.Rodrigues(rvec)[0], np.float64), np.ravel(tvec).astype(np.float64)
 
 
 def find_board(picture: Picture, board: Board, *, most_blobs: int | None = None) -> Array | None:

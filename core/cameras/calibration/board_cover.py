@@ -7,11 +7,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.cameras.calibration.board import Board
+from core.cameras.calibration.board import Board, board_pose
 from core.cameras.calibration.coverage import CELLS_ACROSS, CELLS_DOWN, cells_of
 from core.cameras.calibration.intrinsics import BoardView
 from core.cameras.camera import Camera
@@ -25,6 +24,11 @@ DISTANCES_WANTED: Final = 1.3
 """The farthest by the nearest."""
 ROWS: Final = ("upper", "middle", "lower")
 COLUMNS: Final = ("left", "middle", "right")
+
+NEAREST_M, FARTHEST_M = 0.05, 15.0
+"""Of a board whose points can be found."""
+SPACING_UNITS = ((10.0, "centimetres"), (1000.0, "metres"), (1e-3, "micrometres"))
+"""What the board's distance is multiplied by if its spacing was in that unit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,12 +50,23 @@ def board_cover(views: Sequence[BoardView], board: Board, camera: Camera) -> Boa
     tilts, distances = [], []
     for view in views:
         cells[np.unique(cells_of(view.uvs_px, camera.sensor))] += 1
-        _, rvec, tvec = cv2.solvePnP(board.points_m, view.uvs_px, camera.K, camera.distortion)
-        R = np.asarray(cv2.Rodrigues(rvec)[0], np.float64)
+        R, t = board_pose(board, view.uvs_px, camera)
         x, y, z = R[:, 2] * np.sign(R[2, 2] or 1.0)  # the board's normal, away from the camera
         tilts.append(np.degrees((np.arctan2(-x, z), np.arctan2(-y, z))))
-        distances.append(float((R @ board.points_m.mean(axis=0) + np.ravel(tvec))[2]))
+        distances.append(float((R @ board.points_m.mean(axis=0) + t)[2]))
     return BoardCover(cells, np.array(tilts, np.float64).reshape(-1, 2), np.array(distances, np.float64))
+
+
+def odd_spacing(cover: BoardCover) -> str | None:
+    """A line if the board was so near or so far that its spacing must be in another unit; None otherwise."""
+    if not len(cover.distances_m):
+        return None
+    away_m = float(np.median(cover.distances_m))
+    if NEAREST_M <= away_m <= FARTHEST_M:
+        return None
+    likely = [unit for factor, unit in SPACING_UNITS if NEAREST_M <= away_m * factor <= FARTHEST_M]
+    asked = f": is --spacing-mm in {likely[0]}?" if likely else ""
+    return f"with this spacing the board would be {away_m:.3g} m away{asked}"
 
 
 def missing_for_lens(cover: BoardCover) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -10,10 +11,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from core.cameras.calibration.board import Board
+from core.cameras.calibration.board import Board, board_pose
 from core.cameras.calibration.coverage import coverage
+from core.cameras.calibration.fisheye_fit import FisheyeFit, fit_fisheye
 from core.cameras.camera import Camera
-from core.cameras.distortion import fold_radius
+from core.cameras.distortion import LensModel, fold_radius
+from core.cameras.lens_kernel import FOLD_ANGLE
 from core.errors import CalibrationError
 from core.events import SensorSize
 
@@ -56,7 +59,7 @@ class Lens:
     camera: Camera
     """Its world is its own frame."""
     sigmas: dict[str, float]
-    """Standard deviation of each of PARAMETERS; 0 for those that were held."""
+    """Standard deviation of each of PARAMETERS, or FISHEYE_PARAMETERS; 0 for those that were held."""
     rms_px: float
     """Over the points of the pictures that were used."""
     fits: tuple[ViewFit, ...]
@@ -70,10 +73,13 @@ class Lens:
         return tuple(fit.view.name for fit in self.fits if not fit.used)
 
 
-def calibrate_lens(views: Sequence[BoardView], board: Board, sensor: SensorSize, *, coefficients: int = 4) -> Lens:
+def calibrate_lens(
+    views: Sequence[BoardView], board: Board, sensor: SensorSize, *, coefficients: int = 4, model: LensModel = "pinhole"
+) -> Lens:
     """The lens that explains the views best (OpenCV's `calibrateCameraExtended`), outliers left out.
 
-    `coefficients` counts the distortion coefficients, in OpenCV's order; the others stay 0.
+    `coefficients` counts the distortion coefficients of a pinhole, in OpenCV's order; the others stay 0. A fisheye lens
+    has all four of its own.
 
     Raises:
         CalibrationError: with too few pictures, or a lens that is none.
@@ -83,13 +89,17 @@ def calibrate_lens(views: Sequence[BoardView], board: Board, sensor: SensorSize,
     used = list(range(len(views)))
     while True:
         _check_count(len(used), len(views))
-        fitted = _fit([views[k] for k in used], board, sensor, coefficients)
+        chosen = [views[k] for k in used]
+        if model == "fisheye":
+            fitted = fit_fisheye([view.uvs_px for view in chosen], board, sensor)
+        else:
+            fitted = _fit(chosen, board, sensor, coefficients)
         limit = max(OUTLIER_FROM_PX, OUTLIER_TIMES_MEDIAN * float(np.median(fitted.rms_px)))
         worst = int(np.argmax(fitted.rms_px))
         if fitted.rms_px[worst] <= limit:
             break
         used.pop(worst)  # one at a time: a bad picture makes its neighbours look bad too
-    if fold_radius(fitted.camera.distortion) < _corner_radius(fitted.camera):
+    if _turns_back(fitted.camera):
         remedy = "take pictures with the board in the corners, or fit fewer --coefficients"
         raise CalibrationError("the lens model turns back inside the picture", remedy=remedy)
     return _report(views, used, fitted, board)
@@ -127,7 +137,17 @@ def _fit(views: Sequence[BoardView], board: Board, sensor: SensorSize, coefficie
     return _Fitted(camera, sigmas, np.ravel(per_view).astype(np.float64), float(rms))
 
 
-def _report(views: Sequence[BoardView], used: list[int], fitted: _Fitted, board: Board) -> Lens:
+def _turns_back(camera: Camera) -> bool:
+    if camera.model == "pinhole":
+        return fold_radius(camera.distortion) < _corner_radius(camera)
+    fold = float(camera.lens_row()[FOLD_ANGLE])
+    if not math.isfinite(fold):
+        return False
+    powers = fold ** np.array([2, 4, 6, 8])
+    return fold * (1 + float(powers @ camera.distortion)) < _corner_radius(camera)
+
+
+def _report(views: Sequence[BoardView], used: list[int], fitted: _Fitted | FisheyeFit, board: Board) -> Lens:
     fits = []
     for k, view in enumerate(views):
         residuals = _residuals(view, board, fitted.camera)
@@ -139,9 +159,8 @@ def _report(views: Sequence[BoardView], used: list[int], fitted: _Fitted, board:
 
 def _residuals(view: BoardView, board: Board, camera: Camera) -> Array:
     """Found minus projected (N, 2), the board where it fits this picture best."""
-    _, rvec, tvec = cv2.solvePnP(board.points_m, view.uvs_px, camera.K, camera.distortion)
-    projected, _ = cv2.projectPoints(board.points_m, rvec, tvec, camera.K, camera.distortion)
-    return view.uvs_px - np.asarray(projected, np.float64).reshape(-1, 2)
+    R, t = board_pose(board, view.uvs_px, camera)
+    return view.uvs_px - camera.project_from_camera(board.points_m @ R.T + t)
 
 
 def _corner_radius(camera: Camera) -> float:

@@ -94,6 +94,7 @@ class Sb3Environment(OneStepReturn):
         rng = np.random.default_rng([seed, BALLS, stage])
         dealt = draw_serve_batch(speed, episodes, config.environment, rng)
         super().__init__(speed, config.environment, config.reward, dealt, backend)
+        self.agent = f"the agent {config.agent}, seed {seed},"
         self.stage = stage
         self.stage_episode = 0
         self._first_episode = first_episode

@@ -19,7 +19,7 @@ from core.learning.agents.replay import ReplayBuffer, ReplayStart, start_stage
 from core.learning.config import RunConfig
 from core.learning.evaluation.episode_record import episode_line, transition_of
 from core.learning.runs.checkpoints import pack_arrays, restore_arrays
-from core.learning.task.environment import ServeBatch, action_size, draw_serve_batch
+from core.learning.task.environment import ServeBatch, action_size, check_actions, draw_serve_batch
 from core.learning.task.episode_backend import ClosedFormBackend, EpisodeBackend
 from core.learning.task.reward import episode_rewards, reward_weights
 from core.physics.episode import Case
@@ -78,9 +78,11 @@ class Training:
         is_random = self.episode < exploration.random_episodes
         delivery = self._backend.observe(self._deliveries[n : n + 1])
         action = self._exploratory_action(delivery, noise, is_random)
+        check_actions(action, self._action_size, f"the agent {self.config.agent}, seed {self.seed},", self.episode)
         outcome = self._backend.play(delivery, action)
         weights = reward_weights(n, self.config.reward)
-        reward = float(episode_rewards(outcome, delivery.goals_m, weights, self.config.reward)[0])
+        where = f"episode {self.episode}, seed {self.seed}"
+        reward = float(episode_rewards(outcome, delivery.goals_m, weights, self.config.reward, where=where)[0])
         losses = Losses(float("nan"), float("nan"))
         if delivery.seen[0]:
             self._buffer.add(transition_of(delivery, action[0], outcome, reward))

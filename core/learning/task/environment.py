@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from core.errors import AgentError
 from core.learning.config import CHOSEN_MPS, EnvironmentConfig, GoalConfig
 from core.learning.task.perception import perceive
 from core.learning.task.racket_table import racket_speeds
@@ -128,6 +129,31 @@ def play(deliveries: ServeBatch, actions: Array, config: EnvironmentConfig) -> O
     return return_balls(deliveries.arrivals, strokes, config.task)
 
 
+def check_actions(actions: NDArray[np.floating], size: int, who: str, episode: int = 0) -> Array:
+    """Actions (N, size) as float64; `episode` is that of the first.
+
+    Raises:
+        AgentError: naming who gave them and the episode, if they have another shape or are not finite.
+    """
+    try:
+        table = np.atleast_2d(np.asarray(actions, np.float64))
+    except (TypeError, ValueError) as error:
+        raise AgentError(f"{who} gave no action", got=repr(actions)[:80], where=f"episode {episode}") from error
+    if table.ndim != 2 or table.shape[1] != size:
+        got = f"shape {np.shape(actions)}"
+        raise AgentError(f"{who} gave an action of another shape", expected=f"{size} numbers", got=got)
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if len(bad):
+        raise AgentError(
+            f"{who} gave an action that is no number",
+            expected=f"{size} numbers from -1 to 1",
+            got=[float(number) for number in table[bad[0]]],
+            where=f"episode {episode + int(bad[0])}",
+            remedy="look at its losses: a learning rate that is too high ends so",
+        )
+    return table
+
+
 def action_size(config: EnvironmentConfig) -> int:
     """Parts of an action: three angles, and the racket's speed where that is chosen."""
     return 4 if config.racket == "chosen" else 3
@@ -146,6 +172,7 @@ def strokes_of(deliveries: ServeBatch, actions: Array, config: EnvironmentConfig
 
     Clipped, with the actuator's error, as far as there is time to turn.
     """
+    actions = check_actions(actions, np.shape(actions)[-1], "the agent")
     real = np.clip(actions[:, :3], -1, 1) + deliveries.action_errors
     if deliveries.turn_s is not None:
         angles_rad = np.radians(config.task.stroke.action_limit_deg) * real

@@ -17,6 +17,9 @@ import h5py
 import numpy as np
 
 from core.cameras import Camera
+from core.cameras.calibration_values import CalibrationNode
+from core.cameras.lens_names import find_lens
+from core.cameras.plausible import check_lenses
 from core.errors import CalibrationError, RecordingError
 from core.events import SensorSize
 from core.recordings.hdf5 import dataset_at, group_at
@@ -147,22 +150,23 @@ def _m3ed_camera(path: Path, group: h5py.Group, sensor: SensorSize | None) -> Ca
     if "calib/intrinsics" not in group or sensor is None:
         return None
     calib = group_at(group, "calib")
-    model = str(_text(calib, "camera_model") or "pinhole")
-    distortion_model = str(_text(calib, "distortion_model") or "radtan")
-    if model != "pinhole" or distortion_model != "radtan":
-        return f"{path.name}: the calibration is left out: {model}, {distortion_model} is not read."
-    fx, fy, cx, cy = (float(value) for value in np.asarray(dataset_at(calib, "intrinsics")[:4]))
-    coefficients = np.zeros(5)
-    if "distortion_coeffs" in calib:
-        stated = np.asarray(dataset_at(calib, "distortion_coeffs")[()], np.float64).reshape(-1)[:5]
-        coefficients[: len(stated)] = stated
+    stated: dict[str, object] = {
+        key: text for key in ("camera_model", "distortion_model") if (text := _text(calib, key)) is not None
+    }
     T = np.eye(4)
-    if "T_to_prophesee_left" in calib:
-        T = np.asarray(dataset_at(calib, "T_to_prophesee_left")[()], np.float64)
     try:
-        return Camera(sensor, np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), coefficients, T)
-    except CalibrationError as error:
+        fx, fy, cx, cy = (float(value) for value in np.asarray(dataset_at(calib, "intrinsics")[:4]))
+        coefficients = np.zeros(0)
+        if "distortion_coeffs" in calib:
+            coefficients = np.asarray(dataset_at(calib, "distortion_coeffs")[()], np.float64).reshape(-1)
+        if "T_to_prophesee_left" in calib:
+            T = np.asarray(dataset_at(calib, "T_to_prophesee_left")[()], np.float64)
+        lens = find_lens(CalibrationNode(stated, "calib"), coefficients, default="radtan")
+        camera = Camera(sensor, np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), lens.distortion, T, lens.model)
+        check_lenses({"calib": camera}, path.name)
+    except (CalibrationError, ValueError, TypeError) as error:
         return f"{path.name}: the calibration is left out: {error}."
+    return camera
 
 
 def _text(group: h5py.Group, name: str) -> str | None:

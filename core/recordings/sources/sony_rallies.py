@@ -17,6 +17,9 @@ import numpy as np
 import yaml
 
 from core.cameras import Camera
+from core.cameras.calibration_values import CalibrationNode
+from core.cameras.lens_names import find_lens
+from core.cameras.plausible import check_lenses
 from core.errors import CalibrationError, EventsError, RecordingError
 from core.events import SensorSize
 from core.geometry import invert_transform
@@ -165,12 +168,12 @@ def _camera(
         return None, None, None
     try:
         coefficients = np.asarray(entry["distortion_coeffs"], np.float64).reshape(-1)
-        distortion = np.zeros(5)
-        distortion[: len(coefficients)] = coefficients
+        lens = find_lens(CalibrationNode(entry, name), coefficients, default="radtan")
         T_CW = np.asarray(entry["T_CW"], np.float64)
         T_camera_world = _rigid(T_CW) @ (_rigid(np.asarray(T_WO, np.float64)) if T_WO is not None else np.eye(4))
         K = np.asarray(entry["camera_matrix"], np.float64)
-        camera = Camera(size, K, distortion, invert_transform(T_camera_world))
+        camera = Camera(size, K, lens.distortion, invert_transform(T_camera_world), lens.model)
+        check_lenses({name: camera}, file.name)
     except (*_BROKEN, CalibrationError) as error:
         return size, None, f"The calibration of {name} in {file.name} is left out: {error}."
     world = "the table's frame, T_WO" if T_WO is not None else "the frame W of its T_CW"

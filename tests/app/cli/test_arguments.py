@@ -117,7 +117,7 @@ def test_a_switch_with_three_states_can_be_turned_off() -> None:
     [
         (["--to", "a.csv"], "required: TABLE"),
         (["blue"], "required: --to"),
-        ([*LEAST, "--weight-g", "heavy"], "--weight-g: invalid float value: 'heavy'"),
+        ([*LEAST, "--weight-g", "heavy"], "--weight-g: expected a number, got 'heavy'"),
         ([*LEAST, "--balls", "0"], "--balls: expected a whole number above 0, got '0'"),
         ([*LEAST, "--players", "anna,"], "--players: expected names between commas"),
         ([*LEAST, "--speeds", "3,fast"], "--speeds: expected numbers between commas"),

@@ -175,13 +175,13 @@ def test_the_filter_finds_out_by_what_physics_a_ball_flies(physics, tmp_path) ->
     ("arguments", "says"),
     [
         (["--method", "filter", "--observe-ms", "10"], "expected points over 20 ms, got 2 points over 5 ms"),
-        (["--method", "filter", "--hit-x", "7"], "hit_x_m"),
+        (["--method", "filter", "--hit-x", "7"], "--hit-x: expected"),
         (["--method", "magic"], "magic"),
         (["--observe-ms", "0"], "--observe-ms"),
         (["--observe-ms", "nan"], "--observe-ms"),
         (["--observe-ms", "20"], "--observe-ms"),
-        (["--hit-x", "7"], "hit_x_m"),
-        (["--hit-x", "nan"], "hit_x_m"),
+        (["--hit-x", "7"], "--hit-x: expected"),
+        (["--hit-x", "nan"], "--hit-x: expected"),
     ],
 )
 def test_a_mistake_is_one_line_and_exit_2(points, tmp_path, capsys, arguments: list[str], says: str) -> None:
@@ -220,3 +220,27 @@ def test_real_flights_are_predicted_from_their_first_150_ms(shared_data, tmp_pat
         ]
     assert bounces >= 0.7 * len(files)
     assert np.median(errors) < 0.06, "no drag and no spin: centimetres within 100 ms"
+
+
+def test_it_says_what_the_file_was_taken_for(points, tmp_path, capsys) -> None:
+    assert main(["predict", str(points), "--out", str(tmp_path / "a.json")]) == 0
+    assert "t_s in s, x_m,y_m,z_m in m; it flies" in capsys.readouterr().out
+    rows = np.loadtxt(points, delimiter=",", skiprows=1)
+    foreign = tmp_path / "foreign.csv"
+    other = np.column_stack([rows[:, 0], -rows[:, 2], rows[:, 1], rows[:, 3]])
+    np.savetxt(foreign, other, delimiter=",", header="Timestamp,X,Y,Z", comments="", fmt="%.9f")
+    assert main(["predict", str(foreign), "--out", str(tmp_path / "b.json"), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert "tt3d" in summary["notes"][0] and "Timestamp in s" in summary["taken_for"]
+    first, second = (json.loads((tmp_path / name).read_text())["hit_plane"] for name in ("a.json", "b.json"))
+    assert second["p_world_m"] == pytest.approx(first["p_world_m"], abs=1e-5)
+
+
+def test_a_flight_that_ends_within_what_is_observed_is_predicted(points, tmp_path) -> None:
+    short = tmp_path / "short.csv"
+    lines = points.read_text().splitlines()
+    seen = [line for line in lines[1:] if float(line.split(",")[0]) < float(lines[1].split(",")[0]) + 0.12]
+    short.write_text("\n".join([lines[0], *seen]))
+    assert main(["predict", str(short), "--out", str(tmp_path / "pred.json")]) == 0
+    found = json.loads((tmp_path / "pred.json").read_text())
+    assert found["positions"] == [] and found["bounces"]

@@ -145,11 +145,11 @@ def test_a_real_ball_is_slowed_by_the_air_and_bounces_as_recorded_ones_do(tmp_pa
 
 
 MISTAKES = [
-    (("--speed", "2"), "speed_mps"),
-    (("--speed", "nan"), "speed_mps"),
+    (("--speed", "2"), "--speed: expected 3 to 9"),
+    (("--speed", "nan"), "--speed: expected a finite number"),
     (("--speed", "fast"), "--speed"),
-    (("--noise-hz", "-1"), "noise_hz"),
-    (("--noise-hz", "inf"), "noise_hz"),
+    (("--noise-hz", "-1"), "--noise-hz: expected 0 to 20"),
+    (("--noise-hz", "inf"), "--noise-hz: expected a finite number"),
     (("--seed", "-1"), "--seed"),
     (("--seed", str(2**63)), "--seed"),
     (("--serves", "0"), "--serves"),
@@ -160,9 +160,9 @@ MISTAKES = [
     (("--cameras", __file__), "--sensor goes with a placement"),
     (("--scene", "moon"), "ball, dark"),
     (("--physics", "moon"), "invalid choice"),
-    (("--wall", "2"), "SceneConfig.wall"),
-    (("--flicker", "0.6"), "SceneConfig.flicker"),
-    (("--flicker-hz", "0"), "SceneConfig.flicker_hz"),
+    (("--wall", "2"), "--wall: out of range; expected 0.01 to 1"),
+    (("--flicker", "0.6"), "--flicker: expected 0 to 0.5"),
+    (("--flicker-hz", "0"), "--flicker-hz: expected 1 to 1000"),
     (("--scene", "rally", "--physics", "real"), "physics paper"),
     (("--scene", "rally", "--speed", "3"), "no ball of a rally can be played at this speed"),
 ]

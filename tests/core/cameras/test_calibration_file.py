@@ -284,7 +284,7 @@ def test_a_pose_in_the_world_is_the_left_cameras(tmp_path: Path) -> None:
     T = make_transform(np.eye(3), (1, 2, 3))
     path = write_opencv(
         tmp_path / "c.yml",
-        {"image_width": 8, "image_height": 8, "K": LEFT.K, "D": np.zeros((1, 4)), "T_world_camera": T},
+        {"image_width": 1280, "image_height": 720, "K": LEFT.K, "D": np.zeros((1, 4)), "T_world_camera": T},
     )
     assert load_calibration(path)["camera"].T_world_camera == pytest.approx(T)
 

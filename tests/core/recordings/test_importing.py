@@ -227,3 +227,34 @@ def test_an_import_that_is_killed_loses_nothing_that_was_flushed(tmp_path, make_
         np.testing.assert_array_equal(found.t_us, events.t_us[: len(found)])
     with h5py.File(target) as file:
         assert "cameras/camera/events/t" in file
+
+
+def test_a_calibration_of_other_names_is_refused_with_the_names_to_give(tmp_path, pair):
+    path_left, path_right, *_ = pair
+    camera = Camera(SENSOR, np.array([[300.0, 0, 170], [0, 300, 130], [0, 0, 1]]), np.zeros(5), np.eye(4))
+    both = {"cam0": camera, "cam1": camera}
+    with pytest.raises(RecordingError, match=r"got cam0, cam1; --names cam0,cam1 if they are the same"):
+        import_recording([path_left, path_right], tmp_path / "a.h5", calibration=both)
+    summary = import_recording([path_left, path_right], tmp_path / "a.h5", calibration={"right": camera, "top": camera})
+    assert summary is not None
+    assert "The calibration of top is left out: there is no such camera." in summary.notes
+    assert "The calibration has no camera left." in summary.notes
+
+
+@pytest.mark.parametrize(
+    ("size", "said"), [((260, 346), "exchanged"), ((692, 520), "2 times as large"), ((320, 260), "own size")]
+)
+def test_a_calibration_of_another_size_is_refused_with_the_likely_cause(tmp_path, pair, size, said):
+    camera = Camera(SensorSize(*size), np.array([[300.0, 0, 100], [0, 300, 100], [0, 0, 1]]), np.zeros(5), np.eye(4))
+    with pytest.raises(RecordingError, match=said):
+        import_recording([pair[0]], tmp_path / "a.h5", calibration={"any": camera})
+
+
+def test_files_of_a_pair_that_are_called_as_the_other_camera_are_said(tmp_path, pair):
+    paths = [tmp_path / "my_right.raw", tmp_path / "my_left.raw"]
+    for path, source in zip(paths, pair[:2], strict=True):
+        path.write_bytes(source.read_bytes())
+    summary = import_recording(paths, tmp_path / "a.h5")
+    assert summary is not None and "they may be exchanged" in summary.notes[0]
+    summary = import_recording(paths[::-1], tmp_path / "b.h5")
+    assert summary is not None and "exchanged" not in " ".join(summary.notes)

@@ -13,6 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.cameras import Camera
+from core.cameras.calibration_values import CalibrationNode
+from core.cameras.lens_names import LensFound, find_lens
+from core.cameras.plausible import check_lenses, odd_lenses
+from core.cameras.units import check_lengths
 from core.errors import CalibrationError
 from core.events import SensorSize
 from core.geometry import invert_transform, make_transform, matrix_from_quaternion
@@ -43,9 +47,10 @@ class _Info:
     topic: str
     frame_id: str
     size: tuple[int, int]
-    model: str
+    names: str
+    """What it calls the lens model."""
     K: Array
-    distortion: Array
+    coefficients: Array
     R: Array
     P: Array
 
@@ -78,9 +83,19 @@ def cameras_of(bag: Bag, wanted: dict[str, BagCamera], notes: list[str]) -> dict
         if topic not in poses:
             continue
         try:
-            found[topic] = Camera(wanted[topic].sensor, info.K, info.distortion, poses[topic])
+            lens = _lens(info)
+            camera = Camera(wanted[topic].sensor, info.K, lens.distortion, poses[topic], lens.model)
+            check_lenses({topic: camera}, "CameraInfo")
         except CalibrationError as error:
-            notes.append(f"{info.topic} is left out: {error}.")
+            notes.append(f"The calibration of {info.topic} is left out: {error}.")
+            continue
+        found[topic] = camera
+        notes.extend(f"{note}." for note in (lens.assumed, *odd_lenses({topic: camera})) if note)
+    try:
+        check_lengths(found, "tf_static or P")
+    except CalibrationError as error:
+        notes.append(f"The calibration is left out: {error}.")
+        return {}
     return found
 
 
@@ -106,12 +121,10 @@ def _info(topic: str, message: object) -> _Info:
 
     header = getattr(message, "header")  # noqa: B009 (typed as any message)
     coefficients = field("D", (-1,))
-    distortion = np.zeros(max(5, len(coefficients)))
-    distortion[: len(coefficients)] = coefficients
     size = int(getattr(message, "width", 0)), int(getattr(message, "height", 0))
     model = str(getattr(message, "distortion_model", ""))
     K, R, P = field("K", (3, 3)), field("R", (3, 3)), field("P", (3, 4))
-    return _Info(topic, str(header.frame_id), size, model, K, distortion, R, P)
+    return _Info(topic, str(header.frame_id), size, model, K, coefficients, R, P)
 
 
 def _info_of(topic: str, camera: BagCamera, infos: list[_Info]) -> _Info | None:
@@ -121,16 +134,23 @@ def _info_of(topic: str, camera: BagCamera, infos: list[_Info]) -> _Info | None:
     return next(iter(near or same), None)
 
 
+def _lens(info: _Info) -> LensFound:
+    """Raises CalibrationError for a lens model that is not ours."""
+    stated: dict[str, object] = {"distortion_model": info.names} if info.names else {}
+    return find_lens(CalibrationNode(stated, info.topic), info.coefficients)
+
+
 def _is_usable(info: _Info, sensor: SensorSize, notes: list[str]) -> bool:
     why = None
     if not info.K[0, 0] > 0:
         why = "the camera is not calibrated, its K is 0"
     elif info.size != (0, 0) and info.size != (sensor.width_px, sensor.height_px):
         why = f"it is for a picture of {info.size[0]}x{info.size[1]}, the sensor is {sensor}"
-    elif info.model not in ("", "plumb_bob", "rational_polynomial"):
-        why = f"the lens model {info.model!r} is not read"
-    elif np.abs(info.distortion[5:]).max(initial=0) > 0:
-        why = "its rational lens model has more than five coefficients"
+    else:
+        try:
+            _lens(info)
+        except CalibrationError as error:
+            why = str(error)
     if why is not None:
         notes.append(f"The calibration of {info.topic} is left out: {why}; --calibration gives another.")
     return why is None

@@ -15,10 +15,12 @@ from rosbags.typesys.stores import Stores
 from app.export.ros.recording import export_mcap, export_rosbag
 from app.export.selection import Span
 from app.export.unfinished import ExportCancelledError
+from core.cameras import Camera
 from core.chain import ChainConfig
 from core.errors import CommandError
 from core.events import Events, SensorSize
 from core.recordings import RecordingWriter, open_recording
+from core.recordings.sources import open_sources
 
 SPAN = Span(100_500, 400_000)
 CHAIN = ChainConfig.of_method("refined")
@@ -193,3 +195,41 @@ def test_a_bag_is_not_replaced_without_being_asked(recording, tmp_path):
         export_rosbag(recording, tmp_path / "rally", SPAN)
     export_rosbag(recording, tmp_path / "rally", SPAN, overwrite=True)
     same_events(tmp_path / "rally", recording, "left")
+
+
+@pytest.mark.parametrize(
+    ("lens", "model", "name"),
+    [
+        ([-0.3, 0.1, 0.001, 0.002, 0.0], "pinhole", "plumb_bob"),
+        ([0.1, 0.02, 0.001, 0.002, 0.003, 0.1, 0.02, 0.01], "pinhole", "rational_polynomial"),
+        ([0.1, 0.02, 0.001, 0.002, 0.003, 0.1, 0.02, 0.01, 0, 0, 0, 0], "pinhole", "rational_polynomial"),
+        ([0.05, -0.01, 0.002, -0.001], "fisheye", "equidistant"),
+    ],
+)
+def test_a_lens_is_written_by_the_name_that_ros_has_and_read_back(tmp_path, lens, model, name):
+    sensor = SensorSize(64, 48)
+    K = np.array([[60.0, 0, 31], [0, 60, 23], [0, 0, 1]])
+    camera = Camera(sensor, K, np.array(lens), np.eye(4), model)
+    events = Events(np.array([0, 5]), np.array([1, 2]), np.array([3, 4]), np.array([True, False]), sensor)
+    with RecordingWriter(tmp_path / "a.h5", {"eye": sensor}, calibration={"eye": camera}) as writer:
+        writer.append("eye", events)
+    with open_recording(tmp_path / "a.h5") as recording:
+        export_rosbag(recording, tmp_path / "bag", Span(0, 10))
+    with AnyReader([tmp_path / "bag"]) as reader:
+        (info,) = [reader.deserialize(data, c.msgtype) for c, _, data in reader.messages() if "camera_info" in c.topic]
+    assert info.distortion_model == name and info.d.tolist() == lens[:8]
+    (source,) = open_sources(tmp_path / "bag")
+    assert source.calibration is not None and source.calibration.model == model
+    assert source.calibration.distortion.tolist() == lens[:8]
+
+
+def test_a_lens_that_ros_has_no_name_for_is_refused(tmp_path):
+    sensor = SensorSize(64, 48)
+    lens = np.array([0.1, 0.02, 0.001, 0.002, 0.003, 0.1, 0.02, 0.01, 0.001, 0, 0, 0])
+    camera = Camera(sensor, np.array([[60.0, 0, 31], [0, 60, 23], [0, 0, 1]]), lens, np.eye(4))
+    with RecordingWriter(tmp_path / "a.h5", {"eye": sensor}, calibration={"eye": camera}) as writer:
+        writer.append("eye", Events(np.array([0]), np.array([1]), np.array([3]), np.array([True]), sensor))
+    refused = pytest.raises(CommandError, match="ROS has no name for a lens")
+    with open_recording(tmp_path / "a.h5") as recording, refused:
+        export_rosbag(recording, tmp_path / "bag", Span(0, 10))
+    assert not (tmp_path / "bag").exists()

@@ -125,4 +125,18 @@ def test_a_lens_model_of_m3ed_that_is_not_read_is_told(tmp_path):
     write_m3ed(path, model="omni")
     source = open_sources(path)[0]
     assert source.calibration is None
-    assert "the calibration is left out: omni, radtan is not read" in read_all(source)[1].notes[0]
+    assert "the calibration is left out: calib: unsupported lens model" in read_all(source)[1].notes[0]
+    assert "got omni" in read_all(source)[1].notes[0]
+
+
+def test_a_fisheye_lens_of_m3ed_is_read(tmp_path):
+    path = tmp_path / "falcon_data.h5"
+    write_m3ed(path)
+    with h5py.File(path, "r+") as file:
+        for side in ("left", "right"):
+            calib = file[f"prophesee/{side}/calib"]
+            del calib["distortion_model"], calib["distortion_coeffs"]
+            calib["distortion_model"], calib["distortion_coeffs"] = "equidistant", [0.05, -0.01, 0.002, -0.001]
+    camera = open_sources(path)[1].calibration
+    assert camera is not None
+    assert (camera.model, camera.distortion.tolist()) == ("fisheye", [0.05, -0.01, 0.002, -0.001])

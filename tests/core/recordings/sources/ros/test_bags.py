@@ -192,10 +192,18 @@ def test_cameras_whose_place_is_not_told_stay_uncalibrated_and_it_is_said(tmp_pa
 
 
 def test_a_lens_model_that_is_not_read_is_named(tmp_path):
-    write_stereo(tmp_path / "a.bag", "ros1", transforms=True, model="equidistant")
+    write_stereo(tmp_path / "a.bag", "ros1", transforms=True, model="omnidirectional")
     left, _ = open_sources(tmp_path / "a.bag")
     assert left.calibration is None
-    assert "/davis/left/camera_info is left out: the lens model 'equidistant' is not read" in rows_of(left)[1][0]
+    note = rows_of(left)[1][0]
+    assert "The calibration of /davis/left/camera_info is left out" in note and "got omnidirectional" in note
+
+
+def test_a_fisheye_lens_of_a_bag_is_read(tmp_path):
+    write_stereo(tmp_path / "a.bag", "ros1", transforms=True, model="equidistant")
+    left, _ = open_sources(tmp_path / "a.bag")
+    assert left.calibration is not None and left.calibration.model == "fisheye"
+    assert len(left.calibration.distortion) == 4
 
 
 @pytest.mark.parametrize("kind", KINDS)

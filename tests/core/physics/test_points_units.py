@@ -1,0 +1,123 @@
+"""Flights in the units, columns and orders of strangers: read right, or refused with what would be right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.physics.flight_files import read_flight_file
+from core.physics.points_file import PointsFile, PointsFileError, read_points_file
+
+Array = np.ndarray
+
+
+def flight(count: int = 90) -> tuple[Array, Array]:
+    """A ball that comes towards the robot with 5 m/s and bounces once; 3 mm noise."""
+    t = np.arange(count) / 120
+    hit = (0.5 + np.sqrt(0.25 + 2 * 9.81 * 0.33)) / 9.81
+    after = t - hit
+    z = np.where(after < 0, 0.35 + 0.5 * t - 4.905 * t**2, 0.02 + 0.85 * (9.81 * hit - 0.5) * after - 4.905 * after**2)
+    ps = np.column_stack([1.3 - 5 * t, 0.1 + 0.3 * t, z])
+    return t, ps + np.random.default_rng(0).normal(0, 0.003, ps.shape)
+
+
+T, PS = flight()
+
+
+def table(header: str, t: Array = T, ps: Array = PS, mark: str = ",") -> str:
+    rows = [mark.join(f"{number:.17g}" for number in (a, *b)) for a, b in zip(t, ps, strict=True)]
+    return "\n".join([header, *rows]) + "\n"
+
+
+PLAIN = table("t_s,x_m,y_m,z_m")
+LINES = PLAIN.splitlines()
+
+
+def read(tmp_path: Path, text: str) -> PointsFile:
+    path = tmp_path / "flight.csv"
+    path.write_bytes(text.encode())
+    return read_points_file(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "start_s"),
+    [
+        (PLAIN, 0),
+        (table("t_ms,x_mm,y_mm,z_mm", 1e3 * T, 1e3 * PS), 0),
+        (table("t_us,x_cm,y_cm,z_cm", 1e6 * T, 1e2 * PS), 0),
+        (table("t_s,x_m,y_m,z_m", T + 1.7e9), 1.7e9),
+        (table("t_ms,x_m,y_m,z_m", 1e3 * (T + 1.7e9)), 1.7e9),
+        (table("t_us,x_m,y_m,z_m", 1e6 * (T + 1.7e9)), 1.7e9),
+        (table("Time [ms],x (mm),y (mm),z (mm)", 1e3 * T, 1e3 * PS), 0),
+        (table("timestamp_us,pos_x_m,pos_y_m,pos_z_m", 1e6 * T), 0),
+        (table("t,x,y,z"), 0),
+        (table("time,X,Y,Z", 1e3 * T, 1e3 * PS), 0),
+        (table("timestamp,px,py,pz", 1e9 * T), 0),
+        (table("time,x,y,z", 1e3 * (T + 1.7e9)), 1.7e9),
+        (table("t,x,y,z", 1e6 * T, 1e2 * PS), 0),
+        ("\ufeff" + PLAIN.replace("\n", "\r\n"), 0),
+        ("# " + PLAIN, 0),
+        (table("t_s;x_m;y_m;z_m", mark=";").replace(".", ","), 0),
+        (table("t_s\tx_m\ty_m\tz_m", mark="\t"), 0),
+        (table("Timestamp,X,Y,Z", T, PS[:, [1, 0, 2]] * (-1, 1, 1)), 0),
+        ("\n".join([LINES[0], *LINES[:0:-1]]), 0),
+        ("\n".join([*LINES[:20], LINES[21], LINES[20], *LINES[22:]]), 0),
+        (PLAIN.replace("\n", "\n0.001,nan,0,0\n0.002,,,\n", 1), 0),
+    ],
+)
+def test_the_same_flight_is_read_from_every_form(tmp_path: Path, text: str, start_s: float) -> None:
+    found = read(tmp_path, text)
+    np.testing.assert_allclose(found.t_s - start_s, T, atol=2e-6)
+    np.testing.assert_allclose(found.ps_m, PS, atol=1e-9)
+    assert "it flies 5.1 m/s" in found.taken_for
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (table("t_s,x_m,y_m,z_m", 1e3 * T), "times multiplied by 0.001"),
+        (table("t_s,x_m,y_m,z_m", 1e6 * T), "times multiplied by 1e-06"),
+        (table("t_us,x_m,y_m,z_m"), r"times multiplied by 1e\+06"),
+        (table("t_s,x_mm,y_mm,z_mm"), "places multiplied by 1000"),
+        (table("t_s,x_m,y_m,z_m", T, 1e3 * PS), "name the columns x_mm,y_mm,z_mm"),
+        (table("t_s,x_m,y_m,z_m", T, 1e2 * (PS - PS.mean(axis=0) / 2)), "x_cm|multiplied by 0.01"),
+        (table("t_s,x_m,y_m,z_m", 1e6 * (T + 1.7e9)), "name the column after its unit"),
+        (table("t,x,y,z", T[:6], PS[:6]), "units of t,x,y,z cannot be told"),
+        (table("t,x,y,z", T, 1e-3 * PS), "none in which they fly as a ball does"),
+        (PLAIN + "\n".join(LINES[1:]), "row 92: times do not ascend.*one flight"),
+        ("t_s,x_m,y_m,z_m\n" + "0.1,nan,nan,nan\n" * 200 + "\n".join(LINES[1:]), "row 2: x_m is not a number"),
+        (table("frame,x_m,y_m,z_m"), "columns are missing"),
+        (table("t_s,x_m,y_m,z"), "columns are missing"),
+        ("\n".join(LINES[1:]), "columns are missing"),
+    ],
+)
+def test_what_cannot_be_right_is_refused_with_what_would_be(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(PointsFileError, match=said):
+        read(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (table("t,x,y,z"), "times in s and places in m: only so the points fly as a ball does"),
+        (table("t_s,x_m,y_m,z_m", T, PS[:, [1, 0, 2]]), "flies along y"),
+        (table("t_s,x_m,y_m,z_m", T, PS * (1, 1, -1)), "is z up"),
+        (table("t_s,x_m,y_m,z_m", T, 3.28 * PS), "the unit right"),
+        (table("t_s,x_m,y_m,z_m", T, PS * (-1, 1, 1)), "away from the robot"),
+        (table("t_s,x_m,y_m,z_m", T, 0 * PS), "hardly moves"),
+        (PLAIN + "\n".join(table("", T + 5).splitlines()[1:]), "several flights"),
+        ("\n".join([LINES[0], *LINES[:0:-1]]), "sorted"),
+        (PLAIN.replace("\n", "\n0.001,nan,0,0\n", 1), "1 of 91 rows without a number are left out"),
+        (table("Timestamp,X,Y,Z", T, PS[:, [1, 0, 2]] * (1, -1, 1)), "turned half round"),
+    ],
+)
+def test_what_is_odd_is_read_and_said(tmp_path: Path, text: str, said: str) -> None:
+    assert said in "; ".join(read(tmp_path, text).notes)
+
+
+def test_a_plain_file_has_no_remarks_and_fit_physics_reads_the_same(tmp_path: Path) -> None:
+    assert read(tmp_path, PLAIN).notes == ()
+    flown, points = read_flight_file(tmp_path / "flight.csv")
+    assert np.array_equal(flown.ps_m, points.ps_m) and flown.t_s[0] == 0
