@@ -64,7 +64,7 @@ def test_two_sources_with_names_offset_and_size_and_json(tmp_path, csv, capsys):
         (["{csv}", "{out}", "--width", "640"], "--width and --height go together; give both"),
         (
             ["{csv}", "{out}", "--width", "0", "--height", "5"],
-            "argument --width: expected whole numbers above 0 between commas",
+            "--width: expected whole numbers above 0 between",
         ),
         (["{csv}", "{out}", "--frames", "x"], "--frames, --frame-times and --exposure-us go together"),
         (["{csv}", "{out}", "--names", "a,b"], "the names do not fit; expected 1 different ones, got a,b"),
