@@ -26,6 +26,7 @@ BENCHES = {
     "drawn-scenes": "detection.bench_drawn_scenes",
     "simulation": "simulation.bench_simulation",
     "calibration": "calibration.bench_calibration",
+    "cameras": "perception.bench_cameras",
     "prediction": "prediction.bench_prediction",
     "rally": "rally.bench_rally",
     "outcomes": "rally.bench_outcomes",
@@ -45,6 +46,7 @@ CHECKOUT: Final = Path(__file__).parents[2]
 
 OPTIONS = (
     "count", "folder", "report", "chain", "balls", "speeds", "physics", "only", "recorded", "data", "annotator", "soak",
+    "rig",
 )  # fmt: skip
 """That only some of them have."""
 
@@ -56,7 +58,7 @@ class BenchArguments:
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
         "balls of points alone (outcomes), flights (drawn-scenes), seeds (paper-perception), "
-        "seeds of both sides of every claim (learning)",
+        "seeds of both sides of every claim (learning), serves of each scene and speed (cameras)",
         "N",
     )
     folder: Path | None = flag(
@@ -85,6 +87,7 @@ class BenchArguments:
     )
     data: Path | None = flag("workspace with the labels (paper-perception with --recorded)", "DIR", str(DATA))
     annotator: str | None = flag("whose labels (paper-perception with --recorded)", "NAME", "everybody's, apart")
+    rig: Path | None = flag("calibration file of three cameras or more (cameras)", "FILE", "four at the corners")
     engine: BackendArguments
     json: bool = flag("print the figures as JSON")
 

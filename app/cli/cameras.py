@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 from app.cli.terminal import say
-from core.cameras import Camera, stereo_preset
+from core.cameras import Camera
 from core.cameras.calibration_file import read_calibration_file
-from core.cameras.presets import PLACEMENTS, SENSOR_720
+from core.cameras.presets import CORNERS, PLACEMENTS, SENSOR_720, camera_preset
 from core.errors import CommandError
 from core.events import SensorSize
 
@@ -20,10 +20,10 @@ def named_cameras(where: str, sensor: SensorSize | None) -> dict[str, Camera]:
     Raises:
         CommandError: if it is neither, or a sensor is given with a file.
     """
-    if where in PLACEMENTS:
-        return stereo_preset(where, sensor or SENSOR_720)
+    if where in PLACEMENTS or where == CORNERS:
+        return camera_preset(where, sensor or SENSOR_720)
     if not Path(where).exists():
-        expected = f"{', '.join(PLACEMENTS)} or a calibration file"
+        expected = f"{', '.join(PLACEMENTS)}, {CORNERS} or a calibration file"
         raise CommandError("no such cameras", expected=expected, got=repr(where), where="--cameras")
     if sensor is not None:
         raise CommandError("--sensor goes with a placement; a calibration file has its own", where="--sensor")

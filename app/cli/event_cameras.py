@@ -1,8 +1,10 @@
-"""The source `camera:SERIAL[,SERIAL]` of the command line: which cameras, and how they are opened."""
+"""The source `camera:SERIAL[,SERIAL...]` of the command line: which cameras, and how they are opened."""
 
 from __future__ import annotations
 
+import re
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
     from core.live.camera_source import CameraSource
 
 CAMERA: Final = "camera:"
-FORM: Final = "camera:SERIAL or camera:SERIAL,SERIAL, for example camera:00050421,00050423"
+FORM: Final = "camera:SERIAL or camera:SERIAL,SERIAL,..., for example camera:00050421,00050423"
 PAIR: Final = ("left", "right")
 READY_S: Final = 1.0
 """A camera that follows another's clock has to listen before that begins."""
@@ -31,7 +33,7 @@ class CameraArguments:
     TITLE: ClassVar = "event cameras (--source camera:...)"
     calibration: Path | None = flag("calibration of the cameras, in the order of the serials", "FILE")
     biases: Path | None = flag("biases to begin with, as saved in Watch", "FILE.toml")
-    sync_cable: bool = flag("a sync cable goes from the first camera to the second, which takes its clock (EVK4)")
+    sync_cable: bool = flag("a sync cable goes from the first camera to the others, which take its clock (EVK4)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ def read_camera_order(source: str | None, arguments: CameraArguments) -> CameraO
     """What is asked for; None for a source of another kind.
 
     Raises:
-        CommandError: if no cameras are named, more than two, or one twice, or another source is given such flags.
+        CommandError: if no cameras are named, or one twice, or another source is given such flags.
         ConfigError: if the biases cannot be used.
         CalibrationError: if the calibration cannot be read.
         RecordingError: if it names a camera as no recording may.
@@ -59,14 +61,14 @@ def read_camera_order(source: str | None, arguments: CameraArguments) -> CameraO
     if source is None or not source.startswith(CAMERA):
         if arguments.calibration is not None or arguments.biases is not None or arguments.sync_cable:
             what = "--calibration, --biases and --sync-cable are of event cameras"
-            raise CommandError(what, expected="--source camera:SERIAL[,SERIAL]", got=source or "another source")
+            raise CommandError(what, expected="--source camera:SERIAL[,SERIAL...]", got=source or "another source")
         return None
     words = [word.strip() for word in source.removeprefix(CAMERA).split(",")]
     serials = [word for word in words if word]
     if not serials:
         raise CommandError("no camera is named", expected=FORM, got=_listed(), where="--source")
-    if len(serials) > 2 or len(serials) < len(words) or len(set(serials)) < len(serials):
-        raise CommandError("not one or two different cameras", expected=FORM, got=repr(source), where="--source")
+    if len(serials) < len(words) or len(set(serials)) < len(serials):
+        raise CommandError("not one or more different cameras", expected=FORM, got=repr(source), where="--source")
     if arguments.sync_cable and len(serials) < 2:
         raise CommandError("a sync cable joins two cameras", expected=FORM, got=repr(source), where="--sync-cable")
     calibration = {} if arguments.calibration is None else told_calibration(arguments.calibration)
@@ -77,15 +79,22 @@ def read_camera_order(source: str | None, arguments: CameraArguments) -> CameraO
 
     for name in calibration:
         check_camera_name(name)
-    names = list(calibration) or list(PAIR if len(serials) == 2 else ("camera",))
+    names = list(calibration) or list(_names(serials))
     from core.devices.bias_file import read_biases
 
     biases = {} if arguments.biases is None else read_biases(arguments.biases)
     return CameraOrder(dict(zip(names, serials, strict=True)), calibration, biases, arguments.sync_cable)
 
 
+def _names(serials: list[str]) -> Sequence[str]:
+    """What cameras without a calibration are called: three or more by their serial numbers."""
+    if len(serials) <= 2:
+        return PAIR if len(serials) == 2 else ("camera",)
+    return [re.sub(r"[^A-Za-z0-9_-]", "-", serial) for serial in serials]
+
+
 def open_cameras(order: CameraOrder, *, raw: bool = False) -> dict[str, DriverCamera]:
-    """The open cameras by name. With a sync cable the second is opened first, and waits for the first one's clock.
+    """The open cameras by name. With a sync cable the first is opened last: the others wait for its clock.
 
     Raises:
         DeviceError: if there is no driver, or a camera cannot be opened; then none stays open.

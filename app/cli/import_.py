@@ -1,4 +1,4 @@
-"""`rallyscope import`: one event file, or the two of a stereo pair, becomes a recording."""
+"""`rallyscope import`: event files of any number of cameras become one recording."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Final, Literal, TypedDict
 
-from app.cli.arguments import Names, PositiveInt, flag, positional
+from app.cli.arguments import Counts, Names, PositiveInt, flag, positional, separated
 from app.cli.progress import progress_bar
 from app.cli.terminal import print_lines, say
 from app.formatting.import_facts import check_lines
@@ -41,32 +41,40 @@ def _polarities(text: str) -> dict[str, bool]:
 
 
 _RECORDINGS: Final = (".h5", ".hdf5")
+Offsets = Annotated[tuple[int, ...], separated(int, "whole numbers")]
 Polarities = Annotated[dict[str, bool], _polarities]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportArguments:
-    """Convert an event file, or a stereo pair, to a recording. Reads Prophesee RAW (EVT2, EVT2.1, EVT3) and DAT,
-    AEDAT4, Event Stream, Metavision HDF5, DSEC, MVSEC and other HDF5 layouts, npz, npy and CSV; the format is
-    recognised by content.
+    """Convert event files, one or more for each camera of a rig, or a folder of them, to a recording. Reads Prophesee
+    RAW (EVT2, EVT2.1, EVT3) and DAT, AEDAT4, Event Stream, Metavision HDF5, DSEC, MVSEC and other HDF5 layouts, npz,
+    npy and CSV; the format is recognised by content.
     """
 
     USAGE: ClassVar = (
-        "rallyscope import SRC [SRC2] DST.h5 [options]\n       rallyscope import SRC [SRC2] --check [options]"
+        "rallyscope import SRC [SRC2 ...] DST.h5 [options]\n       rallyscope import SRC [SRC2 ...] --check [options]"
     )
     paths: tuple[Path, ...] = positional(
-        f"event file(s) ({', '.join(dict.fromkeys(event_files().values()))}), and the result", "SRC [SRC2] DST.h5"
+        f"event files or a folder ({', '.join(dict.fromkeys(event_files().values()))}), and the result",
+        "SRC [SRC2 ...] DST.h5",
     )
-    names: Names | None = flag("what to call the cameras", "left,right")
+    names: Names | None = flag("what to call the cameras, in the order of the sources", "left,right")
     calibration: Path | None = flag("calibration of the cameras, to be kept along", "FILE")
     calibration_unit: Unit = flag("of the lengths in a calibration file", "|".join(METRES), "m", choices=METRES)
     calibration_model: LensModel | None = flag(
         "lens model of a calibration file that names none", "|".join(COEFFICIENTS), "what the file says"
     )
-    offset_us: int = flag("add N to SRC2's times to get SRC's clock", "N", 0)
-    clock: Path | None = flag("how SRC2's clock drifted from SRC's, as `rallyscope record` wrote it", "FILE.csv")
-    width: PositiveInt | None = flag("sensor width, overrides what the file says", "W")
-    height: PositiveInt | None = flag("sensor height, likewise", "H")
+    offset_us: Offsets | None = flag(
+        "add N to SRC2's times to get SRC's clock; of several sources a number for each: 0,120,...", "N[,N...]", "0"
+    )
+    clock: tuple[Path, ...] | None = flag(
+        "how SRC2's clock drifted from SRC's, as `rallyscope record` wrote it; again for each further source",
+        "FILE.csv",
+        repeated=True,
+    )
+    width: Counts | None = flag("sensor width, overrides what the file says; or one for each source", "W[,W...]")
+    height: Counts | None = flag("sensor height, likewise", "H[,H...]")
     time_unit: Literal["ns", "us", "ms", "s"] | None = flag("unit of the times of a table that does not say it")
     polarity: Polarities | None = flag("what the polarities of a table mean", "1=on,2=off")
     frames: Path | None = flag("pictures of an ordinary camera", "VIDEO|FOLDER")
@@ -94,8 +102,8 @@ def run(arguments: ImportArguments) -> None:
         "sensor": _sensor(arguments.width, arguments.height),
         "calibration": None if calibration is None else calibration.cameras,
         "remarks": () if calibration is None else calibration.notes,
-        "offset_us": arguments.offset_us,
-        "clock": read_clock_table(arguments.clock) if arguments.clock is not None else None,
+        "offset_us": _one_or_all(arguments.offset_us),
+        "clock": [read_clock_table(path) for path in arguments.clock or ()],
         "stated": Stated(arguments.time_unit, arguments.polarity),
         "frames": _frames(arguments.frames, arguments.frame_times, arguments.exposure_us),
     }
@@ -119,11 +127,11 @@ class _Settings(TypedDict):
     """Arguments that importing and checking share."""
 
     names: Names | None
-    sensor: SensorSize | None
+    sensor: SensorSize | tuple[SensorSize, ...] | None
     calibration: Mapping[str, Camera] | None
     remarks: Sequence[str]
-    offset_us: int
-    clock: ClockTable | None
+    offset_us: int | tuple[int, ...]
+    clock: list[ClockTable]
     stated: Stated
     frames: FrameInput | None
 
@@ -132,13 +140,11 @@ def _files(arguments: ImportArguments) -> tuple[list[Path], Path | None]:
     """The sources, and the recording to be made; None if nothing is to be written."""
     paths = list(arguments.paths)
     if not arguments.check:
-        if not 2 <= len(paths) <= 3:
-            raise CommandError("wrong number of files", expected="SRC [SRC2] DST.h5", got=len(paths))
+        if len(paths) < 2:
+            raise CommandError("wrong number of files", expected="SRC [SRC2 ...] DST.h5", got=len(paths))
         return paths[:-1], paths[-1]
     if len(paths) > 1 and _is_result(paths[-1]):  # the command of an import with --check behind it
         paths.pop()
-    if len(paths) > 2:
-        raise CommandError("wrong number of files", expected="SRC [SRC2] --check", got=len(paths))
     return paths, None
 
 
@@ -160,15 +166,27 @@ def _found(facts: ImportFacts) -> dict[str, object]:
     return {"cameras": cameras, "assumed": list(facts.assumed)}
 
 
-def _sensor(width: int | None, height: int | None) -> SensorSize | None:
-    if (width is None) != (height is None):
+def _one_or_all(offsets_us: tuple[int, ...] | None) -> int | tuple[int, ...]:
+    """A single number is of all sources after the first."""
+    if offsets_us is None:
+        return 0
+    return offsets_us[0] if len(offsets_us) == 1 else offsets_us
+
+
+def _sensor(
+    widths: tuple[int, ...] | None, heights: tuple[int, ...] | None
+) -> SensorSize | tuple[SensorSize, ...] | None:
+    if (widths is None) != (heights is None):
         raise CommandError("--width and --height go together", remedy="give both")
-    if width is None or height is None:
+    if widths is None or heights is None:
         return None
+    if len(widths) != len(heights):
+        raise CommandError("as many widths as heights", expected=len(widths), got=len(heights), where="--height")
     try:
-        return SensorSize(width, height)
+        sizes = tuple(SensorSize(*size) for size in zip(widths, heights, strict=True))
     except EventsError as error:
         raise CommandError(str(error), where="--width and --height") from error
+    return sizes[0] if len(sizes) == 1 else sizes
 
 
 def _frames(images: Path | None, times: Path | None, exposure_us: int | None) -> FrameInput | None:

@@ -20,7 +20,7 @@ from core.registry import use_plugins
 
 VERBS = {
     "serve": "open the app in a browser",
-    "import": "convert an event file, or a stereo pair, to a recording",
+    "import": "convert event files of one camera or more to a recording",
     "info": "show what a recording holds",
     "simulate": "make a recording with the simulated event cameras",
     "sim-server": "run the live simulation as its own process",

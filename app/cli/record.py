@@ -40,7 +40,7 @@ class RecordArguments:
     as it comes, and becomes the recording when it is over.
     """
 
-    source: str | None = flag("what is recorded", "camera:SERIAL[,SERIAL]|replay:FILE[@SPEED]|tcp://HOST:PORT")
+    source: str | None = flag("what is recorded", "camera:SERIAL[,SERIAL...]|replay:FILE[@SPEED]|tcp://HOST:PORT")
     out: Path | None = flag("the recording", "REC.h5")
     seconds: PositiveFloat | None = flag("end after so long", "S", "at Ctrl-C")
     list: bool = flag("list the cameras that are plugged in, and end")
@@ -62,7 +62,7 @@ def run(arguments: RecordArguments) -> None:
     if arguments.loop and not source.startswith(REPLAY):
         raise CommandError("--loop is for a replay", expected="--source replay:FILE[@SPEED]", got=repr(source))
     if not source.startswith((CAMERA, REPLAY, "tcp://")):
-        expected = "camera:SERIAL[,SERIAL], replay:FILE[@SPEED] or tcp://HOST:PORT"
+        expected = "camera:SERIAL[,SERIAL...], replay:FILE[@SPEED] or tcp://HOST:PORT"
         raise CommandError("not a source", expected=expected, got=repr(source), where="--source")
     if out.exists() and not arguments.force:
         raise CommandError("the file exists", where=out, remedy="choose another name, or --force")
@@ -165,9 +165,9 @@ def _make_recording(
     from core.recordings import import_recording
 
     paths = [one.path for one in takes]
-    table = recorder.clock_path
+    tables = list(recorder.clock_paths.values())
     notes = [note for one in takes for note in _losses(one)]
-    again = " ".join(["rallyscope import", *map(str, [*paths, out])] + ([f"--clock {table}"] if table else []))
+    again = " ".join(["rallyscope import", *map(str, [*paths, out]), *(f"--clock {table}" for table in tables)])
     if recorder.error is not None:
         say(f"what the cameras sent is kept; when there is room for the recording: {again}", error=True)
         raise recorder.error
@@ -175,7 +175,7 @@ def _make_recording(
         with progress_bar(f"Making {out.name}") as progress:
             summary = import_recording(
                 paths, out, names=[one.name for one in takes], calibration=order.calibration,
-                clock=None if table is None else read_clock_table(table), remarks=notes,
+                clock=[read_clock_table(table) for table in tables], remarks=notes,
                 overwrite=arguments.force, progress=progress,
             )  # fmt: skip
     except RallyscopeError:
@@ -183,7 +183,7 @@ def _make_recording(
         raise
     assert summary is not None
     if not arguments.keep_raw:
-        for path in [*paths, *([table] if table else [])]:
+        for path in [*paths, *tables]:
             path.unlink(missing_ok=True)
     return {
         "path": str(out),

@@ -49,7 +49,7 @@ class ServeArguments:
     source: str | None = flag(
         "watch a live simulation: one of its own, or one that runs there; or what the cameras of a recording saw, "
         "as if they saw it now, again and again, SPEED times as fast; or event cameras",
-        "live|tcp://HOST:PORT|replay:FILE[@SPEED]|camera:SERIAL[,SERIAL]",
+        "live|tcp://HOST:PORT|replay:FILE[@SPEED]|camera:SERIAL[,SERIAL...]",
         "live, without a recording",
     )
     cameras: CameraArguments
@@ -200,7 +200,7 @@ def _check_source(source: str | None, recording: Path | None) -> str | None:
     if recording is not None:
         raise CommandError("a recording and a source", expected="one of them", got=f"{recording} and {source}")
     if source != LIVE and not source.startswith(("tcp://", REPLAY, CAMERA)):
-        expected = "live, tcp://HOST:PORT, replay:FILE[@SPEED] or camera:SERIAL[,SERIAL]"
+        expected = "live, tcp://HOST:PORT, replay:FILE[@SPEED] or camera:SERIAL[,SERIAL...]"
         raise CommandError("not a source", expected=expected, got=repr(source), where="--source")
     return source
 

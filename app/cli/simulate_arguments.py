@@ -11,7 +11,7 @@ from app.cli.arguments import Names, Numbers, PositiveInt, flag, given, setting_
 from app.cli.backend_arguments import SharedBackendArguments
 from app.cli.cameras import Sensor
 from app.cli.scenes import SceneArguments
-from core.cameras.presets import PLACEMENTS, SENSOR_720
+from core.cameras.presets import CORNERS, PLACEMENTS, SENSOR_720
 from core.data_sets import PRESETS
 from core.data_sets.plan import PAPER_SPEEDS_MPS
 from core.errors import CommandError
@@ -48,7 +48,7 @@ class SimulateArguments:
     serves: PositiveInt | None = flag("of a recording", "N", SERVES)
     speed: float | None = setting_flag(LaunchConfig, "speed_mps", "MPS")
     scene: SceneArguments
-    cameras: str | None = flag("placement, or a calibration file", f"{'|'.join(PLACEMENTS)}|FILE", "side")
+    cameras: str | None = flag("placement, or a calibration file", f"{'|'.join(PLACEMENTS)}|{CORNERS}|FILE", "side")
     noise_hz: float | None = setting_flag(SensorConfig, "noise_hz", "HZ")
     sensor: Sensor | None = flag("of a placement's cameras", "WxH", SENSOR_720)
     physics: Profile = flag("flight of the ball", "paper|real", "paper")

@@ -1,7 +1,8 @@
-"""`rallyscope track`: triangulate the ball in every window of a stereo recording and write a CSV."""
+"""`rallyscope track`: triangulate the ball in every window with all cameras that see it, and write a CSV."""
 
 from __future__ import annotations
 
+from collections import Counter
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,11 +26,15 @@ from core.recordings import BallTruth, open_recording
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackArguments:
-    """Triangulate the ball in every window of a stereo recording, or of several."""
+    """Triangulate the ball in every window of a recording, or of several, with all cameras that see it."""
 
     recordings: tuple[Path, ...] = positional("recordings with two or more calibrated cameras", "REC")
     detector: DetectorArguments
-    out: Path = flag("columns t_us,x_m,y_m,z_m (world); of several recordings a folder with a CSV of each", "CSV|DIR")
+    out: Path = flag(
+        "columns t_us,x_m,y_m,z_m (world) and cameras (of which a point is made, joined by +); of several recordings a "
+        "folder with a CSV of each",
+        "CSV|DIR",
+    )
     engine: SharedBackendArguments
     json: bool = flag("print a summary as JSON")
 
@@ -53,13 +58,15 @@ class TrackRecording:
         config = ChainConfig.of_method(self.method, self.detector)
         with closing(open_recording(path)) as recording:
             track = follow_recording(recording, config, self.window_us, progress=control)
-            truth = recording.ball
+            truth, names = recording.ball, tuple(recording.cameras)
         summary: Summary = {
             "method": self.method,
             "window_us": self.window_us,
             "windows": track.windows,
             "seen_by_all_cameras": track.seen_by_all,
             "points": len(track.t_us),
+            "points_of_camera": {name: sum(name in used for used in track.cameras) for name in names},
+            "points_of_cameras": dict(sorted(Counter(len(used) for used in track.cameras).items(), reverse=True)),
             "residual_px": _statistics(track.residuals_px),
             "error_mm": _errors_mm(track, truth),
             "step_ms": _statistics(1e3 * track.step_s),
@@ -72,13 +79,16 @@ def _say(summary: Summary) -> None:
     for name, values in (("residual px", summary["residual_px"]), ("3D error mm", summary["error_mm"])):
         if isinstance(values, dict):
             say(f"{name}: median {values['median']}, p95 {values['p95']}")
+    counts = summary["points_of_cameras"]
+    if isinstance(counts, dict) and summary["points"] and max(counts) > 2:
+        say("points by number of cameras: " + ", ".join(f"{count} of {cameras}" for cameras, count in counts.items()))
 
 
 def _text(track: Track) -> str:
     """A row per point; no row where the rays of a window do not meet."""
-    points = zip(track.t_us, track.ps_world_m, strict=True)
-    rows = ([t_us, *(f"{value:.6f}" for value in p)] for t_us, p in points)
-    return csv_text(("t_us", "x_m", "y_m", "z_m"), rows)
+    points = zip(track.t_us, track.ps_world_m, track.cameras, strict=True)
+    rows = ([t_us, *(f"{value:.6f}" for value in p), "+".join(used)] for t_us, p, used in points)
+    return csv_text(("t_us", "x_m", "y_m", "z_m", "cameras"), rows)
 
 
 def _errors_mm(track: Track, truth: BallTruth | None) -> dict[str, float] | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from app.pictures.palette import PolarityColours, palette
 from app.state.client_state import Arrangement
 
 GAP_PX = 12
+MANY: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +74,14 @@ class Mosaic:
 
 def lay_out(canvases: Sequence[Canvas], colours: PolarityColours, arrangement: Arrangement) -> Mosaic:
     """Encode drawn canvases and place them beside or below each other."""
-    return lay_out_grid(canvases, colours, len(canvases) if arrangement == "side by side" else 1)
+    return lay_out_grid(canvases, colours, columns_of(len(canvases), arrangement))
+
+
+def columns_of(pictures: int, arrangement: Arrangement) -> int:
+    """How many pictures stand beside each other; four or more make rows, so that they are not too small."""
+    if arrangement == "stacked":
+        return 1
+    return pictures if pictures < MANY else math.ceil(math.sqrt(pictures))
 
 
 def lay_out_grid(canvases: Sequence[Canvas], colours: PolarityColours, columns: int) -> Mosaic:

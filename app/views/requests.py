@@ -15,7 +15,7 @@ from app.state.client_state import RenderSettings, TuneView
 from app.state.swept_cells import SweptCells
 from app.state.table_clicks import TableClicks
 from app.views.answer_cache import AnswerCache
-from app.views.mosaic import Mosaic, lay_out
+from app.views.mosaic import Mosaic, columns_of, lay_out
 from app.views.stage_picture import draw_answer, draw_detection, draw_stages, draw_truth
 from core.cameras import Camera
 from core.cameras.calibration.coverage import cell_box, cells_of
@@ -139,7 +139,7 @@ def render_watch(request: WatchRequest) -> Mosaic:
     cameras = request.recording.cameras
     if request.large in cameras:
         cameras = {request.large: cameras[request.large]}
-    across = len(cameras) if look.arrangement == "side by side" else 1
+    across = columns_of(len(cameras), look.arrangement)
     canvases: list[Canvas] = []
     balls: list[tuple[str, int]] = []
     for name, stream in cameras.items():

@@ -1,6 +1,7 @@
-"""Calibration files, told apart by their content: ours (TOML or JSON), OpenCV's FileStorage, ROS, Kalibr and DSEC.
+"""Calibration files, told apart by their content: ours (TOML, JSON), OpenCV's, ROS, Kalibr, DSEC and Sony's rigs.
 
-All but ours know no world: there, the first camera's frame is the world until the rig is aligned to the table.
+All but ours and Sony's know no world: there, the first camera's frame is the world until the rig is aligned to the
+table.
 All count pixels from the centre of the top left one, as we do. Nothing in a file is ever executed.
 """
 
@@ -30,8 +31,10 @@ from core.cameras.kalibr import (
     camera_from_euroc,
     cameras_from_dsec,
     cameras_from_kalibr,
+    cameras_from_world_poses,
     looks_like_dsec,
     looks_like_kalibr,
+    looks_like_world_poses,
 )
 from core.cameras.lens_names import find_lens
 from core.cameras.opencv_yaml import (
@@ -118,6 +121,8 @@ def _cameras_from_tree(
         return cameras_from_dsec(tree, notes, model)
     if looks_like_kalibr(tree):
         return cameras_from_kalibr(tree, notes, model)
+    if looks_like_world_poses(tree):
+        return cameras_from_world_poses(tree, notes, model)
     if isinstance(tree.values.get("intrinsics"), list) and "resolution" in tree.values:
         return camera_from_euroc(tree, notes, model)
     return cameras_from_opencv(tree, where, notes, model)

@@ -1,4 +1,7 @@
-"""Kalibr's camchain YAML (cam0, cam1, ..., each posed against the one before it), and DSEC's `cam_to_cam.yaml`."""
+"""Kalibr's camchain YAML (cam0, cam1, ..., each posed against the one before it), and files with its keys.
+
+DSEC's `cam_to_cam.yaml`; and rigs of cameras by name, each with its pose T_CW (camera from world), as Sony's.
+"""
 
 from __future__ import annotations
 
@@ -35,6 +38,33 @@ def looks_like_dsec(tree: CalibrationNode) -> bool:
     """Whether the file has DSEC's intrinsics and extrinsics of four cameras."""
     lenses, poses = tree.values.get("intrinsics"), tree.values.get("extrinsics")
     return isinstance(lenses, dict) and isinstance(poses, dict) and "cam0" in lenses and "T_10" in poses
+
+
+def looks_like_world_poses(tree: CalibrationNode) -> bool:
+    """Whether the top level has cameras by name, each with its matrix and T_CW."""
+    return any(isinstance(value, dict) and {"T_CW", "camera_matrix"} <= value.keys() for value in tree.values.values())
+
+
+def cameras_from_world_poses(
+    tree: CalibrationNode, notes: list[str], asked: LensModel | None = None
+) -> dict[str, Camera]:
+    """The cameras of a rig by name; the world is the frame O of T_WO, where the file has one (Sony's: the table).
+
+    Raises:
+        CalibrationError: if a key is missing, or a model is not ours.
+    """
+    T_world_object = read_pose(tree, "T_WO") if "T_WO" in tree.values else np.eye(4)
+    cameras: dict[str, Camera] = {}
+    for name, value in tree.values.items():
+        if isinstance(value, dict):
+            node = tree.child(name)
+            T_camera_world = read_pose(node, "T_CW") @ T_world_object
+            lens = find_lens(node, read_numbers(node, "distortion_coeffs"), asked=asked, default="pinhole")
+            K, pose = read_camera_matrix(node, "camera_matrix"), invert_transform(T_camera_world)
+            cameras[name] = make_camera(read_size(node), K, lens.distortion, pose, node.where, lens.model)
+    frame = "the frame O of T_WO" if "T_WO" in tree.values else "the frame W of T_CW"
+    notes.append(f"{tree.where}: the world is {frame}")
+    return cameras
 
 
 def cameras_from_kalibr(tree: CalibrationNode, notes: list[str], asked: LensModel | None = None) -> dict[str, Camera]:

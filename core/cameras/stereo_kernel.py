@@ -18,7 +18,7 @@ PARALLEL: Final = 1e-8
 
 
 @njit
-def _invert(a: Array, out: Array) -> bool:
+def invert_symmetric(a: Array, out: Array) -> bool:
     """Inverse of a symmetric (3, 3); false if it is singular."""
     c00 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
     c01 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]
@@ -104,7 +104,7 @@ def triangulate_rows(
                     across = (1.0 if i == j else 0.0) - rays[c, i] * rays[c, j]
                     normal[i, j] += across
                     right[i] += across * centres[c, j]
-        if seen < 2 or not _invert(normal, inverse):
+        if seen < 2 or not invert_symmetric(normal, inverse):
             continue
         p = inverse @ right
         squares = 0.0

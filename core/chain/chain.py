@@ -36,7 +36,7 @@ class BallPoint:
     covariance_m2: NDArray[np.float64]
     """(3, 3), from pixel noise."""
     uvs_px: dict[str, tuple[float, float]]
-    """The pixels it was made of, by camera, at `t_us`."""
+    """The pixels it was made of, by camera, at `t_us`: of every camera that sees the ball where the others do."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +162,11 @@ class RallyChain:
         if found is None:
             return None, together
         if self._size is not None:
-            radii = {name: one.r_px for name, one in detections.items() if one is not None and one.t_us == t_us}
+            radii = {
+                name: one.r_px
+                for name, one in detections.items()
+                if one is not None and one.t_us == t_us and name in found.cameras
+            }
             wrong = self._size.wrong(found.p_world_m, radii)
             if wrong:
                 found = self._correct(wrong, uvs, radii, detections, windows)
@@ -171,7 +175,9 @@ class RallyChain:
         if found is None:
             return None, None
         pixels = {
-            name: (float(u), float(v)) for name, (u, v) in zip(self.rig.names, uvs, strict=True) if np.isfinite(u)
+            name: (float(u), float(v))
+            for name, (u, v) in zip(self.rig.names, uvs, strict=True)
+            if name in found.cameras
         }
         return BallPoint(t_us, found.p_world_m, found.residual_px, found.covariance_m2, pixels), together
 

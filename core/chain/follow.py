@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +36,8 @@ class Track:
     """Windows in which every camera found a ball."""
     step_s: Array
     """(windows,) wall time of the chain's steps."""
+    cameras: tuple[tuple[str, ...], ...] = ()
+    """Of each point, the cameras that it is made of."""
 
 
 def calibrated_cameras(recording: Recording) -> dict[str, Camera]:
@@ -58,17 +60,22 @@ def follow_recording(
     config: ChainConfig,
     window_us: int,
     *,
+    only: Collection[str] | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Track:
-    """The track of the ball through a recording, all cameras window by window.
+    """The track of the ball through a recording, all cameras window by window, or `only` some.
 
     Raises:
         CalibrationError: if there are fewer than two cameras, or one has no calibration.
     """
-    chain = RallyChain(calibrated_cameras(recording), config)
-    side_by_side = windows_side_by_side(recording.cameras, 0, recording.duration_us, window_us)
+    cameras = calibrated_cameras(recording)
+    chosen = {name: camera for name, camera in cameras.items() if only is None or name in only}
+    chain = RallyChain(chosen, config)
+    streams = {name: recording.cameras[name] for name in chosen}
+    side_by_side = windows_side_by_side(streams, 0, recording.duration_us, window_us)
     times: list[int] = []
     rows: list[tuple[float, float, float, float]] = []
+    used: list[tuple[str, ...]] = []
     seconds: list[float] = []
     seen_by_all = 0
     for number, windows in enumerate(side_by_side):
@@ -79,6 +86,7 @@ def follow_recording(
             x, y, z = state.point.p_world_m.tolist()
             times.append(state.point.t_us)
             rows.append((x, y, z, state.point.residual_px))
+            used.append(tuple(state.point.uvs_px))
         if number % REPORT_EVERY == 0:
             progress(state.t_us / recording.duration_us)
     columns = np.array(rows, np.float64).reshape(-1, 4)
@@ -89,6 +97,7 @@ def follow_recording(
         windows=len(seconds),
         seen_by_all=seen_by_all,
         step_s=np.array(seconds),
+        cameras=tuple(used),
     )
 
 

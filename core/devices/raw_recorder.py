@@ -63,16 +63,17 @@ class RawRecorder:
         Raises:
             RecordingError: if there are such files already, or they cannot be made; the cameras are closed then.
         """
-        self.clock_path = None if cable or len(devices) < 2 else _beside(out, f"{list(devices)[-1]}.clock.csv")
-        """How the second camera's clock drifted from the first's; None where they are one."""
+        followers = [] if cable else list(devices)[1:]
+        self.clock_paths = {name: _beside(out, f"{name}.clock.csv") for name in followers}
+        """How the clock of each camera after the first drifted from the first's; none where they are one."""
         self._files: list[_CameraFile] = []
         try:
             reference: ClockFit | None = None
-            for number, (name, device) in enumerate(devices.items()):
+            for name, device in devices.items():
                 one = _CameraFile(name, device, raw_path(out, name), overwrite=overwrite)
                 self._files.append(one)
-                if number and self.clock_path is not None:
-                    one.write_clock(ClockShift(one.clock, reference), self.clock_path)
+                if name in self.clock_paths:
+                    one.write_clock(ClockShift(one.clock, reference), self.clock_paths[name])
                 reference = reference or one.clock
         except BaseException:
             for one in self._files:

@@ -1,7 +1,7 @@
 """Event cameras as a live source: what each saw, on one clock, in blocks.
 
-The time of the session is the first camera's own clock, from a whole block of it on: its stamps are never bent. The
-other camera's are shifted to it, unless a sync cable makes them the same. A block is told as soon as both cameras have
+The time of the session is the first camera's own clock, from a whole block of it on: its stamps are never bent. Those
+of the other cameras are shifted to it, unless a sync cable makes them the same. A block is told as soon as all have
 said that they are past it; one that sends nothing, or is gone, is missing in that block.
 While nobody listens the time of the session stands still, and the cameras' events are forgotten.
 """
@@ -36,7 +36,7 @@ PATIENCE_S: Final = 1.0
 """A camera that sends, but does not come past the end of a block, is waited for so long, then not until it does."""
 WAIT_S: Final = 0.02
 SETTLE_US: Final = 1_000_000
-"""Two clocks are watched for so long before the session begins; then the shift between them is known."""
+"""Clocks are watched for so long before the session begins; then the shifts between them are known."""
 BEHIND_US: Final = 5_000_000
 """If so much waits to be told, the oldest blocks are skipped."""
 RESTING_US: Final = 100_000
@@ -63,7 +63,7 @@ class CameraReport:
 
 
 class CameraSource:
-    """A LiveSource over one or two open cameras, which are its own and are closed with it."""
+    """A LiveSource over one or more open cameras, which are its own and are closed with it."""
 
     robot = None
     has_outcomes = False
@@ -81,13 +81,13 @@ class CameraSource:
     ) -> None:
         """Begin to read the cameras, by their names in the session; the first one's clock is the session's.
 
-        `cable`: a sync cable gives the other camera the first one's clock.
+        `cable`: a sync cable gives the other cameras the first one's clock.
 
         Raises:
-            DeviceError: if there are none, or more than two.
+            DeviceError: if there are none.
         """
-        if not 1 <= len(devices) <= 2:
-            raise DeviceError("wrong number of cameras", expected="one or two", got=len(devices))
+        if not devices:
+            raise DeviceError("no cameras", expected="one or more")
         names = " and ".join(f"{device.model.name} {device.serial}" for device in devices.values())
         self.description = f"live from {names}"
         self.state: m.WorldState | None = None

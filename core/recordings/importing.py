@@ -1,4 +1,4 @@
-"""Makes a recording of ours out of event files of others: one, or the two of a stereo pair."""
+"""Makes a recording of ours out of event files of others: any number, a camera or more in each."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from core.recordings.identity import files_of, source_uuid
 from core.recordings.import_facts import EventCounts, ImportFacts, SourceFacts, source_facts, unused_options
 from core.recordings.recording import Triggers
 from core.recordings.sources import EventSource, open_sources
+from core.recordings.sources.folders import camera_names
 from core.recordings.sources.source import DecodeReport, PictureTrack, Stated, Whence
 from core.recordings.truth import BallTruth
 from core.recordings.writer import RecordingWriter
@@ -31,7 +32,7 @@ _FLUSH_S: Final = 1.0
 _FARTHEST_US: Final = 1 << 61
 """Of an offset between clocks: sums with times of files stay within 64 bits."""
 _UNRELATED_US: Final = 3_600_000_000
-"""Clocks of one stereo pair are not further apart than this."""
+"""Clocks of the cameras of one rig are not further apart than this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,10 +125,10 @@ def import_recording(
     destination: Path,
     *,
     names: Sequence[str] | None = None,
-    sensor: SensorSize | None = None,
+    sensor: SensorSize | Sequence[SensorSize] | None = None,
     calibration: Mapping[str, Camera] | None = None,
-    offset_us: int = 0,
-    clock: ClockTable | None = None,
+    offset_us: int | Sequence[int] = 0,
+    clock: ClockTable | Sequence[ClockTable] | None = None,
     remarks: Sequence[str] = (),
     stated: Stated | None = None,
     frames: FrameInput | None = None,
@@ -137,8 +138,10 @@ def import_recording(
 ) -> ImportSummary | None:
     """Write the recording and say what is in it; None if `cancelled` said so, and then no file is left.
 
-    Time 0 is the first event. `offset_us` is added to the times of the second source to get the clock of the first;
-    where that difference changes, a `clock` says how. The recording's notes begin with the `remarks`.
+    Time 0 is the first event. `offset_us` is added to the times of a source to get the clock of the first: one number
+    for each source (or for each camera of a single source), or a single one for all after the first. Where that
+    difference changes, a `clock` for each source after the first says how. A `sensor` for each source overrides what
+    the files say, a single one is for all. The recording's notes begin with the `remarks`.
     The clock of each camera is kept: its own time is the recording's plus its `t_offset`.
 
     Raises:
@@ -150,12 +153,8 @@ def import_recording(
         raise RecordingError("the file exists", where=destination, remedy="choose another name, or --force")
     feeds = _open_feeds(sources, names, sensor, offset_us, clock, stated or Stated())
     plan = _plan(sources, feeds, calibration or {}, frames, remarks)
-    uuid = source_uuid(
-        sources,
-        list(plan.sensors),
-        str(sensor) + (clock.digest if clock is not None else "") + _choices(stated),
-        offset_us,
-    )
+    details = _text(sensor) + "".join(one.digest for one in _clocks(clock)) + _choices(stated)
+    uuid = source_uuid(sources, list(plan.sensors), details, _one_number(offset_us))
     try:
         destination.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -198,10 +197,10 @@ def check_import(
     sources: Sequence[Path],
     *,
     names: Sequence[str] | None = None,
-    sensor: SensorSize | None = None,
+    sensor: SensorSize | Sequence[SensorSize] | None = None,
     calibration: Mapping[str, Camera] | None = None,
-    offset_us: int = 0,
-    clock: ClockTable | None = None,
+    offset_us: int | Sequence[int] = 0,
+    clock: ClockTable | Sequence[ClockTable] | None = None,
     remarks: Sequence[str] = (),
     stated: Stated | None = None,
     frames: FrameInput | None = None,
@@ -257,33 +256,83 @@ def _plan(
 def _open_feeds(
     paths: Sequence[Path],
     names: Sequence[str] | None,
-    sensor: SensorSize | None,
-    offset_us: int,
-    clock: ClockTable | None,
+    sensor: SensorSize | Sequence[SensorSize] | None,
+    offset_us: int | Sequence[int],
+    clock: ClockTable | Sequence[ClockTable] | None,
     stated: Stated,
 ) -> list[_Feed]:
-    if not 1 <= len(paths) <= 2:
-        raise RecordingError("wrong number of sources", expected="one, or two of a stereo pair", got=len(paths))
-    if abs(offset_us) > _FARTHEST_US:
-        raise RecordingError("no such offset", expected=f"at most {_FARTHEST_US} us", got=offset_us, where="offset_us")
-    opened = [(number, source) for number, path in enumerate(paths) for source in open_sources(path, sensor)]
+    if not paths:
+        raise RecordingError("no sources", expected="an event file or more")
+    far = [one for one in ([offset_us] if isinstance(offset_us, int) else offset_us) if abs(one) > _FARTHEST_US]
+    if far:
+        raise RecordingError("no such offset", expected=f"at most {_FARTHEST_US} us", got=far[0], where="offset_us")
+    sizes = [*sensor] if isinstance(sensor, Sequence) else [sensor] * len(paths)
+    if len(sizes) != len(paths):
+        raise RecordingError("not a sensor size for each source", expected=len(paths), got=len(sizes))
+    opened = [(number, source) for number, path in enumerate(paths) for source in open_sources(path, sizes[number])]
     if names is None:
-        names = ("left", "right") if len(paths) == len(opened) == 2 else [source.name for _, source in opened]
+        names = _names(paths, opened)
     if len(names) != len(opened) or len(set(names)) != len(names):
-        raise RecordingError("the names do not fit", expected=f"{len(opened)} different ones", got=",".join(names))
+        remedy = "give --names"
+        raise RecordingError(
+            "the names do not fit", expected=f"{len(opened)} different ones", got=",".join(names), remedy=remedy
+        )
+    offsets_us = _offsets_us(offset_us, [number for number, _ in opened])
+    clocks = _clocks(clock)
+    if len(clocks) not in (0, 1, len(paths) - 1):
+        raise RecordingError("not a table of clocks for each further source", expected=len(paths) - 1, got=len(clocks))
+    of_source: list[ClockTable | None] = [None, *(clocks * (len(paths) - 1) if len(clocks) == 1 else clocks)]
+    of_source += [None] * (len(paths) - len(of_source))
     weights = [sum(file.stat().st_size for file in files_of(paths[number])) for number, _ in opened]
     return [
         _Feed(
             name,
             source,
-            offset_us if number else 0,
-            weight / max(1, sum(weights)),
+            offsets_us[place],
+            weights[place] / max(1, sum(weights)),
             paths[number].name,
-            clock if number else None,
+            of_source[number],
             DecodeReport(stated=stated),
         )
-        for name, (number, source), weight in zip(names, opened, weights, strict=True)
+        for place, (name, (number, source)) in enumerate(zip(names, opened, strict=True))
     ]
+
+
+def _names(paths: Sequence[Path], opened: Sequence[tuple[int, EventSource]]) -> Sequence[str]:
+    """What the sources call their cameras; of files that do not say it, what the files are called."""
+    if len(paths) == len(opened) == 2:
+        return ("left", "right")
+    names = [source.name for _, source in opened]
+    return names if len(set(names)) == len(names) or len(paths) < len(opened) else camera_names(paths)
+
+
+def _offsets_us(offset_us: int | Sequence[int], sources: list[int]) -> list[int]:
+    """What is added to the times of each camera; `sources` are the numbers of their sources."""
+    if isinstance(offset_us, int):
+        return [offset_us if number else 0 for number in sources]
+    if len(offset_us) == len(sources):
+        return list(offset_us)
+    if len(offset_us) != sources[-1] + 1:
+        expected = f"one number, or {sources[-1] + 1}: one for each source"
+        raise RecordingError("the offsets do not fit", expected=expected, got=len(offset_us), remedy="see --offset-us")
+    return [offset_us[number] for number in sources]
+
+
+def _one_number(offset_us: int | Sequence[int]) -> int | tuple[int, ...]:
+    """The offsets as part of the recording's identity: `0,N` of a pair is N."""
+    if isinstance(offset_us, int):
+        return offset_us
+    return offset_us[1] if len(offset_us) == 2 and not offset_us[0] else tuple(offset_us)
+
+
+def _clocks(clock: ClockTable | Sequence[ClockTable] | None) -> list[ClockTable]:
+    if clock is None:
+        return []
+    return [clock] if isinstance(clock, ClockTable) else list(clock)
+
+
+def _text(sensor: SensorSize | Sequence[SensorSize] | None) -> str:
+    return ",".join(map(str, sensor)) if isinstance(sensor, Sequence) else str(sensor)
 
 
 def _choices(stated: Stated | None) -> str:
@@ -461,7 +510,7 @@ def _copy_frames(writer: RecordingWriter | None, frames: FrameInput, zero_us: in
 
 def _notes(feeds: list[_Feed], sources: Sequence[Path], remarks: Sequence[str]) -> tuple[str, ...]:
     """What the recording keeps of its files and of what was assumed."""
-    files = " and ".join(path.name for path in sources)
+    files = (" and " if len(sources) < 3 else ", ").join(path.name for path in sources)
     notes = [*remarks, f"Imported from {files} ({', '.join(dict.fromkeys(feed.source.format for feed in feeds))})."]
     for feed in feeds:
         if feed.first_us is None:

@@ -118,6 +118,29 @@ def test_labels_come_back_as_they_went_out(serve_recording: Path) -> None:
     assert error_px < 2
 
 
+def test_four_cameras_go_from_event_files_to_a_track_and_a_rerun_file(tmp_path: Path) -> None:
+    """Shifted clocks are undone; points are made of more than two cameras, and the table says of which."""
+    done = subprocess.run(
+        ["bash", str(EXAMPLES / "four_cameras.sh"), str(tmp_path / "out")],
+        capture_output=True, text=True, timeout=400, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "RALLYSCOPE": f"{sys.executable} -m app.cli"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    out = tmp_path / "out"
+    with open_recording(out / "simulated.h5") as simulated, open_recording(out / "rally.h5") as rally:
+        truth, names = simulated.ball, set(simulated.cameras)
+        assert truth is not None and set(rally.cameras) == names and len(names) == 4
+        first_us = min(int(camera.slice(0, 100_000).t_us[0]) for camera in simulated.cameras.values())
+    lines = [line.split(",") for line in (out / "track.csv").read_text().splitlines()[1:]]
+    used = [set(line[4].split("+")) for line in lines]
+    assert set().union(*used) == names and sum(len(one) > 2 for one in used) > 0.5 * len(used) > 100
+    rows = np.array([[float(value) for value in line[:4]] for line in lines])
+    seen = true_positions(truth, (rows[:, 0] + first_us).astype(np.int64))
+    errors_m = np.linalg.norm(rows[:, 1:] - seen, axis=1)
+    assert np.nanmedian(errors_m) < 0.0006
+    assert (out / "rally.rrd").stat().st_size > 100_000
+
+
 def test_a_stereo_pair_goes_from_event_files_to_a_prediction(tmp_path: Path) -> None:
     """The verbs read what the others write; the prediction is held against the truth, which they did not see."""
     done = subprocess.run(
@@ -134,7 +157,7 @@ def test_a_stereo_pair_goes_from_event_files_to_a_prediction(tmp_path: Path) -> 
         first_us = min(int(camera.slice(0, 100_000).t_us[0]) for camera in simulated.cameras.values())
     for camera in ("left", "right"):
         assert len((out / f"ball-{camera}.csv").read_text().splitlines()) > 300
-    t_us, *p = np.loadtxt(out / "track.csv", delimiter=",", skiprows=1).T
+    t_us, *p = np.loadtxt(out / "track.csv", delimiter=",", skiprows=1, usecols=range(4)).T
     seen = true_positions(truth, (t_us + first_us).astype(np.int64))
     assert np.nanmedian(np.linalg.norm(np.transpose(p) - seen, axis=1)) < 0.003
     plane = json.loads((out / "prediction.json").read_text())["hit_plane"]

@@ -23,6 +23,7 @@ from app.export.rrd.paths import (
     time_column,
 )
 from app.scene.landing import CASE_NAMES, CASE_RGB
+from core.chain import BallPoint
 from core.geometry import xyzw_from_wxyz
 from core.physics.episode import Case
 from core.recordings import BallTruth
@@ -44,16 +45,26 @@ EPISODE_US = 1_500_000
 """A ball is played out after so long."""
 
 
-def send_ball(stream: rr.RecordingStream, t_us: Sequence[int], points: Sequence[NDArray[np.float64] | None]) -> None:
-    """The triangulated ball (3,), a row per window; its trail is the same points, of which a view shows the last."""
+def send_ball(
+    stream: rr.RecordingStream, t_us: Sequence[int], points: Sequence[BallPoint | None], *, cameras: bool = False
+) -> None:
+    """The triangulated ball, a row per window; its trail is the same points, of which a view shows the last.
+
+    With `cameras` a label, shown when it is pointed at, says which cameras a point is made of.
+    """
     found = [point for point in points if point is not None]
     if not found:
         return
     seen = [point is not None for point in points]
-    times, positions = time_column(t_us), np.array(found, np.float32)
+    times, positions = time_column(t_us), np.array([point.p_world_m for point in found], np.float32)
     ball = rr.Points3D.columns(
-        positions=positions, radii=[1.3 * BALL_RADIUS_M] * len(found), colors=[BALL_RGB] * len(found)
+        positions=positions,
+        radii=[1.3 * BALL_RADIUS_M] * len(found),
+        colors=[BALL_RGB] * len(found),
+        labels=[", ".join(point.uvs_px) for point in found] if cameras else None,
     )
+    if cameras:
+        stream.log(f"{BALL}/triangulated", rr.Points3D.from_fields(show_labels=False), static=True)
     send(stream, f"{BALL}/triangulated", times, ball.partition(seen))
     trail = rr.Points3D.columns(positions=positions, radii=[0.008] * len(found), colors=[BALL_RGB] * len(found))
     send(stream, TRAIL, times, trail.partition(seen))

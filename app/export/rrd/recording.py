@@ -187,7 +187,7 @@ class RallyWriter:
         times = [step.end_us for step in steps]
         if is_stereo(recording):
             chains = [step.chain for step in steps if step.chain is not None]
-            rrd_rally.send_ball(stream, times, [None if one.point is None else one.point.p_world_m for one in chains])
+            rrd_rally.send_ball(stream, times, [one.point for one in chains], cameras=len(recording.cameras) > 2)
             ticks = [step for step in steps if step.before is not None]
             predictions = [None if one.chain is None else one.chain.prediction for one in ticks]
             rrd_rally.send_predictions(stream, [one.end_us for one in ticks], predictions)

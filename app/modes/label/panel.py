@@ -101,7 +101,7 @@ class LabelPanel:
             self._snap = gui.add_checkbox("Snap clicks to the events", True)
             self._advance = gui.add_checkbox("Go on after each label", False)
             self._follow = gui.add_checkbox("Zoom follows the ball", True)
-            self._epipolar = gui.add_checkbox("Other camera's ray", True)
+            self._epipolar = gui.add_checkbox("Other cameras' rays", True)
             self._propose = gui.add_button("Propose from here on (I)", icon=viser.Icon.WAND)
             self._proposals = gui.add_html("")
             for label, name, icon in (

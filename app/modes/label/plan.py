@@ -107,9 +107,10 @@ def agreement_at(now: Labelling, t_us: int) -> CameraAgreement | None:
 
 def other_position(now: Labelling, t_us: int) -> Point | None:
     """Where the partner sees the ball: its label, its draft, or the curve through its labels."""
-    there = now.there
-    if there is None:
-        return None
+    return None if now.there is None else _position(now.there, t_us)
+
+
+def _position(there: CameraWork, t_us: int) -> Point | None:
     known = there.known(t_us)
     if known is not None or t_us in there.labels:
         return known
@@ -119,13 +120,18 @@ def other_position(now: Labelling, t_us: int) -> Point | None:
 
 
 def _epipolar(now: Labelling, t_us: int) -> tuple[LineMark, ...]:
-    """The partner's ball as a ray in this camera."""
-    if not now.view.epipolar or now.view.repeat or now.calibrations is None:
+    """The ball of every other camera that knows it as a ray in this camera."""
+    here_camera = now.source.calibration
+    if not now.view.epipolar or now.view.repeat or here_camera is None:
         return ()
-    there, (here_camera, there_camera) = other_position(now, t_us), now.calibrations
-    if there is None:
-        return ()
-    return _line(epipolar_curve(there_camera, there, here_camera, points=EPIPOLAR_POINTS))
+    lines: list[LineMark] = []
+    for name, source in now.sources.items():
+        if name == now.source.name or source.calibration is None:
+            continue
+        there = _position(now.works[name], t_us)
+        if there is not None:
+            lines += _line(epipolar_curve(source.calibration, there, here_camera, points=EPIPOLAR_POINTS))
+    return tuple(lines)
 
 
 def _partner_key(scene: LabelScene, t_us: int) -> PictureKey | None:

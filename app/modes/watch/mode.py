@@ -229,6 +229,7 @@ class WatchMode:
             outcomes=outcomes,
             returned=self._live is None,
             drift=self._rally.drift,
+            cameras=() if self._host.recording is None else tuple(self._host.recording.cameras),
         )
         self._cameras.show_figures(said, figures)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Collection
 from typing import Final
 
 import numpy as np
@@ -63,11 +64,13 @@ def moment_html(
     outcomes: bool = True,
     returned: bool = True,
     drift: DriftReport | None = None,
+    cameras: Collection[str] = (),
 ) -> str:
     """Ball, predictions and racket at one time; `followed` is the share of the recording that the chain has seen.
 
     Without a robot nothing is said of a racket, and without word of outcomes only what was seen of strokes; how many
-    came back only where no panel counts them by controller and scene. `drift` is of all that was followed so far.
+    came back only where no panel counts them by controller and scene. `drift` is of all that was followed so far. Of
+    three `cameras` or more it is said which the ball's place is made of.
     """
     step = moment.step
     sent = moment.sent
@@ -75,6 +78,7 @@ def moment_html(
         ("Ball speed", "-" if moment.speed_mps is None else f"{moment.speed_mps:.2f} m/s"),
         ("Hit in", _contact(step, moment.t_us)),
         ("Stereo mismatch", _residual(step)),
+        *([("Placed by", _used(step, cameras))] if len(cameras) > 2 else []),
         *([] if drift is None else [drift_row(drift)]),
         ("Hit predicted before the bounce", _hit(step.before if step else None, moment.t_us)),
         ("Hit predicted after the bounce", _hit(step.after if step else None, moment.t_us)),
@@ -170,6 +174,20 @@ def _residual(step: RallyStep | None) -> str:
         return "-"
     sigma_mm = 1e3 * float(np.sqrt(np.trace(step.point.covariance_m2) / 3))
     return f"{step.point.residual_px:.2f} px, ball &plusmn;{sigma_mm:.1f} mm"
+
+
+def _used(step: RallyStep | None, cameras: Collection[str]) -> str:
+    """The cameras that the point is made of; the others that found something elsewhere, or nothing, are dim."""
+    if step is None or step.point is None:
+        return "-"
+    used = step.point.uvs_px
+    words = [
+        html_text(name)
+        if name in used
+        else muted(f"{html_text(name)} ({'elsewhere' if name in step.circles else 'no'})")
+        for name in cameras
+    ]
+    return ", ".join(words)
 
 
 def _hit(expected: ShownPrediction | None, t_us: int) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +14,7 @@ from core.recordings.sources.aedat2 import open_aedat2
 from core.recordings.sources.aedat4 import open_aedat4
 from core.recordings.sources.dat import open_dat
 from core.recordings.sources.event_stream import open_es
+from core.recordings.sources.folders import camera_files, camera_names
 from core.recordings.sources.hdf5_data_sets import open_hdf5_data_set
 from core.recordings.sources.hdf5_reading import explain
 from core.recordings.sources.hdf5_tables import open_hdf5_table
@@ -34,7 +35,7 @@ FORMATS: Final = (
     "Prophesee RAW and DAT, AEDAT4, Event Stream, HDF5 (Metavision, DSEC, MVSEC and others), npz, npy, CSV, bags of ROS"
     " or MCAP"
 )
-FOLDERS: Final = "a bag of ROS 2, a rally of Sony's, or the arrays of EVIMO2"
+FOLDERS: Final = "a bag of ROS 2, a rally of Sony's, the arrays of EVIMO2, or an event file for each camera"
 """Folders that are one recording."""
 
 
@@ -47,7 +48,7 @@ def open_sources(path: Path, sensor: SensorSize | None = None) -> list[EventSour
     found = _open_folder(path, sensor) if path.is_dir() else _open_file(path, sensor)
     if sensor is None:
         return found
-    return [dataclasses.replace(source, sensor_from=Whence.OPTION) for source in found]
+    return [replace(source, sensor_from=Whence.OPTION) for source in found]
 
 
 def _open_file(path: Path, sensor: SensorSize | None) -> list[EventSource]:
@@ -76,7 +77,19 @@ def _open_folder(path: Path, sensor: SensorSize | None) -> list[EventSource]:
         return open_bag(path, sensor)
     if is_sony_folder(path):
         return open_sony_folder(path, sensor)
+    files = camera_files(path)
+    if files:
+        return _open_files(files, sensor)
     raise RecordingError("a folder without events", expected=FOLDERS, where=path, remedy="give the event file itself")
+
+
+def _open_files(files: list[Path], sensor: SensorSize | None) -> list[EventSource]:
+    """Every camera of several files, called as its file."""
+    found: list[EventSource] = []
+    for file, name in zip(files, camera_names(files), strict=True):
+        sources = open_sources(file, sensor)
+        found += [replace(source, name=name) for source in sources] if len(sources) == 1 else sources
+    return found
 
 
 def _open_hdf5(path: Path, sensor: SensorSize | None) -> list[EventSource]:

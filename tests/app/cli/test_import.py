@@ -58,11 +58,14 @@ def test_two_sources_with_names_offset_and_size_and_json(tmp_path, csv, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["{csv}"], "wrong number of files; expected SRC [SRC2] DST.h5, got 1"),
-        (["{csv}", "{csv}", "{csv}", "a.h5"], "wrong number of files"),
+        (["{csv}"], "wrong number of files; expected SRC [SRC2 ...] DST.h5, got 1"),
+        (["{csv}", "{csv}", "{csv}", "{out}"], "the names do not fit; expected 3 different ones"),
         (["missing.raw", "{out}"], "missing.raw: the file cannot be opened; got No such file or directory"),
         (["{csv}", "{out}", "--width", "640"], "--width and --height go together; give both"),
-        (["{csv}", "{out}", "--width", "0", "--height", "5"], "argument --width: expected a whole number above 0"),
+        (
+            ["{csv}", "{out}", "--width", "0", "--height", "5"],
+            "--width: expected whole numbers above 0 between",
+        ),
         (["{csv}", "{out}", "--frames", "x"], "--frames, --frame-times and --exposure-us go together"),
         (["{csv}", "{out}", "--names", "a,b"], "the names do not fit; expected 1 different ones, got a,b"),
         (["{csv}", "{csv}"], "events.csv: the recording would replace its own source"),

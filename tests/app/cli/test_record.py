@@ -194,8 +194,9 @@ def test_cameras_are_listed(plugged_in, capsys):
     ("words", "line"),
     [
         (["--source", "camera:"], "no camera is named.*0 .Prophesee EVK4., 1"),
-        (["--source", "camera:0,0"], "not one or two different cameras"),
-        (["--source", "camera:0,1,2"], "not one or two different cameras"),
+        (["--source", "camera:0,0"], "not one or more different cameras"),
+        (["--source", "camera:0,1,0"], "not one or more different cameras"),
+        (["--source", "camera:0,1,2"], "no such camera"),
         (["--source", "camera:9"], "no such camera.*0 .Prophesee EVK4."),
         (["--source", "camera:0", "--sync-cable"], "a sync cable joins two cameras"),
         (["--source", "usb:0"], "not a source"),

@@ -17,7 +17,7 @@ def test_the_table_has_a_row_per_point_in_space(serve_recording: Path, tmp_path,
     out = tmp_path / "track.csv"
     assert main(["track", str(serve_recording), "--out", str(out), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
-    assert out.read_text().splitlines()[0] == "t_us,x_m,y_m,z_m"
+    assert out.read_text().splitlines()[0] == "t_us,x_m,y_m,z_m,cameras"
     with out.open(newline="") as file:
         rows = np.array([[float(row[name]) for name in ("t_us", "x_m", "y_m", "z_m")] for row in csv.DictReader(file)])
     assert len(rows) == summary["points"] > 300 and summary["windows"] >= 599
@@ -74,7 +74,7 @@ def test_the_config_and_the_window_count(serve_recording: Path, tmp_path, capsys
     first, second = (json.loads(line) for line in capsys.readouterr().out.splitlines())
     assert (first["window_us"], first["points"], first["error_mm"], first["residual_px"]) == (4000, 0, None, None)
     assert second["window_us"] == 5000
-    assert (tmp_path / "a.csv").read_text() == "t_us,x_m,y_m,z_m\n", "no row when there is no point"
+    assert (tmp_path / "a.csv").read_text() == "t_us,x_m,y_m,z_m,cameras\n", "no row when there is no point"
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,8 @@ def test_pixels_may_bring_covariances_of_their_own() -> None:
     covariances = halves @ halves.transpose(0, 2, 1) + 0.05 * np.eye(2)
     noise = np.stack([rng.multivariate_normal([0, 0], one, 20_000) for one in covariances], axis=1)
     rig, exact = StereoRig(cameras), pixels(cameras, truth[None])
-    measured = np.cov(rig.triangulate(exact + noise).ps_world_m.T)
+    stated = np.broadcast_to(covariances, (20_000, 3, 2, 2))
+    measured = np.cov(rig.triangulate(exact + noise, stated).ps_world_m.T)
     claimed = rig.triangulate_one(exact[0], covariances)
     assert claimed is not None
     root = np.linalg.cholesky(claimed.covariance_m2)

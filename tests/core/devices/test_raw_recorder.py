@@ -74,9 +74,9 @@ def test_without_a_cable_the_drift_is_written_beside_and_undone(tmp_path):
         "right": Replayed(stream=Pixels(), duration_us=LONG_US, offset_us=5_000_000, drift=200e-6, jitter_s=0.001),
     }
     recorder, _ = recorder_of(cameras, out, cable=False)
-    wait_for(lambda: recorder.clock_path is not None and recorder.clock_path.read_bytes().count(b"\n") > 3)
+    wait_for(lambda: recorder.clock_paths["right"].read_bytes().count(b"\n") > 3)
     takes = recorder.stop()
-    table = read_clock_table(recorder.clock_path)
+    table = read_clock_table(recorder.clock_paths["right"])
     assert abs(int(table.shift_us[0]) + 5_000_000) < 2000
     import_recording([one.path for one in takes], out, clock=table)
     with open_recording(out) as recording:
@@ -85,6 +85,28 @@ def test_without_a_cable_the_drift_is_written_beside_and_undone(tmp_path):
     pairs = zip(right.t_us, right.x_px, right.y_px, strict=True)
     apart = np.array([t - times[x, y] for t, x, y in pairs if (x, y) in times])
     assert len(apart) > 100_000 and np.abs(apart).max() < 1000 and abs(np.median(apart)) < 300
+
+
+def test_each_of_three_cameras_has_a_clock_and_one_recording_is_made_of_all(tmp_path):
+    out = tmp_path / "take.h5"
+    shifts_us = {"a": 0, "b": 5_000_000, "c": 700_000}
+    cameras = {
+        name: Replayed(stream=Pixels(), duration_us=LONG_US, offset_us=shift) for name, shift in shifts_us.items()
+    }
+    recorder, _ = recorder_of(cameras, out, cable=False)
+    assert list(recorder.clock_paths) == ["b", "c"]
+    wait_for(lambda: all(path.read_bytes().count(b"\n") > 1 for path in recorder.clock_paths.values()))
+    takes = recorder.stop()
+    tables = [read_clock_table(path) for path in recorder.clock_paths.values()]
+    import_recording([one.path for one in takes], out, clock=tables)
+    with open_recording(out) as recording:
+        assert list(recording.cameras) == ["a", "b", "c"]
+        found = [stream.slice(0, 3_000_000) for stream in recording.cameras.values()]
+    times = {(x, y): t for t, x, y in zip(found[0].t_us, found[0].x_px, found[0].y_px, strict=True)}
+    for events in found[1:]:
+        pairs = zip(events.t_us, events.x_px, events.y_px, strict=True)
+        apart = np.array([t - times[x, y] for t, x, y in pairs if (x, y) in times])
+        assert len(apart) > 10_000 and abs(np.median(apart)) < 2_000
 
 
 def test_a_short_take_without_a_cable_has_the_shift_that_was_known(tmp_path):
@@ -96,8 +118,7 @@ def test_a_short_take_without_a_cable_has_the_shift_that_was_known(tmp_path):
     recorder, library = recorder_of(cameras, out, cable=False)
     wait_for(lambda: all(device.sent_us > 100_000 for device in library.opened))
     takes = recorder.stop()
-    assert recorder.clock_path is not None
-    table = read_clock_table(recorder.clock_path)
+    table = read_clock_table(recorder.clock_paths["right"])
     assert len(table.stamp_us) >= 1 and abs(int(table.shift_us[0]) + 5_000_000) < 50_000
     assert import_recording([one.path for one in takes], out, clock=table).duration_us < 3_000_000
 
