@@ -26,6 +26,7 @@ BENCHES = {
     "drawn-scenes": "detection.bench_drawn_scenes",
     "simulation": "simulation.bench_simulation",
     "calibration": "calibration.bench_calibration",
+    "rig": "calibration.bench_rig",
     "prediction": "prediction.bench_prediction",
     "rally": "rally.bench_rally",
     "outcomes": "rally.bench_outcomes",
@@ -55,7 +56,7 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of points alone (outcomes), flights (drawn-scenes), seeds (paper-perception), "
+        "balls of points alone (outcomes), flights (drawn-scenes), seeds (paper-perception, rig), "
         "seeds of both sides of every claim (learning)",
         "N",
     )

@@ -175,7 +175,7 @@ def _centres_of_balls(tracks: list[PointTrack], solved: _Solved) -> list[PointTr
 def outline_shifts(camera: Camera, ps: Array, t_us: Array, used: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Times (M,) and by how much a ball's outline is off the image of its centre then (M, 2), px.
 
-    The balls are at `ps` (N, 3) in the world at `t_us` (N,); those that are not used or not in the picture are left out.
+    The balls are at `ps` (N, 3) in the world at `t_us` (N,); those not used or not in the picture are left out.
     """
     circles = ball_circles(camera, ps)
     shift = np.column_stack([circles.u_px, circles.v_px]) - camera.project(ps)
