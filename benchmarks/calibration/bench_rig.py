@@ -136,7 +136,7 @@ def held_out(tracks: BodyTracks, rig: ManyRig) -> Row:
         "by_camera_px": "/".join(f"{value:.2f}" for value in by_camera),
         "unseen_median_px": round(float(np.nanmedian(np.concatenate(others))), 3),
         "length_mm": round(1e3 * float(np.median(ends)), 2),
-        "length_spread_percent": round(100 * float(np.std(ends) / np.mean(ends)), 2),
+        "length_spread_percent": round(100 * float(np.std(ends) / max(np.mean(ends), 1e-9)), 2),
         "instants": len(ends),
     }
 
@@ -144,7 +144,7 @@ def held_out(tracks: BodyTracks, rig: ManyRig) -> Row:
 def simulated_row(
     count: int, swept: str, seeds: Sequence[int], *, sweep_s: float = SWEEP_S, instants: int = INSTANTS
 ) -> Row:
-    """Errors of poses (in the first camera's frame) and clocks over some sweeps: medians and the worst of all cameras."""
+    """Errors of poses (in the first camera's frame) and clocks over some sweeps: medians and the worst."""
     found = [simulated_errors(count, swept, seed, sweep_s=sweep_s, instants=instants) for seed in seeds]
     every = np.concatenate([errors for errors, _ in found])
     judged = [other for _, other in found if other is not None]
@@ -159,7 +159,7 @@ def simulated_row(
 def simulated_errors(
     count: int, swept: str, seed: int, *, sweep_s: float = SWEEP_S, instants: int = INSTANTS
 ) -> tuple[Array, Array | None]:
-    """(C - 1, 5) errors of the cameras but the first: mm, degrees, us, ppm, place over its sigma; the referee's, mm, deg."""
+    """(C - 1, 5) errors of all cameras but the first: mm, degrees, us, ppm, place over its sigma; and the referee's."""
     cameras = ring(count)
     rng = np.random.default_rng(seed)
     phases = tuple(rng.uniform(0, 2 * np.pi, 3).tolist())
