@@ -25,7 +25,7 @@ from core.cameras.calibration import Board, find_board
 from core.cameras.calibration.board import KINDS, BoardKind
 from core.cameras.calibration.body_bundle import UNKNOWNS
 from core.cameras.calibration.body_tracks import BodyTracks, body_tracks, read_points_table
-from core.cameras.calibration.many_cameras import RigCamera, ManyCalibration, calibrate_many
+from core.cameras.calibration.many_cameras import ManyCalibration, RigCamera, calibrate_many
 from core.cameras.calibration.point_track import PointTrack, read_point_track
 from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
 from core.cameras.calibration.rig import RigConfig
