@@ -27,6 +27,7 @@ BENCHES = {
     "simulation": "simulation.bench_simulation",
     "calibration": "calibration.bench_calibration",
     "cameras": "perception.bench_cameras",
+    "rig": "calibration.bench_rig",
     "prediction": "prediction.bench_prediction",
     "rally": "rally.bench_rally",
     "outcomes": "rally.bench_outcomes",
@@ -57,7 +58,7 @@ class BenchArguments:
 
     name: str = positional("what to measure", "|".join(BENCHES), choices=BENCHES)
     count: PositiveInt | None = flag(
-        "balls of points alone (outcomes), flights (drawn-scenes), seeds (paper-perception), "
+        "balls of points alone (outcomes), flights (drawn-scenes), seeds (paper-perception, rig), "
         "seeds of both sides of every claim (learning), serves of each scene and speed (cameras)",
         "N",
     )

@@ -25,7 +25,7 @@ from core.cameras.calibration import Board, find_board
 from core.cameras.calibration.board import KINDS, BoardKind
 from core.cameras.calibration.body_bundle import UNKNOWNS
 from core.cameras.calibration.body_tracks import BodyTracks, body_tracks, read_points_table
-from core.cameras.calibration.many_cameras import CameraReport, ManyCalibration, calibrate_many
+from core.cameras.calibration.many_cameras import ManyCalibration, RigCamera, calibrate_many
 from core.cameras.calibration.point_track import PointTrack, read_point_track
 from core.cameras.calibration.residual_picture import ResidualPanel, residual_svg
 from core.cameras.calibration.rig import RigConfig
@@ -210,7 +210,7 @@ def _tracks(
     return body_tracks([seen[name] for name in names], body_m, [sigma / middle for sigma in given])
 
 
-def _row(name: str, one: CameraReport) -> dict[str, object]:
+def _row(name: str, one: RigCamera) -> dict[str, object]:
     errors, sigmas = one.errors_px, one.sigmas
     place = np.sqrt(sum(sigmas.get(key, 0.0) ** 2 for key in UNKNOWNS[3:6]))
     turn = np.sqrt(sum(sigmas.get(key, 0.0) ** 2 for key in UNKNOWNS[:3]))

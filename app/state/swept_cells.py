@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Final
 
 from core.cameras.calibration import Board
@@ -14,6 +15,10 @@ ENOUGH: Final = 2
 """Pictures with the ball in a cell, so that one false circle does not count."""
 
 
+PAIR_ENOUGH: Final = 30
+"""Pictures in which two cameras see the ball at once: what `calibrate rig` wants of a pair."""
+
+
 @dataclass(frozen=True, slots=True)
 class SweptCells:
     """Counts of each camera's cells, up to `enough`."""
@@ -22,6 +27,8 @@ class SweptCells:
     """Whether they are counted and shown."""
     counts: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     enough: int = ENOUGH
+    shared: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    """Pictures in which two cameras saw the ball at once, by their names in ascending order, up to `PAIR_ENOUGH`."""
 
     def with_ball(self, camera: str, cell: int) -> SweptCells:
         """The ball was in this cell of a camera's picture once more."""
@@ -30,6 +37,29 @@ class SweptCells:
             return self
         after = (*before[:cell], before[cell] + 1, *before[cell + 1 :])
         return replace(self, counts={**self.counts, camera: after})
+
+    def with_balls(self, cameras: Iterable[str]) -> SweptCells:
+        """All of these cameras saw the ball in one picture."""
+        counts = {pair: self.shared.get(pair, 0) for pair in combinations(sorted(set(cameras)), 2)}
+        more = {pair: count + 1 for pair, count in counts.items() if count < PAIR_ENOUGH}
+        return replace(self, shared={**self.shared, **more}) if more else self
+
+    def next_pair(self, cameras: Sequence[str]) -> tuple[str, str, int] | None:
+        """Which two to sweep next, and how many pictures they share: the weakest link of the best chain of all.
+
+        None when the pairs that share enough connect all cameras.
+        """
+        joined = {name: {name} for name in cameras}
+        pairs = [(self.shared.get(pair, 0), pair) for pair in combinations(sorted(cameras), 2)]
+        for count, (a, b) in sorted(pairs, key=lambda one: -one[0]):
+            if joined[a] is joined[b]:
+                continue
+            if count < PAIR_ENOUGH:
+                return a, b, count
+            joined[a] |= joined[b]
+            for name in joined[b]:
+                joined[name] = joined[a]
+        return None
 
     def missing(self, camera: str) -> tuple[int, ...]:
         """Cells of a camera's picture that the ball has not been in."""

@@ -16,7 +16,7 @@ from app.formatting.text import html_text
 from app.modes.mode import ModeHost
 from app.modes.watch.figures import coloured, figures_html
 from app.state.client_state import ClientState
-from app.state.swept_cells import CELL_COUNT, FIRST_BOARD, BoardGuide, SweptCells
+from app.state.swept_cells import CELL_COUNT, FIRST_BOARD, PAIR_ENOUGH, BoardGuide, SweptCells
 from app.views.mosaic import Mosaic
 from app.widgets import when_changed, when_clicked
 from core.cameras.calibration import Board, find_board
@@ -59,6 +59,7 @@ class NoteSweptBalls:
             return state
         for camera, cell in self.cells:
             swept = swept.with_ball(camera, cell) if camera in state.cameras else swept
+        swept = swept.with_balls(camera for camera, _ in self.cells if camera in state.cameras)
         return state if swept == state.watch.swept else _with(state, swept)
 
 
@@ -125,8 +126,28 @@ GOOD_SHARE: Final = 0.7
 
 
 def swept_html(swept: SweptCells, cameras: tuple[str, ...]) -> str:
-    """A row a camera."""
-    return figures_html([(html_text(name), _row(swept.missing(name))) for name in cameras])
+    """A row a camera: its parts, and how many pictures it shares with the camera it shares most with; what is next."""
+    rows = []
+    for name in cameras:
+        others = {other: swept.shared.get(_pair(name, other), 0) for other in cameras if other != name}
+        row = _row(swept.missing(name))
+        if others:
+            most = max(others, key=lambda other: others[other])
+            colour = theme.GOOD if others[most] >= PAIR_ENOUGH else theme.WARN
+            row += "; " + coloured(colour, f"{others[most]} of {PAIR_ENOUGH} pictures with {html_text(most)}")
+        rows.append((html_text(name), row))
+    if len(cameras) > 1:
+        pair = swept.next_pair(cameras)
+        if pair is None:
+            rows.append(("Next", coloured(theme.GOOD, "all cameras are connected")))
+        else:
+            a, b, count = pair
+            rows.append(("Next", f"sweep where {html_text(a)} and {html_text(b)} both see it ({count})"))
+    return figures_html(rows)
+
+
+def _pair(a: str, b: str) -> tuple[str, str]:
+    return (a, b) if a < b else (b, a)
 
 
 def board_html(guide: BoardGuide, cameras: tuple[str, ...]) -> str:
@@ -192,7 +213,7 @@ class SweepPanel:
         self._counted: Mosaic | None = None
         self._folder = gui.add_folder("Sweep of the ball", expand_by_default=False, visible=False)
         with self._folder:
-            hint = "Framed: where the ball has not been found in two pictures yet. For `calibrate stereo`"
+            hint = "Framed: where the ball has not been found in two pictures yet. For `calibrate stereo` and `rig`"
             self._active = gui.add_checkbox("Show what is missing", False, hint=hint)
             self._said = gui.add_html("")
             self._forget = gui.add_button("Count the parts anew", icon=viser.Icon.ERASER)

@@ -48,7 +48,7 @@ WAND_SIGMA: Final = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class CameraReport:
+class RigCamera:
     """One camera of the rig."""
 
     camera: Camera
@@ -80,7 +80,7 @@ class CameraReport:
 class ManyCalibration:
     """What the calibration of n cameras gives."""
 
-    reports: dict[str, CameraReport]
+    reports: dict[str, RigCamera]
     t_us: Array
     """(G,) common instants on the first camera's clock."""
     points_m: Array
@@ -324,7 +324,7 @@ def _report(
         own = dict(zip(UNKNOWNS, sigmas[c * SIZE : (c + 1) * SIZE].tolist(), strict=True))
         offset, drift = float(rig.offsets_us[c]), float(rig.drifts_ppm[c])
         known = {key: value for key, value in own.items() if value > 0}
-        reports[name] = CameraReport(rig.cameras[c], offset, drift, known, uvs, uvs - projected, adjusted.used[:, :, c])
+        reports[name] = RigCamera(rig.cameras[c], offset, drift, known, uvs, uvs - projected, adjusted.used[:, :, c])
         place, turn = (
             np.hypot(np.hypot(own["x"], own["y"]), own["z"]),
             np.hypot(np.hypot(own["rx"], own["ry"]), own["rz"]),

@@ -107,7 +107,7 @@ ASSUMED = {
     "npz": ["sensor size", "unit"], "csv": ["sensor size", "unit"], "xs_ys_ts_ps": ["sensor size", "unit"],
     "raw_events": ["sensor size", "unit"], "text": ["sensor size", "columns", "unit"],
     "npy rows": ["sensor size", "columns", "unit"],
-    "v2e": ["sensor size", "taken for v2e's"], "aedat2": ["bit 0"], "bag of packets": ["one clock"],
+    "v2e": ["sensor size", "taken for t, x, y, p"], "aedat2": ["bit 0"], "bag of packets": ["one clock"],
 }  # fmt: skip
 
 
@@ -275,8 +275,8 @@ def test_polarities_of_metavision_records_are_looked_at(tmp_path):
         file.attrs["geometry"] = "640x480"
     facts = check_import([path])
     assert facts is not None and facts.cameras[0].polarity == "-1 = OFF, 1 = ON"
-    records["p"][3] = 5
+    records["p"][1:5] = 5
     with h5py.File(path, "w") as file:
         file["CD/events"] = records
-    with pytest.raises(RecordingError, match="polarities that are not known"):
+    with pytest.raises(RecordingError, match="which polarity is ON cannot be told"):
         check_import([path])

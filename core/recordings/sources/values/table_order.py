@@ -34,7 +34,7 @@ class TableOrder:
 
     def note(self, name: str) -> str:
         """What is said of a file of this name whose columns are in this order."""
-        return f"{name} does not name its columns; {self.text} is assumed, by their values."
+        return f"{name} does not name its columns; they are taken for {self.text}, by their values."
 
 
 def guess_columns(sample: NDArray, *, where: str) -> TableOrder:

@@ -24,7 +24,7 @@ from app.modes.watch.sweep import (
 )
 from app.state.client_state import ClientState, Configs, RenderSettings
 from app.state.playback import Playhead
-from app.state.swept_cells import CELL_COUNT, BoardGuide, SweptCells
+from app.state.swept_cells import CELL_COUNT, PAIR_ENOUGH, BoardGuide, SweptCells
 from app.state.undo import History
 from app.views.requests import WatchRequest, render_watch
 from core.cameras.calibration import Board, find_board
@@ -66,8 +66,23 @@ def test_a_cell_counts_with_the_second_picture_and_only_while_the_guide_is_on(st
     twice = seen.apply(once, 0.0)
     assert 3 not in twice.watch.swept.missing("left") and len(twice.watch.swept.missing("left")) == 47
     assert len(twice.watch.swept.missing("right")) == 48 and "other" not in twice.watch.swept.counts
-    assert seen.apply(twice, 0.0) is twice
+    again = twice
+    for _ in range(40):
+        again = seen.apply(again, 0.0)
+    assert seen.apply(again, 0.0) is again and again.watch.swept.shared == {("left", "right"): PAIR_ENOUGH}
     assert ForgetSweep().apply(twice, 0.0).watch.swept == SweptCells(active=True)
+
+
+def test_the_weakest_link_of_the_chain_of_cameras_is_what_to_sweep_next() -> None:
+    cameras = ("a", "b", "c", "d")
+    swept = SweptCells(True, shared={("a", "b"): 30, ("b", "c"): 30, ("a", "c"): 0, ("c", "d"): 7, ("a", "d"): 2})
+    assert swept.next_pair(cameras) == ("c", "d", 7)
+    said = swept_html(swept, cameras)
+    assert "sweep where c and d both see it (7)" in said and "30 of 30 pictures with a" in said
+    for _ in range(23):
+        swept = swept.with_balls(("d", "c"))
+    assert swept.next_pair(cameras) is None and "all cameras are connected" in swept_html(swept, cameras)
+    assert swept.with_balls(("c", "d")) is swept and SweptCells().next_pair(("a",)) is None
 
 
 def test_it_says_how_much_is_done_and_where_most_is_missing() -> None:

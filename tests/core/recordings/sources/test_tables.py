@@ -59,7 +59,7 @@ def test_text_in_the_usual_spellings(tmp_path, text):
     assert report.notes[0] == "events does not name its sensor size; 320x240 is assumed from the events."
     said = "t_s" in text or "[us]" in text
     named = "x" in text
-    order = [note for note in report.notes if "does not name its columns; t, x, y, p is" in note]
+    order = [note for note in report.notes if "does not name its columns" in note]
     unit = [note for note in report.notes if "the unit of its times" in note]
     assert report.notes[1:] == order + unit == report.assumed[1:]
     assert (len(order), len(unit)) == (0 if named else 1, 0 if said else 1)
@@ -273,7 +273,7 @@ def test_numpy_files_in_the_usual_forms(tmp_path, form):
                 np.save(file, records)
     report = assert_the_four_events(path)
     assert len(report.notes) == {"columns": 1, "rows": 3}.get(form, 2)
-    assert any("t, x, y, p is assumed" in note for note in report.notes) == (form == "rows")
+    assert any("taken for t, x, y, p" in note for note in report.notes) == (form == "rows")
     assert any("the unit of its times" in note for note in report.notes)
 
 
