@@ -39,14 +39,14 @@ class ChildProcess:
             errors="replace",
         )
         self._on_line, self._on_end = on_line, on_end
-        self._said: deque[str] = deque(maxlen=REMEMBERED_LINES)
+        self._lines: deque[str] = deque(maxlen=REMEMBERED_LINES)
         self._reader = threading.Thread(target=self._read, name="child-process", daemon=True)
         self._reader.start()
 
     @property
     def last_words(self) -> str:
         """The last line that it said."""
-        return self._said[-1] if self._said else "it said nothing"
+        return self._lines[-1] if self._lines else "it said nothing"
 
     def wait(self) -> int:
         """Wait until it has ended and all that it said was read, and give its exit code."""
@@ -67,10 +67,10 @@ class ChildProcess:
 
     def _read(self) -> None:
         assert self._process.stdout is not None
-        with self._process.stdout as said:
-            for line in said:
+        with self._process.stdout as output:
+            for line in output:
                 if line.strip():
-                    self._said.append(line.strip())
+                    self._lines.append(line.strip())
                     self._on_line(line.strip())
         self._on_end()
 

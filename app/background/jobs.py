@@ -27,7 +27,7 @@ class Job(Generic[Result]):
         self._failed = failed
         self._cancel = threading.Event()
         self.share = 0.0
-        """Of the work that is done, 0..1."""
+        """Share of the work that is done, 0..1."""
         self._thread = threading.Thread(target=self._run, name="rallyscope-job", daemon=True)
         self._thread.start()
 

@@ -29,7 +29,7 @@ from labels.formats.picture_names import stem_of
 from labels.store import LabelStore, Layer
 
 NAME_COLUMNS = ("name", "file_name", "filename", "file", "picture", "image")
-"""Of a table of frame times: what pictures are called."""
+"""Column names that hold the picture's name in a table of frame times."""
 
 
 FORMAT_HELP = "; ".join(f"{name}: {item.summary}" for name, item in FORMATS.items())
@@ -176,8 +176,8 @@ def run_agree(arguments: LabelAgreeArguments) -> None:
         f"{found.only_first} and {found.only_second} of one only"
     )
     seen = [f"{left_out} labels left out: they settle conflicts"] if left_out else []
-    told = {"first": mine, "second": name, "blind": blind, "left_out": left_out, **asdict(found)}
-    arguments.layer.tell(told, [counts, *seen, *_agreement_lines(found)])
+    as_json = {"first": mine, "second": name, "blind": blind, "left_out": left_out, **asdict(found)}
+    arguments.layer.tell(as_json, [counts, *seen, *_agreement_lines(found)])
 
 
 def _agreement_lines(found: Agreement) -> list[str]:

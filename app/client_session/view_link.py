@@ -155,12 +155,12 @@ _COMMANDS: Final[Mapping[str, Callable[[str], list[Command]]]] = {
 
 def _configs(values: Values, method: Method) -> Configs:
     base = default_config(method)
-    told: dict[str, dict[str, object]] = {slot: {} for slot in SLOTS}
+    by_slot: dict[str, dict[str, object]] = {slot: {} for slot in SLOTS}
     for key, text in values.items():
         slot, dot, name = key.partition(".")
-        if dot and slot.upper() in told:
-            told[slot.upper()][name] = parse_json(text)
-    return Configs(with_settings(base, told["A"]), with_settings(base, told["B"]))
+        if dot and slot.upper() in by_slot:
+            by_slot[slot.upper()][name] = parse_json(text)
+    return Configs(with_settings(base, by_slot["A"]), with_settings(base, by_slot["B"]))
 
 
 def _one(text: str, allowed) -> str:

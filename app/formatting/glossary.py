@@ -37,7 +37,7 @@ GLOSSARY: Final[dict[str, str]] = {
     "Tube": "Round a predicted flight: two standard deviations to each side.",
     "Window": "The stretch of time whose events are looked at together.",
 }
-"""By word, in alphabetical order."""
+"""Explanation by word, in alphabetical order."""
 
 
 def tooltip(word: str) -> str:

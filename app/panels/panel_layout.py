@@ -8,7 +8,7 @@ import viser
 
 Room = Literal["folded", "narrow", "wide"]
 WIDTHS_PX: Final[dict[Room, int]] = {"folded": 280, "narrow": 280, "wide": 350}
-"""Of the panel when it is open. With the controls at the right, 280 leave 46 % of a window of 1280 to the scene."""
+"""Width of the open panel. With the controls at the right, 280 px leave 46 % of a 1280 px window to the scene."""
 FOLD_BELOW: Final = 0.7
 """Width over height of the middle. A window of 1000x700 with both panels open has 0.4."""
 OPEN_ABOVE: Final = 1.25

@@ -31,9 +31,9 @@ from core.recordings import Recording
 from core.recordings.truth import first_seen_us, turning_points
 
 MOST: Final = 2_000
-"""Of moments or stretches of one kind that are sent; there are no more pixels to show them in."""
+"""Most moments or intervals of one kind that are sent: about one per pixel of the bar."""
 AFTER_FIRST_US: Final = 20_000
-"""By then the first ball is wholly in the picture."""
+"""Time after which the first ball is wholly in the picture."""
 Times = NDArray[np.int64]
 
 
@@ -52,11 +52,11 @@ class Tracks:
 
     duration_us: int
     rates: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    """By camera: events a second in bins of equal length from 0 to the end."""
+    """Events per second in bins of equal length from 0 to the end, by camera."""
     moments: Mapping[str, Times] = field(default_factory=dict)
-    """By kind ("bounce", "hit"): when it happens."""
+    """Times of moments, by kind ("bounce", "hit")."""
     runs: Mapping[str, Runs] = field(default_factory=dict)
-    """By name of the line ("labels", "detector"): what holds when."""
+    """Intervals with their kinds, by name of the line ("labels", "detector")."""
 
 
 def tracks_of(recording: Recording, info: RecordingInfo | None) -> Tracks:
@@ -101,8 +101,8 @@ def runs_of_times(t_us: Times, kinds: NDArray[np.int64], names: tuple[str, ...],
 def runs_of_verdicts(verdicts: WindowVerdicts, window_us: int) -> Runs:
     """Where a detector found the ball, missed it, or saw one that was not there."""
     kinds = np.select([verdicts.false, verdicts.missed, verdicts.found], [2, 1, 0], default=-1)
-    told = kinds >= 0
-    return runs_of_times(verdicts.t_us[told] - window_us // 2, kinds[told], ("found", "missed", "false"), window_us)
+    known = kinds >= 0
+    return runs_of_times(verdicts.t_us[known] - window_us // 2, kinds[known], ("found", "missed", "false"), window_us)
 
 
 def thinned(count: int) -> slice:

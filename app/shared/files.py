@@ -47,7 +47,7 @@ def bring_in(
     progress: Callable[[float], None] = lambda share: None,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> str | None:
-    """Name in the library of the recording that a file is or has become; None if `cancelled` said so.
+    """Name in the library of the recording that a file is or has become; None if `cancelled()` is true.
 
     A file that was `received` from a browser moves into the workspace if it is a recording already. What was brought
     in before is not brought in again. Nothing is ever overwritten, and nothing is left of what fails.
@@ -161,7 +161,7 @@ class OfferedFile:
     """One file of the list."""
 
     key: str
-    """For this run of the app; says nothing of the path."""
+    """Random key, valid for this run of the app; it does not reveal the path."""
     path: Path
     folder: str
     """What the folder is called in the list."""

@@ -58,7 +58,7 @@ class LiveRally:
         self.source = source
         self.robot = robot
         """One of the lab's own; the simulation's is part of its source."""
-        self._heard = source if robot is None else SourceWithRobot(source, robot)
+        self._source_with_robot = source if robot is None else SourceWithRobot(source, robot)
         self.simulation = source if isinstance(source, SimulationClient) else None
         """What serves, stops its clock and changes its scene; None where the source is no simulation."""
         self.recording = RingRecording(LiveConfig(seconds=REMEMBERED_S))
@@ -81,12 +81,12 @@ class LiveRally:
         self._forgotten_us = 0
         source.add_listener(self.watch)
         source.add_listener(self.recording)
-        self.player = LivePlayer(self._heard)
+        self.player = LivePlayer(self._source_with_robot)
         self.step_test = None if robot is None else RobotStepTest(self.player, robot)
         """Measures how late the robot of the lab's own is."""
         self.learning = LiveLearning(self.player, robot=self.has_robot, outcomes=source.has_outcomes)
         """The policy that learns while it plays."""
-        self._heard.add_listener(self)
+        self._source_with_robot.add_listener(self)
         self.player.add_step_listener(self._on_step)
 
     @property
@@ -102,7 +102,7 @@ class LiveRally:
     @property
     def has_robot(self) -> bool:
         """Whether somebody plays; otherwise balls are only watched."""
-        return self._heard.robot is not None
+        return self._source_with_robot.robot is not None
 
     @property
     def drift(self) -> DriftReport:
@@ -140,7 +140,7 @@ class LiveRally:
             if self._recorder is not None:
                 raise RecordingError("the rally is being recorded already", where=self._recorder.path)
             self._recorded_since_s = time.monotonic()
-            self._recorder = LiveRecorder(self._heard, path, player=self.player)
+            self._recorder = LiveRecorder(self._source_with_robot, path, player=self.player)
             self._listen()
 
     def stop_recording(self) -> int:
@@ -177,7 +177,7 @@ class LiveRally:
         self.learning.close()
         if self._outcome_classifier is not None:
             self._outcome_classifier.close()
-        self._heard.close()
+        self._source_with_robot.close()
         if self.step_test is not None:
             self.step_test.close()
         self.recording.close()

@@ -28,7 +28,7 @@ class SourceNotifications:
 
     def __init__(self) -> None:
         self._looked_s = float("-inf")
-        self._told: dict[str, str] = {}
+        self._shown: dict[str, str] = {}
 
     def of(self, live: LiveRally | None, wall_s: float) -> list[Notification]:
         """What has changed since the last look."""
@@ -47,12 +47,12 @@ class SourceNotifications:
     ) -> list[Notification]:
         """What is wrong and was not before, and what no longer is; each is told once."""
         now = _troubles(status, health) | _robot_troubles(robot) | _drift_troubles(drift)
-        begun = [Notification(title, body, "red") for title, body in now.items() if title not in self._told]
+        begun = [Notification(title, body, "red") for title, body in now.items() if title not in self._shown]
         over = [
             Notification("It goes on", f"Over: {title[0].lower()}{title[1:]}.", "green")
-            for title in self._told.keys() - now
+            for title in self._shown.keys() - now
         ]
-        self._told = now
+        self._shown = now
         return begun + over
 
 

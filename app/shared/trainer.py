@@ -103,8 +103,8 @@ def _why(status: RunStatus | None, ended: Ended) -> str:
     for line in reversed(ended.log_tail):
         if line.startswith("rallyscope: ") and "this is a bug" not in line:
             return line.removeprefix("rallyscope: ")
-    said = status.message if status is not None and status.state == "failed" else ""
-    return f"{said or UNEXPECTED} (exit code {ended.returncode})"
+    failure = status.message if status is not None and status.state == "failed" else ""
+    return f"{failure or UNEXPECTED} (exit code {ended.returncode})"
 
 
 def _changed_s(run: Path) -> float:

@@ -47,15 +47,15 @@ def card_html(steps: Sequence[Step]) -> str:
 
 def _row(step: Step) -> str:
     colours = {"waiting": theme.MUTED, "running": "inherit", "done": theme.GOOD, "failed": theme.BAD}
-    said = html_text(step.title)
+    html = html_text(step.title)
     if step.state == "running":
-        said += f" <b>{step.share:.0%}</b>" if step.share else " ..."
-        said += f"<div style='color:{theme.MUTED};font-size:11.5px'>{html_text(step.hint)}</div>" if step.hint else ""
-        said += _bar(step.share)
+        html += f" <b>{step.share:.0%}</b>" if step.share else " ..."
+        html += f"<div style='color:{theme.MUTED};font-size:11.5px'>{html_text(step.hint)}</div>" if step.hint else ""
+        html += _bar(step.share)
     elif step.state == "failed":
-        said += f"<div style='font-size:11.5px'>{html_text(step.problem)}</div>"
+        html += f"<div style='font-size:11.5px'>{html_text(step.problem)}</div>"
     sign = f"<span style='display:inline-block;width:20px'>{SIGNS[step.state]}</span>"
-    return f"<div style='color:{colours[step.state]};display:flex'>{sign}<div style='flex:1'>{said}</div></div>"
+    return f"<div style='color:{colours[step.state]};display:flex'>{sign}<div style='flex:1'>{html}</div></div>"
 
 
 def _bar(share: float) -> str:

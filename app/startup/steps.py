@@ -35,7 +35,7 @@ class Preparation:
         """`say` hears a line when a step that takes a while begins, at every quarter of it, and when it ends."""
         self._steps = dict(steps)
         self._say = say
-        self._said: dict[str, float] = {}
+        self._reported: dict[str, float] = {}
         self._lock = threading.Lock()
 
     @property
@@ -61,11 +61,11 @@ class Preparation:
             if step.state != "running" or share < step.share:
                 return
             self._steps[name] = replace(step, share=share)
-            if name not in self._said:
-                self._said[name] = 0.0
+            if name not in self._reported:
+                self._reported[name] = 0.0
                 self._say(f"{step.title}{f', {step.hint}' if step.hint else ''} ...")
-            elif share - self._said[name] >= SAY_EVERY:
-                self._said[name] = share - share % SAY_EVERY
+            elif share - self._reported[name] >= SAY_EVERY:
+                self._reported[name] = share - share % SAY_EVERY
                 self._say(f"{step.title}: {share:.0%}")
 
     def finish(self, name: str) -> None:
@@ -73,7 +73,7 @@ class Preparation:
         with self._lock:
             step = self._steps[name]
             self._steps[name] = replace(step, state="done", share=1.0)
-            if name in self._said:
+            if name in self._reported:
                 self._say(f"{step.title}: done after {time.monotonic() - step.began_s:.0f} s")
 
     def fail(self, name: str, problem: str) -> None:

@@ -25,7 +25,7 @@ from core.text.json_text import parse_json
 
 logger = logging.getLogger(__name__)
 MAX_STEPS: Final = 50
-"""Of undo and of redo that are kept."""
+"""Most steps of undo, and of redo, that are kept."""
 MAX_BROWSERS: Final = 500
 MAX_FILE_BYTES: Final = 2_000_000
 MAX_SEEN: Final = 32

@@ -45,7 +45,7 @@ class TuneView:
     overlay: Overlay = "geometry"
     zoom: float = 1.0
     centre_px: tuple[float, float] | None = None
-    """Of the zoomed view; None follows the ball."""
+    """Centre of the zoomed view, px; None follows the ball."""
     slot: Slot = "A"
     """The config that the sliders change."""
     compare: bool = False
@@ -103,9 +103,9 @@ class ClientState:
     """The one that Tune looks at."""
     playhead: Playhead
     configs: History[Configs]
-    """Of the methods with stages, which share them."""
+    """Settings of the methods with stages, which share them."""
     own_configs: Mapping[Method, History[Configs]] = field(default_factory=dict)
-    """Of each other method that was edited: they see windows of another length."""
+    """Settings of each other method that was edited; these have window lengths of their own."""
     mode: ModeName = "Watch"
     step_us: int = 1_000
     marks_us: tuple[int, ...] = ()

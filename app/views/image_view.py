@@ -24,11 +24,11 @@ UNIT: Final = 0.01
 FOV_RAD: Final = math.radians(10)
 """Narrow, so that a flat sheet is seen almost as in a drawing; any would do, the map is exact."""
 BAR_PX: Final = 80
-"""Of the window's height that the time bar takes."""
+"""Height of the time bar, px."""
 PANEL_PX: Final = 150
 """That the panel above it takes, with the room between."""
 USUAL_HEIGHT_PX: Final = 720
-"""Of a window that has not said its own."""
+"""Height assumed for a window that has not reported its own."""
 BLANK_PNG_PX: Final = np.zeros((1, 1, 3), np.uint8)
 
 

@@ -24,7 +24,7 @@ from core.metrics.reference import PixelReference
 from core.recordings import CameraStream
 
 ZOOM: Final = 8.0
-"""Of a view that is not zoomed: the ball and its surroundings are compared, not the sensor."""
+"""Zoom of an unzoomed view: the ball and its surroundings are compared, not the whole sensor."""
 TILE_WIDTH_PX: Final = 800
 
 

@@ -44,12 +44,12 @@ class SheetText:
 
     x: float
     y: float
-    """Of their lower left corner, in sheet pixels."""
+    """Position of the lower left corner, in pixels of the mosaic."""
     text: str
     colour: str
-    """As CSS has it."""
+    """CSS colour."""
     is_title: bool
-    """Of a picture; others give way to it."""
+    """Whether it is a picture's title; other texts move away from it."""
 
 
 @dataclass(frozen=True, slots=True)

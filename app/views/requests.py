@@ -35,7 +35,7 @@ RADIUS_PX = 8
 OUTLINE = ("robot-left", "robot-right", "opponent-right", "opponent-left")
 NET = ("net-left", "post-left", "post-right", "net-right")
 EDGE_POINTS = 24
-"""Of each edge: a lens bends lines."""
+"""Points per edge of an outline: a lens bends lines."""
 
 
 def draw_table_clicks(canvas: Canvas, name: str, lens: Camera | None, clicks: TableClicks) -> None:
@@ -115,7 +115,7 @@ class PictureAnswer:
 
     sheet: Mosaic
     traces: tuple[PipelineTrace, ...]
-    """Of Tune with a method that has stages, one for each config;"""
+    """Stages of Tune for a method that has them, one for each config;"""
     found: tuple[WindowAnswer, ...]
     """with another method this instead."""
     seconds: float

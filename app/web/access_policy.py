@@ -34,7 +34,7 @@ class RequestOrigin:
     origin: str | None
     has_origin: bool
     cookie: str | None
-    """Of ours: what the door gave when it saw the token."""
+    """Our cookie, set by the gateway when it saw the token."""
     token: str | None
     """In the link, or in the Authorization header."""
 
@@ -44,7 +44,7 @@ class Admission:
     """The rules of one server."""
 
     local: bool = True
-    """It listens on this machine only."""
+    """Whether the app listens on this machine only."""
     token: str | None = None
     """Without it nobody comes in; None where none is needed."""
 

@@ -121,7 +121,7 @@ class Gateway:
     def __init__(self, host: str, port: int, admission: Admission) -> None:
         """Starts to listen at once; the port has been checked to be free."""
         self.pages = Pages()
-        """For messages beside viser's."""
+        """Messages beside viser's."""
         self._admission = admission
         self._visits: dict[int, PageConnection] = {}
         self._visiting: ContextVar[PageConnection] = ContextVar("visit")

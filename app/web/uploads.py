@@ -127,10 +127,10 @@ class Uploads:
     def _announced(self, text: str | bytes) -> tuple[str, int]:
         """Name and size of the file that is to come."""
         try:
-            said = parse_json(text) if isinstance(text, str) else None
+            request = parse_json(text) if isinstance(text, str) else None
         except (ValueError, RecursionError):
-            said = None
-        name, size = (said.get("name"), said.get("size")) if isinstance(said, dict) else (None, None)
+            request = None
+        name, size = (request.get("name"), request.get("size")) if isinstance(request, dict) else (None, None)
         if not isinstance(name, str) or not isinstance(size, int) or isinstance(size, bool) or size < 0:
             raise RefusedUpload("It was not sent as it should be; load the page again.")
         if size == 0:

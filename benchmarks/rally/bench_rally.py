@@ -178,7 +178,7 @@ def measure_rally(
         chain=chain,
         controller=controller,
         window_us=WINDOW_US,
-        told=True,
+        knows_physics=True,
     )
     watched, played = [], []
     began_s = time.perf_counter()

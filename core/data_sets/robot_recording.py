@@ -44,7 +44,7 @@ QUIET_US: Final = 150_000
 LONGEST_BALL_S: Final = 5.0
 """No ball takes longer from the serve to its outcome."""
 USUAL_BALL_S: Final = 1.6
-"""For the progress."""
+"""Usual duration of a ball, s, for the progress bar."""
 KEPT_BLOCKS: Final = 8
 """More than the longest exposure of a picture."""
 

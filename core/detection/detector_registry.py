@@ -21,11 +21,11 @@ class DetectionMethod:
     make: Callable[[Any, SensorSize], Detector]
     """Takes the method's own section of the config, or all of it if `config` is None."""
     config: type | None
-    """Of the own section; None for the staged pipeline, which takes all stages."""
+    """Config class of the method's own section; None for the staged pipeline, which takes all stages."""
     label: str
     """What it is, in a line: for help and hints."""
     colour: Rgb
-    """Of its circles and curves, where methods are beside each other."""
+    """Colour of its circles and curves where methods are compared."""
     window_us: int
     """Length of its windows, unless a config says otherwise."""
     usual: tuple[str, ...]

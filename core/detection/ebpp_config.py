@@ -30,9 +30,9 @@ class EbppConfig:
     """Upper threshold of the Canny edges that vote (OpenCV's param1), the lower one is half of it. Lone pixels of noise
     stay below 300 once they are blurred; at 200 they vote, and precision falls from 0.99 to 0.93."""
     votes_full: float = setting(20.0, 2.0, 100.0, step=0.5)
-    """Of a circle on the whole sensor, at least (OpenCV's param2)."""
+    """Fewest votes for a circle on the whole sensor (OpenCV's param2)."""
     votes_roi: float = setting(8.0, 2.0, 100.0, step=0.5)
-    """Of a circle in the region of interest, at least."""
+    """Fewest votes for a circle in the region of interest."""
     radius_min_px: int = setting(6, 1, 100)
     """Smaller circles are not looked for."""
     radius_max_px: int = setting(20, 3, 300)
@@ -42,7 +42,7 @@ class EbppConfig:
     misses_to_reset: int = setting(3, 1, 50)
     """Windows in a row without a circle before the whole sensor is searched again."""
     delay_us: int = setting(250, 0, 5000, step=10)
-    """Of the sensor: the surface shows the ball as it was so long before the end of the window."""
+    """Delay of the sensor: the surface shows the ball this long before the end of the window."""
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -28,7 +28,7 @@ class FeFusionConfig:
     radius_min_px: float = setting(4.0, 0.5, 100.0, step=0.5)
     """Mean distance of the ball's events from their centroid, at least."""
     radius_max_px: float = setting(20.0, 1.0, 300.0, step=0.5)
-    """And at most."""
+    """Largest radius of a ball."""
     elongation_max: float = setting(1.7, 1.0, 10.0, step=0.1)
     """Longer side of the ball's upright bounding box over the shorter one, at most."""
     roi_expand_px: float = setting(30.0, 5.0, 400.0, step=1.0)
@@ -36,7 +36,7 @@ class FeFusionConfig:
     misses_to_reset: int = setting(3, 1, 50)
     """Windows in a row without such a cluster before the whole sensor is searched again."""
     delay_us: int = setting(150, 0, 5000, step=10)
-    """Of the sensor: an estimate holds for so long before the middle of its window."""
+    """Delay of the sensor: an estimate is valid this long before the middle of its window."""
 
     def __post_init__(self) -> None:
         check_settings(self)

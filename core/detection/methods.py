@@ -35,7 +35,7 @@ METHODS: Final[Mapping[Method, str]] = DETECTORS.view(lambda one: one.label)
 DEFAULT_METHOD: Final[Method] = "refined"
 """Where nothing names a method."""
 UNNAMED_METHOD: Final[Method] = "auto"
-"""Of files, links and browsers' settings that name none: they were written when this was the default."""
+"""Method of files, links and browser settings that name none: this was the default when they were written."""
 SECTIONS: Final[Mapping[Method, tuple[str, ...]]] = DETECTORS.view(lambda one: one.sections)
 """The sections of `DetectorConfig` that each takes its settings from."""
 FRAME_METHODS: Final[dict[str, str]] = {"yolo": "a rival: YOLOv4-tiny on the pictures of a colour camera"}

@@ -48,7 +48,7 @@ class RefinedConfig:
     confirm_fits: int = setting(4, 1, 20)
     """Consistent fits that make a ball of something round."""
     confirm_motion_px: float = setting(1.5, 0.0, 20.0, step=0.5)
-    """And as far it must have moved meanwhile."""
+    """Distance it must have moved meanwhile to be confirmed."""
     coast_us: int = setting(12_000, 0, 100_000, step=1000)
     """A ball that is not seen is expected on its way so long."""
 

@@ -89,7 +89,7 @@ class PipelineTrace:
     extra_circles: int
     """Candidates that passed every test beside the detection."""
     state: TrackState
-    """For the next window."""
+    """State of the track for the next window."""
 
     def stage(self, name: str) -> StageTrace:
         """The stage of that name.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from core.devices.models import Bias, CameraModel
 
 ClockRole = Literal["own", "leads", "follows"]
-"""Of a camera: its own clock; its own, which it gives to another over a sync cable; that of the other."""
+"""Clock of a camera: its own; its own, passed to another camera over a sync cable; that of the other camera."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +27,7 @@ class CameraPacket:
     events: NDArray | None
     """Structured (t, x, y, on), on the camera's clock."""
     packets_dropped: int
-    """Of all that came since the camera was opened, before they could be read: this machine was too busy."""
+    """USB packets dropped since the camera was opened, because this machine was too busy to read them."""
     gap: bool
     """Whether something was dropped just before it, or in its middle."""
 

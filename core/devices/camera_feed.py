@@ -148,7 +148,7 @@ class CameraFeed:
             counts = self._counts
             counts["packets_dropped"] = packet.packets_dropped
             counts["gaps"] += packet.gap
-            heard_s, self._quiet_s = time.monotonic(), 0.0
+            received_s, self._quiet_s = time.monotonic(), 0.0
             if self.since_us is None:
                 self.since_us = packet.stamp_us if not len(events) else min(int(events.t_us[0]), packet.stamp_us)
             if len(events):
@@ -160,8 +160,8 @@ class CameraFeed:
                 self._events_waiting -= len(oldest)
                 counts["events_given_up"] += len(oldest)
             self.complete_us = max(self.complete_us, packet.complete_us)
-            self._marks.append((heard_s, counts["events"]))
-            while len(self._marks) > 2 and heard_s - self._marks[1][0] > RATE_S:
+            self._marks.append((received_s, counts["events"]))
+            while len(self._marks) > 2 and received_s - self._marks[1][0] > RATE_S:
                 self._marks.popleft()
             self._changed.notify_all()
 

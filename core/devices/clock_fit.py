@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 BIN_US: Final = 250_000
-"""Of all packets stamped in so long only the least delayed one is remembered."""
+"""Length of a bin: of all packets stamped in it only the least delayed one is kept."""
 BINS: Final = 240
 """A minute: crystals drift with their temperature, and no faster."""
 MAX_DRIFT: Final = 500e-6
@@ -38,7 +38,7 @@ class ClockEstimate:
     drift: float
     """Seconds that the host's clock gains on the camera's in a second."""
     jitter_us: float
-    """By how much nine of ten packets of late were delayed more than the least delayed ones, at most."""
+    """90th percentile of the recent packets' delay over the least delayed ones, us."""
     span_us: int
     """How long the clock has been watched, at most a minute."""
 

@@ -37,7 +37,7 @@ class CameraModel:
     """What is known of a model without one at hand."""
 
     name: str
-    """As the driver calls it."""
+    """Model name that the driver reports."""
     module: str
     """The driver's module of its configuration."""
     sensor: SensorSize

@@ -21,7 +21,7 @@ from core.errors import DeviceError
 
 LIBRARY: Final = "neuromorphic_drivers"
 WAIT_S: Final = 0.1
-"""For a packet; then the reader can look whether it is to end."""
+"""Longest wait for a packet; then the reader checks whether it is to stop."""
 _CLOCKS: Final = {"own": "INTERNAL", "leads": "INTERNAL_WITH_OUTPUT_ENABLED", "follows": "EXTERNAL"}
 _PERMISSION: Final = "is it in use by another program? On Linux, run neuromorphic-drivers-install-udev-rules once"
 

@@ -20,7 +20,7 @@ from core.events import Events, SensorSize
 from core.recordings.evt3_encoder import LOW_BITS, Evt3Encoder
 
 DTYPE: Final = np.dtype([("t", "<u8"), ("x", "<u2"), ("y", "<u2"), ("on", "?")])
-"""Of the library's polarity events."""
+"""Layout of the library's polarity events."""
 PACKET_US: Final = 1000
 MAX_MERGED: Final = 64
 """Packets that the library makes one of, if they have waited."""

@@ -17,7 +17,7 @@ from core.recordings import Recording
 from core.trajectory.prediction import HitPlane
 
 LOOK_BACK_US: Final = 20_000_000
-"""As long as a live rally is remembered."""
+"""Length of the history that a live rally keeps."""
 UNSEEN_US: Final = 10_000
 """A ball that was not seen for a shorter time was not missed: the flight goes on without it."""
 GAP_US: Final = 5_000

@@ -69,7 +69,7 @@ BALL_US: Final = 30_000
 EXPECTED_US: Final = 60_000
 """Predictions stay this long after the time at which the ball was to be hit."""
 OUTCOMES_KEPT: Final = 200
-"""Of a live rally: more landing spots would cover each other."""
+"""Most outcomes kept of a live rally: more landing points would cover each other."""
 RACKET_US: Final = 200_000
 """A racket's target is shown for so long after the time at which it was to be there."""
 PATH_POINTS: Final = 48
@@ -108,7 +108,7 @@ class RallyStep:
     circles: dict[str, tuple[float, float, float]]
     """u, v, r in pixels, by camera."""
     before: ShownPrediction | None
-    """Of this flight, the last prediction before the bounce."""
+    """Last prediction before the bounce, of this flight."""
     after: ShownPrediction | None
     sent: RacketDecision | None
     seconds: float
@@ -135,7 +135,7 @@ class RallyMoment:
     sent: RacketDecision | None
     """Where the racket is sent at this time."""
     speed_mps: float | None
-    """Of the ball, from its last points."""
+    """Speed of the ball from its last points, m/s."""
     outcomes: tuple[Outcome, ...]
     """Up to this time, oldest first."""
 

@@ -70,7 +70,7 @@ class RallyPicture:
     tube_sigmas: Array = field(default_factory=lambda: np.empty((0, 3)))
     """(N, 3) its standard deviations."""
     spreads: tuple[UncertaintyEllipse, ...] = ()
-    """Of the expected bounce and of the hit."""
+    """Uncertainty of the expected bounce and of the hit."""
     bounce: Array | None = None
     """Where it bounces or did bounce."""
     bounce_in_s: float | None = None
@@ -84,4 +84,4 @@ class RallyPicture:
     landing_target: Array | None = None
     """(2,) on the table."""
     spots: tuple[LandingSpot, ...] = ()
-    """Of past balls, oldest first."""
+    """Landing points of past balls, oldest first."""

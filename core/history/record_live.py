@@ -42,7 +42,7 @@ class _Thought:
     decision: RacketDecision | None
 
 
-Heard = m.EventBatch | m.WorldState | m.OutcomeNotice | _Thought | None
+_QueueItem = m.EventBatch | m.WorldState | m.OutcomeNotice | _Thought | None
 
 
 class LiveRecorder:
@@ -71,7 +71,7 @@ class LiveRecorder:
         self._scene: str | None = None  # the writer's thread only
         self._zero_us: int | None = None
         self._blocks = 0
-        self._heard: queue.Queue[Heard] = queue.Queue(QUEUE)
+        self._items: queue.Queue[_QueueItem] = queue.Queue(QUEUE)
         self._ending = False
         self._thread = threading.Thread(target=self._write, name="live-recorder", daemon=True)
         self._thread.start()
@@ -123,11 +123,11 @@ class LiveRecorder:
         if session == self._session and found is not None:
             self._queue(_Thought(found, decision))
 
-    def _queue(self, message: Heard) -> None:
+    def _queue(self, message: _QueueItem) -> None:
         if self._ending:
             return
         try:
-            self._heard.put_nowait(message)
+            self._items.put_nowait(message)
         except queue.Full:
             self.error = LinkError("the disk is too slow for the live rally", where=self.path)
             self._ending = True
@@ -135,14 +135,14 @@ class LiveRecorder:
     def _end(self) -> None:
         if not self._ending:
             self._ending = True
-            self._heard.put(None)
+            self._items.put(None)
 
     def _write(self) -> None:
         try:
             with self._writer:
                 while True:
                     try:
-                        message = self._heard.get(timeout=0.5)
+                        message = self._items.get(timeout=0.5)
                     except queue.Empty:
                         if self._ending:
                             return

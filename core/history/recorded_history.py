@@ -16,7 +16,7 @@ from core.recordings import BallTruth
 AT_SPOT_M: Final = 0.05
 NEVER_US: Final = 2**62
 KNOWN_CASES: Final = frozenset(int(case) for case in Case)
-"""Of a row with another nothing can be said."""
+"""Outcomes that are known; a row with another value is skipped."""
 
 
 def add_known(history: RallyHistory, ball: BallTruth | None, rows: HasRows) -> None:

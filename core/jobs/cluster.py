@@ -73,7 +73,7 @@ LOOK_EVERY_S: Final = 2.0
 NO_WORKER_S: Final = 60.0
 """So long there may be no worker: the first one is being started, or the last one again."""
 TELL_EVERY_S: Final = 0.5
-"""Of a piece that tells how far it is."""
+"""Shortest time between two progress reports of a task, s."""
 CERTIFICATES: Final = {
     "tls_ca_file": "DASK_DISTRIBUTED__COMM__TLS__CA_FILE",
     "tls_client_cert": "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT",
@@ -212,13 +212,13 @@ class _WorkerControl:
     def __init__(self, worker: Any, number: int, topic: str) -> None:
         self._worker, self._number, self._topic = worker, number, topic
         self._key = worker.get_current_task()
-        self._told_s = 0.0
+        self._reported_s = 0.0
 
     def __call__(self, share: float) -> None:
         now = time.monotonic()
-        if now - self._told_s < TELL_EVERY_S:
+        if now - self._reported_s < TELL_EVERY_S:
             return
-        self._told_s = now
+        self._reported_s = now
         if self.stopped():
             raise TasksStoppedError
         self._worker.log_event(self._topic, (self._number, share))

@@ -24,7 +24,7 @@ LOOK_S: Final = 0.1
 P = TypeVar("P")
 R = TypeVar("R")
 Work = Callable[[P, TaskControl], R]
-"""Of a module, or a frozen value with `__call__`: other processes are sent it, and each piece."""
+"""A function of a module, or a frozen value with `__call__`: it is pickled for other processes, with each task."""
 
 
 class TaskExecutor(Protocol):

@@ -27,7 +27,7 @@ logger = logging.getLogger(__name__)
 
 R = TypeVar("R")
 TRIES: Final = 3
-"""Of a piece whose process died: by a kill, or for want of memory."""
+"""Attempts at a task whose process was killed or ran out of memory."""
 
 
 class LocalExecutor(Executor):
@@ -128,7 +128,7 @@ class _Slot:
 
 
 _control: TaskControl | None = None
-"""Of a process: how far its piece is, seen by the parent."""
+"""Control of the task in this worker process; it reports the progress to the parent."""
 
 
 def _start_process(share: Any) -> None:

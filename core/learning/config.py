@@ -98,9 +98,10 @@ class EnvironmentConfig:
     """How fast the racket moves towards a ball: by the task's table for the ball's speed, as in the paper's task, or
     chosen for every ball as a fourth part of the action."""
     spin_noise_radps: float = setting(10.0, 0.0, 200.0)
-    """Of `truth+noise` with the state `spin`: each ball's standard deviation per axis is drawn up to twice this."""
+    """Spin noise of `truth+noise` with the state `spin`: each ball's standard deviation per axis is drawn up to twice
+    this."""
     timing: TimingConfig = field(default_factory=TimingConfig)
-    """Of `timed`."""
+    """Settings of the state source `timed`."""
     recorded: str = ""
     """A file of recorded ball states, or a folder of such files, to take the balls from; empty: serves are drawn."""
     actuator_error_deg: float = setting(0.0, 0.0, 5.0)
@@ -145,7 +146,7 @@ class ExplorationConfig:
     """Noise on the action while training: N(0, eta), eta = max(smallest, scale decay^n), n the episode of a stage."""
 
     scale: float = setting(0.1, 0.0, 1.0)
-    """Of the action range [-1, 1] (choice)."""
+    """Standard deviation in units of the action range [-1, 1] (choice)."""
     decay: float = setting(0.995, 0.9, 1.0)
     """Per episode (choice)."""
     smallest: float = setting(0.02, 0.0, 1.0)
@@ -168,7 +169,7 @@ class CurriculumConfig:
     speeds_mps: tuple[float, ...] = (3.0, 5.0)
     """One stage each (paper)."""
     episodes: tuple[int, ...] = (800, 900)
-    """Of each stage, or the most of them if it advances on convergence (paper)."""
+    """Episodes of each stage; the most of them if it advances on convergence (paper)."""
     advance: Literal["episodes", "converged"] = "episodes"
     """Go on after the episodes of the stage, or as soon as enough balls come back."""
     converged_rate: float = setting(0.98, 0.5, 1.0)
@@ -220,7 +221,7 @@ class DdpgConfig:
     target: Literal["terminal", "bootstrap"] = "terminal"
     """Critic's target: y = r, as an episode has one action, or the paper's equation with a discounted next value."""
     discount: float = setting(0.9, 0.0, 1.0)
-    """Of `bootstrap`."""
+    """Discount factor of `bootstrap`."""
     tau: float = setting(0.005, 0.0001, 1.0)
     """Share by which the target networks of `bootstrap` follow."""
     twin_critics: bool = False

@@ -21,7 +21,7 @@ Floats = NDArray[np.float32]
 
 ENVIRONMENT_ID = "rallyscope/OneStepReturn-v0"
 WIDEST = 10.0
-"""Of an observation; `normal_states` clips there."""
+"""Bound of an observation; `normal_states` clips there."""
 BATCH = 256
 """Balls dealt at a time."""
 
@@ -52,7 +52,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         self.episodes = 0
         """Begun so far; the time-weighted reward counts them."""
         self.outcome: Outcomes | None = None
-        """Of the last episode."""
+        """Outcome of the last episode."""
         self._backend = backend or ClosedFormBackend(self.environment)
         self._fixed = deliveries
         self._dealt = deliveries

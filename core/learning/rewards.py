@@ -138,7 +138,7 @@ class RewardConfig:
     registered: Sections = open_sections(
         REWARDS.view(lambda one: one.config or object, where=lambda one: one.config is not None, key=section_name)
     )
-    """Of each other reward that is registered and has settings of its own: a section of its name."""
+    """Settings of each other registered reward that has some: a section of its name."""
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -40,7 +40,7 @@ SETTLE_US: Final = 1_000_000
 BEHIND_US: Final = 5_000_000
 """If so much waits to be told, the oldest blocks are skipped."""
 RESTING_US: Final = 100_000
-"""Of the past is kept while nobody listens."""
+"""Length of the past that is kept while there is no listener."""
 
 _Ends = list[int | None]
 """Where a block ends on each camera's clock; None where that is not known."""
@@ -103,7 +103,7 @@ class CameraSource:
         self._taken_us: list[int | None] = [None] * len(self._feeds)
         """On each camera's clock, where its last block ended; None if it was missing in that."""
         self._waited_s = [0.0] * len(self._feeds)
-        """For each camera, since it last was past the end of a block."""
+        """Time since each camera was last past the end of a block, s."""
         self._zero_us: int | None = None
         """What the first camera's clock showed at the session's 0."""
         self._listeners = LinkListeners()
@@ -186,8 +186,8 @@ class CameraSource:
             self._changed.wait(WAIT_S)
             return None
         if self._zero_us is None and not self._begin():
-            heard = any(feed.since_us is not None for feed in self._feeds)
-            self._wait_for([heard] * len(self._feeds))
+            any_started = any(feed.since_us is not None for feed in self._feeds)
+            self._wait_for([any_started] * len(self._feeds))
             return None
         ends_us = self._skip(self._ends_us())
         if self.status == "lost":

@@ -46,7 +46,7 @@ class LivePlayerConfig:
     chain: ChainConfig = field(default_factory=ChainConfig)
     window_us: int = setting(2000, 200, 10_000)
     """Length of a window of events, a whole part of a block."""
-    told: bool = False
+    knows_physics: bool = False
     """Whether chain and controller are told the physics that a simulated source knows; otherwise they find out."""
 
     def __post_init__(self) -> None:
@@ -88,7 +88,7 @@ class LivePlayer:
         self._source = source
         self._physics = source.physics
         self._config = config or LivePlayerConfig()
-        self._controller = self._told(controller or BuiltInController())
+        self._controller = self._with_physics(controller or BuiltInController())
         self._new_config = False
         self._latency: CommandLatency | None = None
         self._playing = playing and source.robot is not None
@@ -134,7 +134,7 @@ class LivePlayer:
 
     def use(self, controller: LiveController) -> None:
         """Let another controller decide, from the next block on; it is told of the physics what the player is told."""
-        self._controller = self._told(controller)
+        self._controller = self._with_physics(controller)
 
     def aim_at(self, goal_m: tuple[float, float]) -> None:
         """Let the present controller send the balls elsewhere.
@@ -276,7 +276,7 @@ class LivePlayer:
         if self._sender is not None:
             self._sender.begin_session(self._meter)
         self._physics = self._source.physics
-        self._controller = self._told(self._controller)
+        self._controller = self._with_physics(self._controller)
         try:
             self._cameras = welcome.calibrated()
         except LinkError as error:
@@ -293,16 +293,16 @@ class LivePlayer:
 
     def _chain_config(self) -> ChainConfig:
         """Its filter finds out how balls fly, unless it is to be told and somebody knows."""
-        physics = self._physics if self._config.told else None
+        physics = self._physics if self._config.knows_physics else None
         return self._config.chain if physics is None else chain_for_physics(self._config.chain, physics)
 
-    def _told(self, controller: LiveController) -> LiveController:
+    def _with_physics(self, controller: LiveController) -> LiveController:
         physics = self._physics or PhysicsConfig()
-        return controller.for_physics(physics if self._config.told else expected_physics(physics))
+        return controller.for_physics(physics if self._config.knows_physics else expected_physics(physics))
 
-    def _play(self, heard: _ReceivedBlock, counted: int) -> None:
+    def _play(self, block: _ReceivedBlock, counted: int) -> None:
         """Follow a block; of those that are missing before it, `counted` were dropped here, the others never came."""
-        state, player = heard.state, self._player
+        state, player = block.state, self._player
         if state.session != self._session:
             return
         self._meter.dropped += max(0, self._flight.blocks_missing(state) - counted)
@@ -313,33 +313,33 @@ class LivePlayer:
         if self._latency is not None:
             player.lead_by(self._latency)
         try:
-            events = {batch.camera: batch.events() for batch in heard.batches if batch.camera in self._cameras}
+            events = {batch.camera: batch.events() for batch in block.batches if batch.camera in self._cameras}
         except LinkError as error:
             self._meter.dropped += 1
             self._problem = str(error)
             return
         for windows in block_windows(events, state.start_us, state.t_us, self._config.window_us) if events else ():
-            self._follow(player.step(windows), heard)
+            self._follow(player.step(windows), block)
         self._meter.note_block()
 
-    def _follow(self, state: PlayerState, heard: _ReceivedBlock) -> None:
+    def _follow(self, state: PlayerState, block: _ReceivedBlock) -> None:
         self._meter.note_step(state.chain.seconds.total + state.control_s)
         playing = self._playing
         decision = self._flight.follow(state, playing=playing)
         if decision is not None and playing and self._sender is not None:
-            self._sender.put(self._order(decision, heard))
+            self._sender.put(self._order(decision, block))
         for listener in self._step_listeners:
             listener(self._session, state, decision)
         if state.chain.is_new:
             for listener in self._listeners:
                 listener(self._session, state, decision if playing else None)
 
-    def _order(self, decision: RacketDecision, heard: _ReceivedBlock) -> QueuedCommand:
-        state = heard.state
+    def _order(self, decision: RacketDecision, block: _ReceivedBlock) -> QueuedCommand:
+        state = block.state
         speed = state.speed_factor * state.kept_share
         rest_s = (state.t_us - decision.t_us) * 1e-6 / speed if speed else 0.0
-        window_s = float("nan") if state.paused else heard.arrived_s - heard.late_s - rest_s
-        return QueuedCommand(self._session, decision, window_s, heard.arrived_s)
+        window_s = float("nan") if state.paused else block.arrived_s - block.late_s - rest_s
+        return QueuedCommand(self._session, decision, window_s, block.arrived_s)
 
     def _publish(self) -> None:
         learned = None if self._player is None else self._player.chain.learned

@@ -44,7 +44,7 @@ class FinishedBall:
     t_us: int
     serve_us: int
     speed_mps: float
-    """Of the serve."""
+    """Speed of the serve, m/s."""
     case: Case
     landing_m: Array
     """(2,) where it came down to the table's plane; NaN if it did not."""
@@ -80,15 +80,15 @@ class PlayerHealth:
     state_hz: float
     """Steps of the chain per second of wall time."""
     core_share: float
-    """Of one core, that the player's thread takes."""
+    """Share of one core that the player's thread takes."""
     step: Percentiles
     """Computing of one step: chain and controller."""
     arrival_to_sent: Percentiles
     """From the arrival of a block to the sending of a command that it led to."""
     window_to_sent: Percentiles
-    """The same from the end of the simulated window, so with the wait for the end of its block and the link."""
+    """Latency from the end of the simulated window, so with the wait for the end of its block and the link."""
     commands_sent: int
-    """Of this session, as all counts."""
+    """Commands sent in this session."""
     last_refusal: str
     """Empty if there was none."""
     blocks: int
@@ -132,7 +132,7 @@ class RallySnapshot:
     problem: str
     """Why there is no chain, or empty."""
     learned: LearnedConstants | None
-    """Of air and table, by the balls so far; None of a chain that does not learn."""
+    """Constants of air and table learned from the balls so far; None for a chain that does not learn."""
 
     @property
     def chain(self) -> ChainState | None:

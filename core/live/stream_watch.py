@@ -79,7 +79,7 @@ class StreamWatch:
     def wake(self) -> None:
         """It is listened to again: that nothing came meanwhile means nothing."""
         with self._lock:
-            self._heard_s = self._clock()
+            self._received_s = self._clock()
             self._marks.clear()
 
     def health(self) -> StreamHealth:
@@ -89,7 +89,7 @@ class StreamWatch:
                 CameraHealth(name, one.missing, self._t_us - one.seen_us, self._t_us - one.event_us)
                 for name, one in self._cameras.items()
             )
-            quiet_s = self._clock() - self._heard_s
+            quiet_s = self._clock() - self._received_s
             return StreamHealth(self._pace(), quiet_s, quiet_s >= self._patience_s, self._lost, cameras)
 
     def on_session(self, welcome: m.Reply) -> None:
@@ -108,7 +108,7 @@ class StreamWatch:
         """A block is over, or the source lives."""
         with self._lock:
             now_s = self._clock()
-            self._heard_s = now_s
+            self._received_s = now_s
             if not state.ends_block:
                 return
             if state.speed_factor:
@@ -137,11 +137,11 @@ class StreamWatch:
     def _begin(self) -> None:
         self._cameras: dict[str, _CameraCounts] = {}
         self._packets: dict[str, bool] = {}
-        """Of the block that is being told: camera -> whether there are events in it."""
+        """Current block: camera -> whether there are events in it."""
         self._marks: deque[tuple[float, int]] = deque()
         self._t_us = self._lost = 0
         self._patience_s = STOPPED_S
-        self._heard_s = self._clock()
+        self._received_s = self._clock()
 
     def _pace(self) -> float | None:
         if len(self._marks) < 2:

@@ -45,7 +45,7 @@ class ErrorRun:
 
     start_us: int
     end_us: int
-    """Of the last one."""
+    """End of the last window."""
     count: int
     look_us: int
     """The end of the window that shows the first one."""

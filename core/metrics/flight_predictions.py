@@ -41,7 +41,7 @@ class FlightErrors:
     """Mean squared error in units of what was said of it and of the noise of the point, over three: 1 is honest.
     Only where something was said."""
     normalised_but_worst: dict[float, float]
-    """The same without the flight that is farthest off: one may touch the net after it was seen."""
+    """`normalised` without the worst flight: one may touch the net after it was seen."""
 
 
 class PredictedFlight(NamedTuple):
@@ -50,7 +50,7 @@ class PredictedFlight(NamedTuple):
     bounce: Array | None
     """Time, x and y."""
     positions: Callable[[Array], tuple[Array, Array | None]]
-    """Of the times (N,): points (N, 3), and the variances (N, 3), if known, of their distance from recorded ones."""
+    """Maps times (N,) to points (N, 3) and, if known, variances (N, 3) of their distance from recorded points."""
 
 
 def compare_models(
@@ -79,7 +79,7 @@ def compare_predictors(flights: Sequence[RecordedFlight], fitted: FittedPhysics)
     )
     predictors = {"filter": FilterPredictor(config), "paper": PaperPredictor(predictor_for("real"))}
     bounces = list(_with_bounces(flights, fitted))
-    return {name: _score(partial(_told, predictor), bounces) for name, predictor in predictors.items()}
+    return {name: _score(partial(_predicted, predictor), bounces) for name, predictor in predictors.items()}
 
 
 def bounce_point(start: Array, physics: PhysicsConfig) -> Array | None:
@@ -105,22 +105,22 @@ def _fitted(physics: PhysicsConfig, flight: RecordedFlight, *, with_spin: bool) 
     )
 
 
-def _told(predictor: FilterPredictor | PaperPredictor, flight: RecordedFlight) -> PredictedFlight | None:
+def _predicted(predictor: FilterPredictor | PaperPredictor, flight: RecordedFlight) -> PredictedFlight | None:
     predictor.reset()
     for t, p in zip(flight.t_s, flight.ps_m, strict=True):
         predictor.add(round(1e6 * t), p)
-    said = predictor.predict() if isinstance(predictor, FilterPredictor) else predictor.latest
-    if said is None:
+    predicted = predictor.predict() if isinstance(predictor, FilterPredictor) else predictor.latest
+    if predicted is None:
         return None
     noise_m2 = np.square(predictor.config.sigma_point_m)
     if isinstance(predictor, FilterPredictor):
         noise_m2 = noise_m2 * predictor.noise_scales
 
     def positions(t_s: Array) -> tuple[Array, Array]:
-        ps, sigmas = said.positions(t_s)
+        ps, sigmas = predicted.positions(t_s)
         return ps, sigmas**2 + noise_m2
 
-    landing = said.landing
+    landing = predicted.landing
     return PredictedFlight(None if landing is None else np.array([landing.t_s, *landing.p_world_m[:2]]), positions)
 
 
@@ -130,16 +130,16 @@ def _score(predict: Callable[[RecordedFlight], PredictedFlight | None], flights:
     normalised: dict[float, list[float]] = {ahead: [] for ahead in AHEAD_S}
     for flight, bounce in flights:
         seen = flight.t_s <= OBSERVED_S
-        said = predict(RecordedFlight(flight.name, flight.t_s[seen], flight.ps_m[seen]))
-        if said is None:
+        predicted = predict(RecordedFlight(flight.name, flight.t_s[seen], flight.ps_m[seen]))
+        if predicted is None:
             continue
-        if bounce is not None and bounce[0] > OBSERVED_S and said.bounce is not None:
-            bounce_mm.append(1e3 * float(np.linalg.norm(said.bounce[1:] - bounce[1:])))
+        if bounce is not None and bounce[0] > OBSERVED_S and predicted.bounce is not None:
+            bounce_mm.append(1e3 * float(np.linalg.norm(predicted.bounce[1:] - bounce[1:])))
         for ahead in AHEAD_S:
             wanted = flight.t_s[seen][-1] + ahead
             near = int(np.abs(flight.t_s - wanted).argmin())
             if abs(flight.t_s[near] - wanted) <= NEAR_S:
-                ps, variances = said.positions(flight.t_s[near : near + 1])
+                ps, variances = predicted.positions(flight.t_s[near : near + 1])
                 miss = ps[0] - flight.ps_m[near]
                 ahead_mm[ahead].append(1e3 * float(np.linalg.norm(miss)))
                 if variances is not None:

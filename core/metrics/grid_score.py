@@ -35,7 +35,7 @@ class GridScore:
     false: int = 0
     """Answers without a ball within the match radius at their own time, at any speed."""
     error_px: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    """Of the answers that match, in the range of speeds."""
+    """Errors of the answers that match, in the range of speeds."""
     along_px: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     """Their signed error along the ball's motion."""
     speed_px_per_ms: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
@@ -90,10 +90,10 @@ def score_on_grid(
     if counts is not None:
         wanted &= counts(grid)
 
-    said = np.zeros(len(answers.t_us), np.bool_)
+    within = np.zeros(len(answers.t_us), np.bool_)
     if len(truth.t_us):
-        said = answers.detected & (answers.t_us >= truth.t_us[0]) & (answers.t_us <= truth.t_us[-1])
-    t_us, u, v = answers.t_us[said], answers.u_px[said], answers.v_px[said]
+        within = answers.detected & (answers.t_us >= truth.t_us[0]) & (answers.t_us <= truth.t_us[-1])
+    t_us, u, v = answers.t_us[within], answers.u_px[within], answers.v_px[within]
     there = truth.at(t_us)
     off_u, off_v = u - there.u_px, v - there.v_px
     error = np.hypot(off_u, off_v)

@@ -29,7 +29,7 @@ class PairedComparison:
     """Pairs."""
     estimate: float
     low: float
-    """Of the 95 % interval."""
+    """Lower end of the 95 % interval."""
     high: float
     p: float
     """Two-sided, of the value that was asked about."""

@@ -17,9 +17,9 @@ from core.trajectory import FilterPredictor
 Array = NDArray[np.float64]
 
 RATE_HZ: Final = 140.0
-"""Of the points that the filter is given."""
+"""Rate of the points given to the filter."""
 NOISE_M: Final = 0.003
-"""Of these, along each axis."""
+"""Standard deviation of these points along each axis."""
 RECORDED_NOISE_M: Final = 0.0015
 """What is on recorded points already (1 to 2 mm)."""
 MAX_SPIN_RADPS: Final = 450.0
@@ -96,14 +96,14 @@ def foresee_flights(
         seen = thinned(flight, number, recorded_noise_m)
         for k, (t, p) in enumerate(zip(seen.t_s, seen.ps_m, strict=True)):
             predictor.add(round(1e6 * t), p, NOISE_M**2 * np.eye(3))
-            said = predictor.predict() if t >= SEEN_S and k % EVERY == 0 else None
-            if said is None:
+            prediction = predictor.predict() if t >= SEEN_S and k % EVERY == 0 else None
+            if prediction is None:
                 continue
             for ahead in AHEAD_S:
                 near = int(np.abs(flight.t_s - t - ahead).argmin())
                 if abs(flight.t_s[near] - t - ahead) > NEAR_S:
                     continue
-                ps, sigmas = said.positions(flight.t_s[near : near + 1])
+                ps, sigmas = prediction.positions(flight.t_s[near : near + 1])
                 miss = ps[0] - flight.ps_m[near]
                 errors[ahead].append(float(np.linalg.norm(miss)))
                 squared[ahead].append(float(np.mean(miss**2 / (sigmas[0] ** 2 + recorded_noise_m**2))))

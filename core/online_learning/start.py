@@ -40,10 +40,10 @@ class LearningStart:
     """Where learning begins, and begins again after a reset."""
 
     name: str
-    """Of the run, or `NOTHING`."""
+    """Name of the run, or `NOTHING`."""
     config: RunConfig
     arrays: Arrays
-    """Of the run's checkpoint; empty for `NOTHING`."""
+    """Arrays of the run's checkpoint; empty for `NOTHING`."""
 
 
 def start_from_nothing() -> LearningStart:

@@ -39,8 +39,8 @@ def transition_of_ball(
         low, high = CHOSEN_MPS
         action = np.append(action, 2 * (speed_mps - low) / (high - low) - 1)
     at = np.append(ball.landing_m, BALL_RADIUS_M)
-    told = BallOutcome(ball.case, ball.t_us * 1e-6, at, np.full(3, np.nan), ball.net_z_m)
-    outcome = outcomes_of(told, ball.serve_us * 1e-6)
+    judged_ball = BallOutcome(ball.case, ball.t_us * 1e-6, at, np.full(3, np.nan), ball.net_z_m)
+    outcome = outcomes_of(judged_ball, ball.serve_us * 1e-6)
     weights = reward_weights(episode, config.reward)
     return {
         "state": decision.state,

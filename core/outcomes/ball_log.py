@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MAX_POINTS = 4000
-"""Of one ball; a ball that lies about does not fill the memory."""
+"""Most points of one ball, so that a ball at rest does not fill the memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

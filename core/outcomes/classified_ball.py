@@ -22,7 +22,7 @@ from core.table import BALL_RADIUS_M, NET_HEIGHT_M
 Array = NDArray[np.float64]
 
 FIRST_LOOK_S: Final = 0.040
-"""Of the outgoing flight, from which its first contact is foretold (choice)."""
+"""Length of the outgoing flight from which its first contact is predicted (choice)."""
 ROUNDS: Final = 4
 """The flight is fitted up to where it may touch something, which depends on the fit."""
 STOPPED_M: Final = 0.7
@@ -60,11 +60,11 @@ class ClassifiedStroke:
     """Height of its centre over x = 0; NaN if it does not get there."""
     net_sigma_m: float
     contact_us: float
-    """Of the first contact after the racket."""
+    """Time of the first contact after the racket, us."""
     contact_m: Array
     """(3,) there."""
     points: int
-    """Of the outgoing flight, without strays."""
+    """Points of the outgoing flight, without outliers."""
     serve: ServeSeen | None = None
     """The ball as it came; None if that was not seen."""
     final: bool = False

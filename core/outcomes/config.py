@@ -24,15 +24,15 @@ class OutcomeClassifierConfig:
     guard_ms: float = setting(3.5, 0.0, 30.0)
     """Points so near a contact are left out: a window of 2 ms may hold both sides of it."""
     fewest_points: int = setting(6, 4, 100)
-    """Of an outgoing flight, before anything is said of it (choice)."""
+    """Fewest points of an outgoing flight before it is classified (choice)."""
     noise_m: float = setting(0.0003, 1e-5, 0.1, step=0.0001)
     """Added to what a point says of its own noise."""
     alike_points: float = setting(4.0, 1.0, 50.0)
     """So many neighbouring points err alike and count as one: errors of the chain change over some 6 ms."""
     bias_m: float = setting(0.0002, 0.0, 0.1, step=0.0001)
-    """By which all points of a flight may be off along each axis (standard deviation)."""
+    """Common offset of all points of a flight along each axis (standard deviation)."""
     tilt_mps: float = setting(0.001, 0.0, 1.0, step=0.0005)
-    """By which the velocity may be off because that error changes along the flight (standard deviation)."""
+    """Velocity error because that offset changes along the flight (standard deviation)."""
     drag: float = setting(REAL_DRAG.value, 0.0, 1.0)
     """Drag coefficient of a flight with air."""
     drag_sigma: float = setting(0.03, 1e-6, 0.5)
@@ -40,11 +40,11 @@ class OutcomeClassifierConfig:
     magnus: float = setting(REAL_MAGNUS, 0.0, 0.5)
     """Magnus coefficient; only its product with the spin moves the ball."""
     spin_sigma_radps: float = setting(200.0, 1.0, 2000.0)
-    """Of a struck ball about each axis before anything is seen (choice)."""
+    """Prior standard deviation of a struck ball's spin about each axis (choice)."""
     restitution: float = setting((REAL_RESTITUTION.value + 0.9) / 2, 0.5, 1.0)
-    """Of the table, between those of recorded flights and of other reports: only the bounce that follows needs it."""
+    """Restitution of the table, between recorded flights and other reports: only the next bounce needs it."""
     friction: float = setting(REAL_FRICTION.value, 0.0, 1.0)
-    """Of the table."""
+    """Friction coefficient of the table."""
     after_m: float = setting(0.02, 0.001, 0.5)
     """How well a ball can be foretold after its first contact (standard deviation, choice) ..."""
     after_mps: float = setting(0.8, 0.0, 10.0)

@@ -23,7 +23,7 @@ class SeenBlock:
     start_us: int
     end_us: int
     events: dict[str, Events]
-    """By camera."""
+    """Events by camera."""
 
 
 class EnvironmentBackend(Protocol):

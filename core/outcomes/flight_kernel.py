@@ -24,9 +24,9 @@ Array = NDArray[np.float64]
 ROW: Final = 13
 DRAG, RESTITUTION, FRICTION, NET_SHARE = 9, 10, 11, 12
 STEP_S: Final = 0.010
-"""Of a flight: with air, exact to some micrometres."""
+"""Step of a flight: with air, exact to a few micrometres."""
 NET_ALONG: Final = 0.5
-"""Of the speed along the net is left after a touch."""
+"""Share of the speed along the net that is left after a touch."""
 FOUND: Final = 14
 """What `look_ahead` writes: landing time, position, velocity; height at the net; when it is over the net plane; first
 contact: its code, time, position."""

@@ -25,7 +25,7 @@ STRAY: Final = 16.0
 WIDE_M, WIDE_MPS = 5.0, 20.0
 """What is known of a struck ball before it is seen: that it is in the hall."""
 STEPS: Final = np.array([1e-4] * 3 + [1e-3] * 3 + [1.0] * 3 + [1e-2])
-"""Of the slopes, in the unit of each unknown."""
+"""Steps of the numerical derivatives, in the unit of each unknown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +39,7 @@ class OutgoingFit:
     """(10, 10) of position, velocity, spin and drag; zeros for what was not asked."""
     lift: float
     log_evidence: float
-    """For this kind of flight, but for a constant that all kinds share."""
+    """Log evidence for this kind of flight, up to a constant that all kinds share."""
     points: int
     """That were not strays."""
     misfit: float

@@ -13,7 +13,7 @@ from core.table import GRAVITY_MPS2
 
 Array = NDArray[np.float64]
 SPAN_S: Final = 0.060
-"""Of the first points (choice): short of the bounce, and long enough for centimetres a second."""
+"""Duration of the first points used (choice): before the bounce, and long enough for an error of some cm/s."""
 FEWEST: Final = 5
 SLOWEST_MPS: Final = 1.0
 """Towards the robot; what comes slower is no serve (choice)."""
@@ -24,13 +24,13 @@ class ServeSeen:
     """A ball that came."""
 
     t_us: int
-    """Of its first point: the ball was served at this time or just before."""
+    """Time of its first point: the ball was served then or just before."""
     p_world_m: Array
     """(3,) there."""
     v_world_mps: Array
     """(3,) there."""
     sigma_mps: float
-    """Of the speed, by the scatter of the points about the fitted flight."""
+    """Standard deviation of the speed, from the scatter of the points about the fitted flight."""
 
     @property
     def speed_mps(self) -> float:

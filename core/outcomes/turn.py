@@ -18,11 +18,11 @@ RISING_POINTS: Final = 5
 PAST_POINTS: Final = 3
 NEAR_PLANE_M: Final = 0.05
 SHORT_M: Final = 0.08
-"""Of where a ball would be that nothing had stopped (choice)."""
+"""Distance by which a ball falls short of its undisturbed flight after a turn (choice)."""
 LOOK_BACK_S: Final = 0.25
-"""For the place of the turn, before the point that shows it."""
+"""The turn is searched this long before the point that shows it."""
 BEFORE_S: Final = 0.040
-"""Of the flight before the stroke say how it came (choice)."""
+"""Duration of the flight before the stroke from which the incoming state is estimated (choice)."""
 
 
 def turned(points: BallPoints, config: OutcomeClassifierConfig) -> float | None:

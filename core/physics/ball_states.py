@@ -15,8 +15,8 @@ from core.text.json_text import parse_json
 Array = NDArray[np.float64]
 
 KEYS: Final = ("pos_x", "pos_y", "pos_z", "vel_x", "vel_y", "vel_z", "w_vel_x", "w_vel_y", "w_vel_z")
-"""Of one state, besides an id: position in metres, velocity in m/s, spin in rad/s. X along the table's width, Y along
-its length, Z up, origin at the centre of the table's top surface."""
+"""Keys of one state, besides an id: position in metres, velocity in m/s, spin in rad/s. X along the table's width, Y
+along its length, Z up, origin at the centre of the table's top surface."""
 MAX_BYTES: Final = 64 << 20
 MAX_STATES: Final = 200_000
 FARTHEST_M: Final = 5.0

@@ -83,7 +83,7 @@ class PhysicsConfig:
     racket_radius_m: float = setting(0.08, 0.02, 0.5)
     """The face is a disc; a ball whose centre passes it farther out misses (choice; a blade is 15 to 16 cm wide)."""
     racket_thickness_m: float = setting(0.10, 0.01, 0.3)
-    """Of the solid body behind the face: thick, so that a soft contact that sinks in does not come out at the back."""
+    """Thickness of the solid body behind the face: large, so that a soft contact does not come out at the back."""
     net_restitution: float = setting(0.10, 0.0, 1.0)
     """Speed kept across the net by a ball that touches it (choice; after the outcome is decided)."""
     net_drag: float = setting(0.5, 0.0, 1.0)

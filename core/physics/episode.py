@@ -29,7 +29,7 @@ class Case(IntEnum):
 CASE_OF_CONTACT: Final = np.array(
     [Case.OUT, Case.OWN_HALF, Case.NET, Case.OUT, Case.RETURNED, Case.OWN_HALF, Case.OUT], np.int8
 )
-"""By the codes of `contact`: nothing, own top, net, floor, far top, own end, far end."""
+"""Case for each code of `contact`: nothing, own top, net, floor, far top, own end, far end."""
 
 
 class TimedStates(NamedTuple):

@@ -59,10 +59,10 @@ SPIN_PRIOR_RADPS: Final = 200.0
 """Standard deviation, each axis: play has 98 / 289 / 754 rad/s (5 / 50 / 95 %)."""
 STATE: Final = 9
 SCALES: Final = np.array([0.01, 0.01, 0.01, 0.1, 0.1, 0.1, 50.0, 50.0, 50.0])
-"""Of a start's unknowns: position, velocity, spin."""
+"""Scales of a start's unknowns: position, velocity, spin."""
 SHARED_SCALES: Final = np.array([0.1, 0.05, 0.05])
 LOWEST, HIGHEST = np.array([0.0, 0.5, 0.0]), np.array([1.0, 1.0, 1.0])
-"""Of drag coefficient, restitution and friction."""
+"""Bounds of drag coefficient, restitution and friction."""
 MAX_EVALUATIONS: Final = 60
 
 
@@ -85,11 +85,11 @@ class FittedPhysics:
     restitution: float
     friction: float
     magnus_coefficient: float
-    """As given."""
+    """The Magnus coefficient that was given; it is not fitted."""
     starts: Array
     """(flights, 9) position, velocity and effective spin at each flight's first point."""
     rms_m: float
-    """Of a coordinate."""
+    """Root mean square error of one coordinate, m."""
     median_m: float
     """Distance between a flight and its points: not moved by the few flights that touched something."""
 

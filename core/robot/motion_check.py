@@ -55,7 +55,7 @@ class MotionFault(NamedTuple):
 
     why: str
     """One of WHY in `robot_messages`."""
-    said: str
+    detail: str
 
 
 def find_fault(
@@ -106,21 +106,21 @@ def _way_fault(goal: FaceMotion, lead_us: int, now: FaceMotion, limits: RobotLim
     left_s = lead_us * 1e-6
     angle = turned_by(now.q_wxyz, goal.q_wxyz)
     if not angle <= limits.max_turn_rate_radps * left_s + 1e-6:
-        said = (
+        detail = (
             f"{math.degrees(angle):.0f} degrees in {1e3 * left_s:.0f} ms, at most {limits.max_turn_rate_radps:g} rad/s"
         )
-        return MotionFault("unreachable", said)
+        return MotionFault("unreachable", detail)
     at_start, at_end = cubic_accelerations(goal, left_s, now)
     hardest = max(float(np.linalg.norm(at_start)), float(np.linalg.norm(at_end)))
     if not hardest <= limits.max_acceleration_mps2 * (1 + ROUNDING):
-        said = (
+        detail = (
             f"takes {hardest:.0f} m/s2 to be there in {1e3 * left_s:.0f} ms, at most {limits.max_acceleration_mps2:g}"
         )
-        return MotionFault("unreachable", said)
+        return MotionFault("unreachable", detail)
     fastest, low, high = _extremes(now, at_start, at_end, left_s)
     if not fastest <= limits.max_speed_mps * (1 + ROUNDING) + 1e-6:
-        said = f"takes {fastest:.2f} m/s to be there in {1e3 * left_s:.0f} ms, at most {limits.max_speed_mps:g}"
-        return MotionFault("unreachable", said)
+        detail = f"takes {fastest:.2f} m/s to be there in {1e3 * left_s:.0f} ms, at most {limits.max_speed_mps:g}"
+        return MotionFault("unreachable", detail)
     if not (_inside(low, limits, now) and _inside(high, limits, now)):
         return MotionFault("unreachable", f"the way there leaves the box {_box(limits)}")
     return None

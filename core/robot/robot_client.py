@@ -123,14 +123,14 @@ class RobotClient:
                 raise TargetRefusedError(answer.why, answer.said, where="the robot")
         return answer
 
-    def reject_locally(self, why: str, said: str) -> TargetRefusedError:
+    def reject_locally(self, why: str, detail: str) -> TargetRefusedError:
         """Count a target that does not leave; the error says why."""
         with self._lock:
             is_fault = why in ("bounds", "unreachable", "late", "early")
             self._watch.count(kept_back=is_fault, not_ready=not is_fault)
             if is_fault or why == "clock":
-                self._watch.last_refusal = f"kept back: {said}"
-        return TargetRefusedError(why, said, where="not sent to the robot")
+                self._watch.last_refusal = f"kept back: {detail}"
+        return TargetRefusedError(why, detail, where="not sent to the robot")
 
     def stop(self, reason: str) -> None:
         """Stop it: from now on nothing is sent, and the robot is told until it says that it has stopped."""

@@ -21,7 +21,7 @@ from core.live.link.fields import bounded_number, choice, flag, optional, part, 
 from core.live.link.messages import decode, encode
 
 ROBOT_MESSAGE_BYTES: Final = 4096
-"""Of any message; the longest that we send has some 400."""
+"""Largest message, bytes; the longest that we send has about 400."""
 TURN_BOUND: Final = 100.0
 PARTIES: Final = ("", "robot", "rallyscope")
 WHY: Final = (
@@ -62,7 +62,7 @@ class HelloRobot:
 
     id: int = whole(0, WALL_NS)
     client: str = text(64)
-    """The same for as long as this Rallyscope runs; drawn at random."""
+    """Random identifier of this running Rallyscope."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +104,7 @@ class PingRobot:
     id: int = whole(1, WALL_NS)
     host_us: int = whole(0, WALL_NS)
     offset_us: float | None = optional(bounded_number(-WALL_NS, WALL_NS))
-    """By the estimate the robot's clock shows `host_us` plus this."""
+    """Estimated robot clock minus `host_us`."""
     within_us: float | None = optional(bounded_number(0.0, WALL_NS))
     """Half the round trip of the best answer: the estimate cannot be farther off."""
 
@@ -129,7 +129,7 @@ class RobotAnswer:
     ok: bool = flag()
     why: str = choice(*WHY)
     said: str = text(300)
-    """The same for people."""
+    """The reason as a readable text."""
     t_us: int = whole(0, WALL_NS)
 
 
@@ -154,7 +154,7 @@ class RobotState:
     following: int = whole(0, WALL_NS)
     """The target that it is about to carry out; 0: none."""
     stopped: str = choice(*PARTIES)
-    """By whom; "": it plays."""
+    """Who stopped it; "": it plays."""
     reason: str = text(200)
     """Why it was stopped."""
 

@@ -77,7 +77,7 @@ class RobotServer:
         self._keeper = TargetArbiter(self.limits)
         self._commander: bytes | None = None
         self._client = ""
-        self._heard_us = self._told_us = 0
+        self._received_us = self._reported_us = 0
         self._context = zmq.Context()
         self._door = LinkGateway(self._context, keys)
         self._socket = self._context.socket(zmq.ROUTER)
@@ -107,7 +107,7 @@ class RobotServer:
     def stop(self, reason: str) -> None:
         """The robot stops by itself: nothing is carried out until a person starts it again in Rallyscope."""
         self._keeper.stop("robot", reason[:200])
-        self._told_us = 0
+        self._reported_us = 0
 
     def turn(self, p_m: ArrayLike, q_wxyz: ArrayLike, v_mps: ArrayLike) -> RobotTarget | None:
         """Hear and answer what has come, and tell where the racket is; never waits. Call it 100 times a second or more.
@@ -126,8 +126,8 @@ class RobotServer:
             self._hear(who, data, motion)
         now_us = self.now_us()
         target = self._keeper.target(now_us)
-        if abs(now_us - self._told_us) >= STATE_EVERY_US:
-            self._told_us = now_us
+        if abs(now_us - self._reported_us) >= STATE_EVERY_US:
+            self._reported_us = now_us
             self._tell(motion, target, now_us)
         return target
 
@@ -161,19 +161,19 @@ class RobotServer:
             self.rejected += 1
             self._answer(who, message.id, "stranger", "another Rallyscope commands it, or there was no hello")
         else:
-            self._heard_us = self.now_us()
-            self._keeper.hear(self._heard_us)
+            self._received_us = self.now_us()
+            self._keeper.hear(self._received_us)
             self._obey(who, message, motion)
 
     def _welcome(self, who: bytes, hello: HelloRobot) -> None:
         now_us = self.now_us()
         is_known = hello.client == self._client
-        if self._commander is not None and not is_known and now_us - self._heard_us < FREE_US:
+        if self._commander is not None and not is_known and now_us - self._received_us < FREE_US:
             self._answer(who, hello.id, "stranger", "another Rallyscope commands it")
             return
         if not is_known:
             self._keeper.begin_anew()
-        self._commander, self._client, self._heard_us = who, hello.client, now_us
+        self._commander, self._client, self._received_us = who, hello.client, now_us
         self._keeper.hear(now_us)
         welcome = RobotWelcome(id=hello.id, session=self._session, name=self._name, limits=self.limits, t_us=now_us)
         self._send(who, welcome)
@@ -185,7 +185,7 @@ class RobotServer:
                 self._send(who, RobotPong(id=message.id, host_us=message.host_us, t_us=self.now_us()))
             case RobotTarget():
                 fault = self._keeper.offer(message, motion, self.now_us()) or MotionFault("", "")
-                self._answer(who, message.id, fault.why, fault.said)
+                self._answer(who, message.id, fault.why, fault.detail)
             case StopRobot():
                 self._keeper.stop("rallyscope", message.reason, message.id)
                 self._answer(who, message.id)
@@ -193,8 +193,8 @@ class RobotServer:
                 started = self._keeper.start(message.id)
                 self._answer(who, message.id, *(() if started else ("older", "a newer request was here before")))
 
-    def _answer(self, who: bytes, number: int, why: str = "", said: str = "") -> None:
-        self._send(who, RobotAnswer(id=number, ok=not why, why=why, said=said[:300], t_us=self.now_us()))
+    def _answer(self, who: bytes, number: int, why: str = "", detail: str = "") -> None:
+        self._send(who, RobotAnswer(id=number, ok=not why, why=why, said=detail[:300], t_us=self.now_us()))
 
     def _send(self, who: bytes, message: object) -> None:
         try:

@@ -30,7 +30,7 @@ class StepTestReport:
     done: float = 0.0
     """Share of the test that is running."""
     found: CommandLatency | None = None
-    """By the last test that came to its end."""
+    """Result of the last completed test."""
     problem: str = ""
     """Why the last one did not."""
 

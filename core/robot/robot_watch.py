@@ -24,7 +24,7 @@ class ClockOffset:
 
     offset_us: float
     within_us: float
-    """It cannot be farther off: half the quickest round trip."""
+    """Largest possible error: half the quickest round trip."""
 
     def robot_us(self, host_us: float) -> int:
         """What the robot's clock shows at a time of ours."""
@@ -52,10 +52,10 @@ class RobotClock:
         """It is another clock from now on."""
         self._samples.clear()
 
-    def add(self, sent_us: float, heard_us: float, robot_us: float) -> bool:
+    def add(self, sent_us: float, received_us: float, robot_us: float) -> bool:
         """Between these two times of ours its clock showed this; false if it has jumped, and is to be learned anew."""
-        within_us = max(0.0, heard_us - sent_us) / 2
-        sample = ClockOffset(robot_us - (sent_us + heard_us) / 2, within_us)
+        within_us = max(0.0, received_us - sent_us) / 2
+        sample = ClockOffset(robot_us - (sent_us + received_us) / 2, within_us)
         jumped = any(
             abs(sample.offset_us - one.offset_us) > within_us + one.within_us + TOLERANCE_US for one in self._samples
         )
@@ -108,7 +108,8 @@ class RobotCounts:
     kept_back: int = 0
     """Targets that did not leave: outside of the limits."""
     not_ready: int = 0
-    """The same: stopped, lost, slow, its clock unknown, or the source not in real time."""
+    """Targets not sent because the robot was stopped, lost or slow, its clock unknown, or the source not in real
+    time."""
     lost: int = 0
     """Times that it was lost."""
     slow: int = 0
@@ -159,13 +160,13 @@ class RobotWatch:
     """Why no hands can be shaken; empty if nobody has said so."""
     states: deque[RobotState] = field(default_factory=lambda: deque(maxlen=STATES))
     _known: RobotWelcome | None = None
-    _heard_us: float = 0.0
+    _received_us: float = 0.0
     _connection: Connection = "awaited"
     _round_trips_us: deque[float] = field(default_factory=lambda: deque(maxlen=ROUND_TRIPS))
 
     def greet(self, welcome: RobotWelcome, host_us: float) -> None:
         """It is there; one whose program is not the one known has to be started by a person."""
-        self._heard_us = host_us
+        self._received_us = host_us
         if self._known is None or welcome.session != self._known.session:
             if self._known is not None:
                 self.stop = StopNote("robot", ANEW)
@@ -175,11 +176,11 @@ class RobotWatch:
         self.welcome = self._known = welcome
         self.barred = ""
 
-    def note_pong(self, sent_us: float, heard_us: float, robot_us: int) -> None:
+    def note_pong(self, sent_us: float, received_us: float, robot_us: int) -> None:
         """An answer to a ping."""
-        self._heard_us = heard_us
-        self._round_trips_us.append(heard_us - sent_us)
-        if not self.clock.add(sent_us, heard_us, robot_us):
+        self._received_us = received_us
+        self._round_trips_us.append(received_us - sent_us)
+        if not self.clock.add(sent_us, received_us, robot_us):
             self.count(clock_jumps=1)
 
     def note_state(self, state: RobotState, host_us: float) -> None:
@@ -187,7 +188,7 @@ class RobotWatch:
         known = self.welcome
         if known is None or state.session != known.session:
             return
-        self._heard_us = host_us
+        self._received_us = host_us
         if self.states and state.t_us < self.states[-1].t_us:
             self.count(clock_jumps=1)
             self.clock.forget()
@@ -234,7 +235,7 @@ class RobotWatch:
     def _judge(self, now_us: float) -> Connection:
         if self.welcome is None:
             return "awaited" if self._known is None else "lost"
-        if now_us - self._heard_us > 1e3 * self.config.lost_ms:
+        if now_us - self._received_us > 1e3 * self.config.lost_ms:
             return "lost"
         clock, state = self.clock.estimate, self.state
         if clock is None or state is None:
@@ -251,7 +252,7 @@ class RobotWatch:
             case "awaited":
                 return "nobody has answered yet"
             case "lost":
-                return f"lost: nothing heard for {(now_us - self._heard_us) / 1e6:.0f} s"
+                return f"lost: nothing heard for {(now_us - self._received_us) / 1e6:.0f} s"
             case "slow":
                 return f"slow: its answers and states come later than {self.config.slow_ms:g} ms"
             case "clock":

@@ -69,7 +69,7 @@ class SourceWithRobot:
         self._source, self._client = source, robot
         self._lock = threading.Lock()
         self._listeners = LinkListeners()
-        self._clock, self._told_us = SessionClock(), 0
+        self._clock, self._reported_us = SessionClock(), 0
         self._welcome, self._state = source.welcome, source.state
         source.add_listener(self)
 
@@ -178,12 +178,12 @@ class SourceWithRobot:
 
     def _with_racket(self, state: m.WorldState) -> m.WorldState:
         """The state with rows of what has been heard of the racket since the last block, at times within this one."""
-        told, offset = self._client.states_since(self._told_us), self._client.status.clock
-        if not told or offset is None:
+        states, offset = self._client.states_since(self._reported_us), self._client.status.clock
+        if not states or offset is None:
             return state
-        self._told_us = told[-1].t_us
-        told = told[-m.MAX_ROWS :]
-        at_us = np.array([self._clock.session_us(offset.host_us(one.t_us)) for one in told])
+        self._reported_us = states[-1].t_us
+        states = states[-m.MAX_ROWS :]
+        at_us = np.array([self._clock.session_us(offset.host_us(one.t_us)) for one in states])
         t_us = np.maximum.accumulate(np.clip(at_us, state.start_us, state.t_us - 1).astype(np.int64))
-        racket = np.array([(*one.p_m, *one.q_wxyz, *one.v_mps) for one in told])
+        racket = np.array([(*one.p_m, *one.q_wxyz, *one.v_mps) for one in states])
         return dataclasses.replace(state, racket_t_us=t_us, racket=racket)

@@ -28,15 +28,15 @@ class TargetArbiter:
     def __init__(self, limits: RobotLimits) -> None:
         self.limits = limits
         self.stopped, self.reason = "robot", NOT_STARTED
-        """By whom, "" if it is not, and why."""
+        """Who stopped it ("" if it is not stopped), and why."""
         self._target: RobotTarget | None = None
         self._newest_id = 0
-        self._heard_us: int | None = None
+        self._received_us: int | None = None
         self._looked_us = 0
 
     def hear(self, now_us: int) -> None:
         """Whoever commands is there."""
-        self._heard_us = now_us
+        self._received_us = now_us
 
     def begin_anew(self) -> None:
         """Somebody else commands, who counts from one: what was going on is over, and a person has to start it."""
@@ -57,7 +57,7 @@ class TargetArbiter:
         found, looked_us, self._looked_us = self._target, self._looked_us, now_us
         if found is None:
             return None
-        gone = self._heard_us is None or now_us - self._heard_us > SILENT_US
+        gone = self._received_us is None or now_us - self._received_us > SILENT_US
         if self.stopped or gone or now_us < looked_us or now_us > found.impact_us + FOLLOW_US:
             self._target = None
         return self._target

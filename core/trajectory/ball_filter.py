@@ -49,7 +49,7 @@ class BallFilter:
         self.prior = math.log(odds)
         """Logarithm of the odds before anything is seen."""
         self.log_odds = self.prior
-        """Of this kind of flight by its points, but for a constant."""
+        """Log odds of this kind of flight given its points, up to a constant."""
         self.spoke = False
         """Whether the newest point was compared with what was expected; near a bounce one is left out."""
         self.points = 1

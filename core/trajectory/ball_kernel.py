@@ -31,7 +31,7 @@ DRAG_PER_M: Final = 0.5 * AIR_KG_PER_M3 * math.pi * BALL_RADIUS_M**2 / BALL_MASS
 LIFT: Final = AIR_KG_PER_M3 * 4 / 3 * math.pi * BALL_RADIUS_M**3 / BALL_MASS_KG
 """Times the Magnus coefficient: acceleration over (spin x velocity)."""
 STEP_S: Final = 0.040
-"""Of a flight: the fourth-order step is exact to a micrometre at 10 m/s and 300 rad/s."""
+"""Step of a flight: the fourth-order step is exact to 1 um at 10 m/s and 300 rad/s."""
 SLOWEST_MPS: Final = 0.05
 """A ball that comes down more slowly does not bounce any more: there would be no end to it."""
 LONGEST_S: Final = 2.0

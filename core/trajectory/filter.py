@@ -27,7 +27,7 @@ IMPOSSIBLE: Final = math.log(1e-6)
 MIN_SHARE: Final = 0.02
 """A kind of flight that is less probable is not in what is predicted."""
 SPIN_Y: Final = 20
-"""Of what is touched: the spin about y at the hitting plane."""
+"""Index of the spin about y at the hitting plane."""
 NOTHING: Final = np.full((STATE, STATE), np.nan)
 
 
@@ -50,7 +50,7 @@ class FilterPredictor:
         """Forget all: the flight, and what was learnt of air and table."""
         self._filters: tuple[BallFilter, ...] = ()
         self.learned = nothing_learned(self.config)
-        """Of air and table, by the flights before this one."""
+        """Constants of air and table learned from the flights before this one."""
         self.reset()
 
     def reset(self) -> None:
@@ -58,7 +58,7 @@ class FilterPredictor:
         self._learn()
         self.latest: Prediction | None = None
         self._filters = ()
-        self._said_us = 0
+        self._predicted_us = 0
 
     @property
     def believed(self) -> BallFilter | None:
@@ -117,7 +117,7 @@ class FilterPredictor:
         if all(one.strays >= STRAYS for one in self._filters):
             self._learn()
             self._begin(t_us, p, noise)
-        due = t_us - self._said_us >= 1e3 * self.config.every_ms
+        due = t_us - self._predicted_us >= 1e3 * self.config.every_ms
         return self.predict() if due and not any(one.is_asking for one in self._filters) else None
 
     def predict(self) -> Prediction | None:
@@ -125,7 +125,7 @@ class FilterPredictor:
         ball = self.believed
         if ball is None or ball.t_us - ball.first_us < 1e3 * self.config.least_seen_ms:
             return None
-        self._said_us = ball.t_us
+        self._predicted_us = ball.t_us
         found, spread, paths = mix([self._foresee(one, weight) for one, weight in self.shares()])
         if math.isfinite(found[13]):
             found[13] = self._hit_x_m
@@ -192,7 +192,7 @@ class FilterPredictor:
             self._filters = tuple(
                 BallFilter(c, t_us, p, noise, needs_tick=needs_tick, odds=odds[needs_tick]) for needs_tick in odds
             )
-        self._said_us = t_us
+        self._predicted_us = t_us
 
 
 def _add_bias(spread: Array, falling_mps: float, hit_mps: float, bias_m: float) -> None:

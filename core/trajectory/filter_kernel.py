@@ -26,7 +26,7 @@ from core.trajectory.ball_kernel import (
 Array = NDArray[np.float64]
 
 LONGEST_STEP_S: Final = 0.010
-"""Of the covariance: its transition is a series in the step, cut off after the square."""
+"""Longest step of the covariance: its transition is a second-order series in the step."""
 MOVES: Final = 10
 """So many components of the state change position and velocity in the air."""
 SIDES: Final = 2
@@ -46,7 +46,7 @@ class ProcessNoise(NamedTuple):
     ahead_m: float
     """Standing spread of how far ahead of the ball its observations are."""
     ahead_s: float
-    """For so long that remains the same."""
+    """Correlation time of that error, s."""
 
 
 @njit

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from core.trajectory.ball_filter import BallFilter
 from core.trajectory.ball_kernel import DRAG
-from core.trajectory.filter_config import UNRESTS, FilterConfig, untold, without_air
+from core.trajectory.filter_config import PROCESS_NOISE_KINDS, FilterConfig, with_unknown_constants, without_air
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class LearnedConstants:
 
     means: Array
     variances: Array
-    """Of what is not known of the lab; the scatter from ball to ball comes on top."""
+    """Variances of the lab's constants; the scatter from ball to ball comes on top."""
     scatter: Array
     """(3,) standard deviations from ball to ball."""
     air: float
@@ -50,9 +50,9 @@ class LearnedConstants:
 
     def kinds(self, config: FilterConfig) -> list[tuple[FilterConfig, float]]:
         """The filters of the next ball with their probabilities: without air, and through air of some unrest."""
-        through = self._told(untold(config), NAMES)
-        found = [(self._told(without_air(untold(config)), NAMES[1:]), 1 - self.air)]
-        for share, air, bounce_mps in UNRESTS:
+        through = self._with_constants(with_unknown_constants(config), NAMES)
+        found = [(self._with_constants(without_air(with_unknown_constants(config)), NAMES[1:]), 1 - self.air)]
+        for share, air, bounce_mps in PROCESS_NOISE_KINDS:
             kind = through
             if air is not None and bounce_mps is not None:
                 kind = dataclasses.replace(through, air_noise=air, bounce_noise_mps=bounce_mps)
@@ -79,7 +79,7 @@ class LearnedConstants:
             balls=self.balls + 1,
         )
 
-    def _told(self, config: FilterConfig, names: tuple[str, ...]) -> FilterConfig:
+    def _with_constants(self, config: FilterConfig, names: tuple[str, ...]) -> FilterConfig:
         sigmas = np.sqrt(self.variances + self.scatter**2)
         constants: dict[str, float] = {}
         for name, mean, sigma in zip(NAMES, self.means.tolist(), sigmas.tolist(), strict=True):
@@ -90,7 +90,7 @@ class LearnedConstants:
 
 def nothing_learned(config: FilterConfig) -> LearnedConstants:
     """Before the first ball: what is published."""
-    c = untold(config)
+    c = with_unknown_constants(config)
     return LearnedConstants(
         means=np.array([c.drag, c.restitution, c.friction]),
         variances=np.square([c.drag_sigma, c.restitution_sigma, c.friction_sigma]),

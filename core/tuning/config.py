@@ -14,7 +14,7 @@ class TuningConfig:
     trials: int = setting(64, 1, 100_000)
     """Configs that are scored, the one to start from among them."""
     seed: int = setting(0, 0, 2**31 - 1)
-    """Of the proposals: the same seed gives the same answer, however many processes score."""
+    """Seed of the proposals: the same seed gives the same answer with any number of processes."""
     batch: int = setting(8, 1, 64)
     """Proposals that are made at once, and answered in their order: more would keep more processes busy, and learn less
     from one to the next."""

@@ -19,9 +19,9 @@ NEIGHBOURS: Final = 16
 """Trials near the config to start from, before the estimator takes over: far from it most configs find nothing at all,
 and the estimator learns nothing from them."""
 CHANGED_SHARE: Final = 0.3
-"""Of the parameters of a neighbour that are changed."""
+"""Share of the parameters that a neighbour changes."""
 STEP_SIGMA: Final = 0.06
-"""Of their change, on their scales from 0 to 1."""
+"""Standard deviation of a change, on the parameter's scale from 0 to 1."""
 FOREST_FROM: Final = 24
 """Trials; before, a forest (fANOVA, Hutter et al. 2014) has too little to tell parameters apart."""
 
@@ -85,11 +85,11 @@ class Search:
         """The settings that are meant; what is where it was to start from stays as it is, on a step or not."""
         values: Values = {}
         for name, parameter in self._parameters.items():
-            said = params[name]
-            if said == self._first[name]:
+            proposed = params[name]
+            if proposed == self._first[name]:
                 values[name] = get_setting(self._start, parameter.spec.path)
             else:
-                values[name] = said if parameter.choices is not None else parameter.value_at(float(said))  # type: ignore[arg-type]
+                values[name] = proposed if parameter.choices is not None else parameter.value_at(float(proposed))  # type: ignore[arg-type]
         return values
 
 

@@ -12,7 +12,7 @@ COST_PER_PX: Final = 0.02
 """A pixel of median error is worth two points of F1: enough to decide between configs that find the same balls, and too
 little to pay for losing some."""
 WORST: Final = -COST_PER_PX * MATCH_RADIUS_PX
-"""Of a config that finds nothing, and of one that is impossible."""
+"""Score of a config that finds nothing, or that is invalid."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,7 @@ class TuningTrial:
     """One config and what it was worth."""
 
     values: Mapping[str, Setting]
-    """Of the parameters, by name."""
+    """Values of the parameters, by name."""
     tuned: Figures
     held_out: Figures
     possible: bool = True

@@ -38,8 +38,8 @@ def facts_message(name: str, source: str, kind: str | None, recording: Recording
     cameras: list[Json] = [
         f"{camera}: {stream.sensor}, {stream.event_count:,} events" for camera, stream in recording.cameras.items()
     ]
-    said = [note[:LONGEST_NOTE] for note in recording.notes if not note.startswith("Imported from ")]
-    notes: list[Json] = [*said[:MAX_NOTES], *([f"... and {len(said) - MAX_NOTES} more"] if said[MAX_NOTES:] else [])]
+    texts = [note[:LONGEST_NOTE] for note in recording.notes if not note.startswith("Imported from ")]
+    notes: list[Json] = [*texts[:MAX_NOTES], *([f"... and {len(texts) - MAX_NOTES} more"] if texts[MAX_NOTES:] else [])]
     facts: list[Json] = [*cameras, f"{recording.duration_us / 1e6:.3f} s", *_extras(recording)]
     return {"state": "done", "file": source, "name": name, "kind": kind or "", "facts": facts, "notes": notes}
 
@@ -92,7 +92,7 @@ class FileSession(Protocol):
 class _Source:
     path: Path
     name: str
-    """As the person knows it."""
+    """File name shown to the user."""
     received: bool = False
     """From the browser: it lies in a folder of its own, which goes when it is done with."""
 
@@ -113,7 +113,7 @@ class FileOpening:
         self._called = ""
         self._number = 0
         self._dialogs = 0
-        self._told_share = -1.0
+        self._sent_share = -1.0
         self._lock = threading.Lock()
         self._closed = False
         self._arrived: set[_Source] = set()
@@ -136,9 +136,9 @@ class FileOpening:
 
     def tick(self) -> None:
         """Say how far the import is."""
-        if self._job is not None and self._job.share > self._told_share + 0.005:
-            self._told_share = self._job.share
-            self._tell({"state": "importing", "share": round(self._told_share, 3)})
+        if self._job is not None and self._job.share > self._sent_share + 0.005:
+            self._sent_share = self._job.share
+            self._tell({"state": "importing", "share": round(self._sent_share, 3)})
 
     def close(self) -> None:
         """The browser is gone: what it still wanted is not wanted any more."""
@@ -198,7 +198,7 @@ class FileOpening:
         if closed or self._job is not None:
             source.release()
             if not closed:
-                self._tell({"state": "importing", "share": round(self._told_share, 3), "problem": BUSY})
+                self._tell({"state": "importing", "share": round(self._sent_share, 3), "problem": BUSY})
             return
         services, number = self._services, self._number + 1
 
@@ -222,7 +222,7 @@ class FileOpening:
             finally:
                 source.release()
 
-        self._told_share = 0.0
+        self._sent_share = 0.0
         self._tell_anew(source.name, {"state": "importing", "share": 0.0})
         self._job = Job(
             work,

@@ -39,7 +39,7 @@ class Tour:
         self._shown: ModeName | None = None
         self._mode: ModeName | None = None
         self._number = 0
-        page.listen("tour", self._heard)
+        page.listen("tour", self._on_message)
 
     def tick(self, mode: ModeName) -> None:
         """Follow the mode that is chosen."""
@@ -66,7 +66,7 @@ class Tour:
         if mode is not None and self._by_itself:
             self._page.note_seen(BEGUN)
 
-    def _heard(self, message: Message) -> None:
+    def _on_message(self, message: Message) -> None:
         if message.get("do") == "show":
             self.show()
             return

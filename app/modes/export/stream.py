@@ -49,7 +49,7 @@ class StreamOrder:
 
         Raises:
             RallyscopeError: if there is no viewer, or it is lost.
-            ExportCancelledError: if `cancelled` said so.
+            ExportCancelledError: if `cancelled()` is true.
         """
         from app.export.rrd.recording import RrdContents  # Rerun is loaded when it is wanted
         from app.export.rrd.viewer import stream_live, stream_recording

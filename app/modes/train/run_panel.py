@@ -1,4 +1,4 @@
-"""The run that is looked at: its state, what can be asked of it, and a film of it."""
+"""The shown run: state, controls, and film."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NO_RALLY_HTML: Final = (
 
 
 class RunActions(Protocol):
-    """What a person may ask for here; all of it may be called from any thread."""
+    """Actions of this panel; thread-safe."""
 
     def train_now(self) -> None: ...
     def ask(self, command: RunCommand) -> None: ...
@@ -78,7 +78,7 @@ class RunPanel:
         when_clicked(self._play, actions.let_play)
 
     def show(self, view: RunsView, details: Details | None, *, has_rally: bool) -> None:
-        """Follow what the runs do; the buttons are for the one that is trained, or else the one that is shown.
+        """Update the status; the buttons act on the running training, or else on the shown run.
 
         `has_rally`: there is a live rally that a policy can play.
         """
@@ -104,11 +104,11 @@ class RunPanel:
             self._pace.show(pace or next(iter(PACES)))
 
     def show_run(self, name: str | None) -> None:
-        """Which run is chosen; None: the newest."""
+        """Show which run is chosen; None: the newest."""
         self._runs.show(name or NEWEST)
 
     def show_pace(self, pace: str) -> None:
-        """How fast the run is allowed to go."""
+        """Show the speed of the training."""
         self._pace.show(pace)
 
 
@@ -137,14 +137,14 @@ Shown = tuple[str, int] | None
 
 
 class FilmPanel:
-    """For one browser; the film is one of the exports that all share. Methods are called by the loop."""
+    """Film controls of one browser; the export is shared by all. Methods are called by the loop."""
 
     def __init__(self, host: ModeHost, shown: Callable[[], Shown]) -> None:
         self._host = host
         self._exporter = host.services.exporter
         self._shown = shown
         self._film: str | None = None
-        """The one that was asked for here last."""
+        """Last film requested here."""
         self._looked_s = float("-inf")
         gui = host.client.gui
         self._make = gui.add_button(
@@ -161,7 +161,7 @@ class FilmPanel:
         when_clicked(self._download, lambda: host.later(self._send))
 
     def tick(self, wall_s: float) -> None:
-        """Follow the film."""
+        """Update the film's progress."""
         if wall_s - self._looked_s < LOOK_EVERY_S:
             return
         self._looked_s = wall_s
@@ -194,7 +194,7 @@ class FilmPanel:
 
     def _stop(self) -> None:
         state = self._exporter.state()
-        if state is not None and state.name == self._film:  # never another's export
+        if state is not None and state.name == self._film:  # not another browser's export
             self._exporter.cancel()
             self._looked_s = float("-inf")
 

@@ -1,4 +1,4 @@
-"""The controls of a comparison of methods, and how they compare over the recording, with charts, beside the picture."""
+"""Controls of a comparison of methods, and its results with charts beside the picture."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class ComparePanel:
 
     @property
     def agree_with(self) -> Method | None:
-        """The method that the others are to agree with; None for what is known.
+        """Method that is taken as the reference; None for truth or labels.
 
         Raises:
             CommandError: for what the control does not offer.
@@ -71,7 +71,7 @@ class ComparePanel:
 
     @property
     def span_us(self) -> int | None:
-        """How much of the recording round the cursor; None for all of it.
+        """Length of the recording around the cursor; None for all of it.
 
         Raises:
             CommandError: for what the control does not offer.
@@ -82,7 +82,7 @@ class ComparePanel:
         return SPANS[span]
 
     def show(self, state: ClientState) -> None:
-        """Follow the state."""
+        """Update the controls from the state."""
         for method, tick in self._ticks.items():
             tick.value = method in state.tune.compared
         self._side_by_side.value = state.tune.side_by_side
@@ -94,11 +94,11 @@ class ComparePanel:
         self._progress.value = 0.0
 
     def show_progress(self, share: float) -> None:
-        """How far it is."""
+        """Show the progress."""
         self._progress.value = 100.0 * share
 
     def show_result(self, there: bool) -> None:
-        """Whether there is a result to show; a new one is shown."""
+        """Enable the result button; a new result is shown at once."""
         self._result.visible = self._result.value = there
 
 
@@ -139,7 +139,7 @@ class CompareSidePanel:
                 jump(cast(Method, self._method.chosen), chosen)
 
     def show(self, answer: CompareAnswer) -> None:
-        """What a comparison found."""
+        """Show the result of a comparison."""
         self._answer = answer
         self._table.content = comparison_html(answer)
         self._charts.show(answer)

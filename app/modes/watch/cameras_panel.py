@@ -1,4 +1,4 @@
-"""Docked to the left of the 3D scene: the cameras' pictures, the rally in figures, how good predictions were."""
+"""Panel to the left of the 3D scene: camera pictures, figures of the rally, prediction errors."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class CamerasPanel:
         self._lead_times.data = columns
 
     def show_figures(self, moment_html: str, live_html: str) -> None:
-        """What stands below the pictures."""
+        """Show the figures below the pictures."""
         for handle, content in ((self._moment, moment_html), (self._live, live_html)):
             if handle.content != content:
                 handle.content = content
@@ -100,5 +100,5 @@ class CamerasPanel:
 
 
 def _scales(top_mm: float) -> dict[str, uplot.Scale]:
-    """Given, not found by the plot: it would find none in data with gaps."""
+    """Ranges of the axes; the plot finds none by itself in data with gaps."""
     return {"x": {"time": False, "range": (0.0, LONGEST_MS)}, "y": {"range": (0.0, top_mm)}}

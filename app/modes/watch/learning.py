@@ -1,4 +1,4 @@
-"""How a policy learns in the live rally: as HTML and a chart, and the controls, shared by all browsers."""
+"""Online learning in the live rally: figures, chart and controls, shared by all browsers."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from core.online_learning.start import NOTHING
 
 Array = NDArray[np.float64]
 SHOWN: Final = 300
-"""Balls in the chart: the newest."""
+"""Number of newest balls in the chart."""
 RANGE_MM: Final = (1.0, 2000.0)
-"""Of the chart, logarithmic; what is beyond it, or not known, stands at its edge."""
+"""Range of the logarithmic chart; values beyond it, or unknown, are drawn at its edge."""
 STYLE: Final = "font-size:12.5px;padding:2px 12px;line-height:1.45"
 
 
 def reason_html(reason: str) -> str:
-    """Why there is nothing to press."""
+    """HTML of the reason why the controls are disabled."""
     return f"<div style='{STYLE};color:{theme.MUTED}'>{html_text(reason)}</div>"
 
 
 def learning_html(progress: LearningProgress | None, *, on: bool) -> str:
-    """A few lines; nothing before it began."""
+    """HTML of the progress; empty before learning began."""
     if progress is None:
         return ""
     lines = [f"<b>{balls_text(progress.learned)} learned from</b>, started from {html_text(progress.start)}"]
@@ -63,7 +63,7 @@ def chart_columns(progress: LearningProgress) -> tuple[Array, Array, Array]:
 
 
 def chart_title_html() -> str:
-    """What is drawn."""
+    """HTML title of the chart."""
     return (
         f"<div style='font-size:12px;padding:0 12px;color:{theme.MUTED}'>Landing error of each ball, mm, and the median"
         f" of the last {WINDOW}. At the top: it did not come down</div>"
@@ -79,7 +79,7 @@ DOTS: Final[uplot.Series_Points] = {"show": True, "size": 4, "stroke": BALL, "fi
 
 
 class LearningPanel:
-    """Controls of online learning in one browser. What waits for the learner waits in the pool."""
+    """Controls of online learning in one browser. Waiting for the learner happens in the thread pool."""
 
     def __init__(self, gui: viser.GuiApi, rally: LiveRally, host: ModeHost) -> None:
         self._gui, self._rally, self._host = gui, rally, host
@@ -107,11 +107,11 @@ class LearningPanel:
         when_clicked(self._save, lambda: do_in_pool(host, self._save_run))
 
     def set_visible(self, visible: bool) -> None:
-        """Only while the live rally is watched."""
+        """Show the controls only while the live rally is watched."""
         self._folder.visible = visible
 
     def show(self, wall_s: float) -> None:
-        """Say how it goes, some times a second."""
+        """Update the figures, a few times a second."""
         learning = self._rally.learning
         if learning.reason or wall_s - self._shown_s < SHOW_EVERY_S:
             return
@@ -131,7 +131,7 @@ class LearningPanel:
             self._draw(progress)
 
     def _draw(self, progress: LearningProgress) -> None:
-        """A chart is made with its first curve: one that begins empty may never show its ticks."""
+        """Draw the chart; it is made with its first curve, as an empty one may never show its ticks."""
         if not progress.balls:
             if self._chart is not None:
                 self._chart.remove()

@@ -1,4 +1,4 @@
-"""The rally in figures, as HTML."""
+"""Figures of the rally as HTML."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ REMEDY = "One was moved, or its lens: calibrate again"
 
 
 def drift_row(report: DriftReport) -> tuple[str, str]:
-    """What the last flights say of the calibration."""
+    """Row with the calibration's drift as seen by the last flights."""
     drift = report.drift
     if drift is None:
         if report.points >= report.needed:
-            said = "cannot be judged: the cameras see different things"
-            return "Calibration", coloured(theme.WARN, f"{said}. {REMEDY}" if report.alarm else said)
-        said = f"not judged yet, after {report.points} of {report.needed} points of the ball"
-        return "Calibration", muted(said)
+            message = "cannot be judged: the cameras see different things"
+            return "Calibration", coloured(theme.WARN, f"{message}. {REMEDY}" if report.alarm else message)
+        message = f"not judged yet, after {report.points} of {report.needed} points of the ball"
+        return "Calibration", muted(message)
     if report.alarm:
         return "Calibration", coloured(theme.BAD, f"{drift_words(report)}. {REMEDY}")
-    said = f"fits to {drift.drift_px:.1f} px ({report.points} points of the ball)"
-    return "Calibration", coloured(theme.GOOD, said)
+    message = f"fits to {drift.drift_px:.1f} px ({report.points} points of the ball)"
+    return "Calibration", coloured(theme.GOOD, message)
 
 
 def drift_words(report: DriftReport) -> str:
-    """That they no longer fit, in one sentence without its stop."""
+    """Text of a calibration that no longer fits, without a full stop."""
     drift = report.drift
     how_far = "" if drift is None else f": {drift.drift_px:.1f} px off"
     names = "" if report.pair is None else f" {html_text(report.pair[0])} and {html_text(report.pair[1])}"
@@ -50,7 +50,7 @@ def drift_words(report: DriftReport) -> str:
 
 
 READ_US: Final = 1_000_000
-"""What was expected of a hit can be read for so long after it."""
+"""The prediction of a hit is shown this long after it."""
 STAGES: Final = {"pre": "before the bounce", "post": "after the bounce"}
 
 
@@ -97,7 +97,7 @@ def moment_html(
 
 
 def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: tuple[CameraHealth, ...] = ()) -> str:
-    """How well the rally of a simulation is followed, and what is wrong with its cameras if anything is."""
+    """HTML of how well a simulated rally is processed, and of camera problems."""
     health = snapshot.health
     rows = [
         ("Simulation", _simulation(state, status)),
@@ -119,7 +119,7 @@ def live_html(snapshot: RallySnapshot, state: WorldState, status: str, cameras: 
 
 
 def _simulation(state: WorldState, status: str) -> str:
-    """Whether it is there and keeps pace, and what to do if not."""
+    """Row of the simulation's connection and speed, with what to do about problems."""
     if status != "connected":
         return coloured(theme.BAD, f"{html_text(status)}, nothing is heard: start Rallyscope again")
     if state.paused:
@@ -136,7 +136,7 @@ def _simulation(state: WorldState, status: str) -> str:
 
 
 def _readout(state: WorldState) -> str:
-    """What the cameras' readouts did to the events: late ones wait in a queue, lost ones are bad."""
+    """Row of late and lost events of the cameras' readouts."""
     late = f"{state.readout_delayed:,} late, up to {state.readout_longest_us} us"
     if not state.readout_dropped:
         return late
@@ -144,7 +144,7 @@ def _readout(state: WorldState) -> str:
 
 
 def landing_legend_html() -> str:
-    """Colours of the landing spots."""
+    """HTML legend of the landing points."""
     spots = " &nbsp; ".join(
         f"<span style='color:rgb{CASE_RGB[case]}'>&#9679;</span> {CASE_NAMES[case]}" for case in Case
     )

@@ -1,4 +1,4 @@
-"""How the rally is looked at: 3D or pictures, point of view, layers."""
+"""Controls of the view: 3D or pictures, viewpoint, layers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WHY_FLAT_HTML = (
 
 
 class ViewPanel:
-    """These controls of one browser."""
+    """View controls of one browser."""
 
     def __init__(
         self,
@@ -53,7 +53,7 @@ class ViewPanel:
             when_changed(box, lambda on, layer=layer: send(ShowLayer(layer, bool(on))))
 
     def show(self, state: ClientState, *, is_stereo: bool, knows_ball: bool, views: tuple[str, ...]) -> None:
-        """Follow the state; a recording that is not stereo has no 3D."""
+        """Update from the state; a recording that is not stereo has no 3D."""
         in_space = is_stereo and state.watch.in_space and not state.watch.large
         self._space.show(IN_SPACE if in_space else FLAT)
         self._space.visible, self._why_flat.visible = is_stereo, not is_stereo

@@ -76,7 +76,7 @@ class Answer(NamedTuple):
     u_px: float
     v_px: float
     r_px: float
-    """Of the chosen one."""
+    """Radius of the chosen circle."""
     evidence: float
     """That ON is the leading polarity of the chosen one."""
 

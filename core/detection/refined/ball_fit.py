@@ -33,7 +33,7 @@ MIN_RECENT_MS: Final = 1.5
 SIGMA_PX: Final = 0.4
 """Spread of one edge point."""
 JITTER_MS: Final = 0.04
-"""Of its time: a fast edge spreads more."""
+"""Time jitter of an event, ms: a fast edge spreads more."""
 ITERATIONS: Final = 8
 
 

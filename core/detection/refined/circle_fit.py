@@ -31,11 +31,11 @@ class EdgePoints(NamedTuple):
     ms: NDArray[np.float64]
     """Before the end of the window: negative."""
     events: NDArray[np.float64]
-    """Of the pixel in the time looked at: the higher the edge's contrast, the more."""
+    """(N,) events of the pixel in the interval used: more at an edge of higher contrast."""
     lead: NDArray[np.float64]
     """1: the leading edge made the pixel brighter, -1: darker, 0: trailing edge."""
     weight: NDArray[np.float64]
-    """Of the last iteration."""
+    """(N,) weights of the last iteration."""
 
 
 class Fit(NamedTuple):

@@ -21,7 +21,7 @@ from core.events import SensorSize, Window
 
 USUAL_RESIDUAL_PX: Final = 0.15
 USUAL: Final = 0.5
-"""Of the fit's own variance there: points are better than the spread that weights them, but err alike."""
+"""Share of the fit's own variance that is usual: points are better than their spread says, but err alike."""
 SHADE: Final = (0.004, 0.01)
 """Across and down the picture, shares of the radius: light from above leaves the lower rim pale."""
 
@@ -65,7 +65,7 @@ BORDER_PX: Final = 0.5
 PATIENCE_US: Final = 3000
 """What is no ball yet is forgotten after so long without a fit."""
 BOUNCE_RESTITUTION_GUESSES: Final = (-0.85, -0.4, 0.0)
-"""Of the image's vertical speed, tried where a ball is not where it was expected."""
+"""Factors on the image's vertical speed that are tried when a ball is not where it was expected."""
 AFTER_BOUNCE: Final = (2.5, 0.4, 0.6, 0.3)
 """Spreads of place [px], speed along u and along v [px/ms], radius [px] then."""
 BRIEF: Final = Reach(3.5, 1.2, 3.0)

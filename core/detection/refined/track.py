@@ -23,7 +23,7 @@ CONFIRMED_GIVEN_UP: Final = -5.0
 FRESH: Final = 0.25
 """Weight of the newest fit in the means."""
 FAST_PER_MS: Final = 0.12
-"""Of its own radii: 2.4 m/s for a ball."""
+"""Fast: this many of its own radii per ms, 2.4 m/s for a ball."""
 SHARPEST_CURVE_PX: Final = 60.0
 FALL_PX_PER_MS2: Final = 0.006
 """Gravity, in the picture of a near camera."""
@@ -33,7 +33,7 @@ BEND_PX: Final = 3.5
 BOTH_EDGES: Final = 0.55
 """A ball shows so much of both its edges; a limb that swings about often one alone."""
 ALL_ROUND: Final = 0.5
-"""And is brighter than its ground nearly all round, or darker."""
+"""Smallest share of one polarity around the edge: brighter, or darker, than its background nearly all round."""
 STEADY_FITS: Final = 4
 STEADY_RADIUS: Final = 0.1
 """The radii of so many fits lie within that share: a ball that comes out from behind something grows."""
@@ -51,7 +51,7 @@ class BallTrack:
     covariance: NDArray[np.float64]
     """(6, 6) of the ball's fields, by the fit's own account."""
     quality: Quality
-    """Of the last fit."""
+    """Quality of the last fit."""
     born: MovingCircle = field(init=False)
     born_us: int = field(init=False)
     fits: int = 1

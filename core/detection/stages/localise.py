@@ -13,7 +13,7 @@ from core.config import check_settings, setting
 from core.errors import ConfigError
 
 TOLERANCE_PX: Final = 1e-3
-"""Of a radius against its limits: OpenCV's circle is up to 2e-4 px too large, and round radii are common."""
+"""Tolerance of the radius limits: OpenCV's circle is up to 2e-4 px too large, and round radii are common."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

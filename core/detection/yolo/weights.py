@@ -32,9 +32,9 @@ class SharpScore:
     """What the network does with pictures of 0.5 ms exposure that it was not trained on."""
 
     recall: float
-    """Of the pictures with the whole ball in view, those with an answer within 8 px."""
+    """Share of the pictures with the whole ball in view that have an answer within 8 px."""
     precision: float
-    """Of the answers, those within 8 px of a ball."""
+    """Share of the answers that are within 8 px of a ball."""
     median_error_px: float
     pictures: int
     """With the whole ball in view."""

@@ -28,11 +28,11 @@ class StageProgress:
     """How far a stage is when something is learned."""
 
     episode: int
-    """Of this stage, from 0."""
+    """Number of the episode in this stage, from 0."""
     share: float
-    """Of the stage that is over, 0..1."""
+    """Share of the stage that is done, 0..1."""
     weights: Weights
-    """Of the reward now."""
+    """Current weights of the reward."""
 
 
 class Agent(Protocol):

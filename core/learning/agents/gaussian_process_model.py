@@ -18,7 +18,7 @@ from core.table import BALL_RADIUS_M, GRAVITY_MPS2
 Array = NDArray[np.float64]
 
 AMPLITUDE_MPS: Final = 3.0
-"""Of the velocity's constant, linear and curved part each (choice: wide)."""
+"""Prior standard deviation of the velocity's constant, linear and curved part each (choice: wide)."""
 LENGTHS: Final = (2.0, 4.0)
 """Over which it curves, in units of the inputs, which are about 1; the likelier one is taken, as with"""
 NOISES_MPS: Final = (1e-3, 1e-2, 0.03, 0.1, 0.3)

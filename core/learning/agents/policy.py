@@ -26,7 +26,7 @@ Floats = NDArray[np.float32]
 
 FORMAT = "rallyscope-policy-1"
 LARGEST_INPUT = 1e3
-"""Of states and targets in the network's own measure, which are about 1."""
+"""Largest normalised state or target that is accepted; usual ones are about 1."""
 OVERFLOW = 1e37
 """Sums within a network beyond this are more than its numbers can hold."""
 

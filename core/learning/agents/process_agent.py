@@ -38,11 +38,11 @@ FEATURE_SCALE: Final = 0.3
 """Standard deviation of the features' weights (choice, as all here on seeds 100 to 104): wide, so smooth."""
 RIDGE: Final = 1e-6
 SITUATIONS: Final = 1200
-"""For which strokes are solved."""
+"""Number of situations for which strokes are solved."""
 BEYOND: Final = 0.2
 """Situations lie on lines through two balls, up to this share of their distance outside."""
 JITTER: Final = 0.02
-"""Of the state's scale, so that situations differ in all directions even after few balls."""
+"""Jitter in units of the state's scale, so that situations differ in all directions even after few balls."""
 NEWTON_STEPS: Final = 5
 LONGEST_STEP: Final = 0.4
 LARGEST_ACTION: Final = 1.1

@@ -38,7 +38,7 @@ ODD: Final = 4.0
 MIN_MPS: Final = 0.005
 """Nearer than this none is odd."""
 ROUNDS: Final = 3
-"""Of leaving out what is odd and fitting the others."""
+"""Rounds of rejecting outliers and fitting the rest."""
 
 
 class ReflectionModel:
@@ -89,7 +89,7 @@ FIRST_STEPS, STEPS = 6, 1
 NEAR_M: Final = 0.01
 """Farther from the target the distance counts, nearer its square: misses out of reach must not pull at all others."""
 DAMPING: Final = 300.0
-"""Of what a step changes in the actions, so that the actor is made of the situations of many steps."""
+"""Damping of a step's change of the actions, so that the actor averages over many steps."""
 RIDGE: Final = 1e-6
 SLOPE_STEP: Final = 1e-4
 

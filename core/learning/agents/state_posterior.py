@@ -27,8 +27,8 @@ class StatePosterior:
     def __init__(self, perceived: Array, environment: EnvironmentConfig) -> None:
         """Fit the prior to states (N, 6) of earlier balls."""
         self._position_m, self._velocity = environment.position_noise_m, environment.velocity_noise
-        self._is_told = environment.state_source == "truth+noise" and len(perceived) >= FEWEST_BALLS
-        if self._is_told:
+        self._knows_noise = environment.state_source == "truth+noise" and len(perceived) >= FEWEST_BALLS
+        if self._knows_noise:
             known = perceived[:, VARIED]
             self._mean = known.mean(axis=0)
             # Alike or not, balls scatter at least as widely as noise alone.
@@ -39,7 +39,7 @@ class StatePosterior:
 
     def __call__(self, perceived: Array) -> Array:
         """(N, 6) of (N, 6)."""
-        if not self._is_told:
+        if not self._knows_noise:
             return perceived
         believed = perceived.copy()
         believed[:, VARIED] -= self._variances(perceived) * ((perceived[:, VARIED] - self._mean) @ self._precision)

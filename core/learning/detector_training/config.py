@@ -16,7 +16,7 @@ class DetectorTrainingConfig:
     """AdamW on crops of rendered pictures. The defaults are ours; they fit an hour of one processor core."""
 
     seed: int = setting(0, 0, 2**31 - 1)
-    """Of rooms, crops and first weights."""
+    """Seed of rendered backgrounds, crops and first weights."""
     yolo: YoloConfig = field(default_factory=YoloConfig)
     rooms: int = setting(80, 1, 100_000)
     """Rooms that are drawn: each has its own colours, light, camera, persons and flight."""
@@ -33,7 +33,7 @@ class DetectorTrainingConfig:
     warm_up_steps: int = setting(100, 0, 10_000)
     weight_decay: float = setting(5e-4, 0.0, 0.1)
     precision: Precision = "float32"
-    """Of the layers' products while training: bfloat16 takes half the time on processors that have it."""
+    """Number type of the layers' products in training: bfloat16 takes half the time on processors that have it."""
     checkpoint_every: int = setting(50, 1, 10_000)
     """Steps; what came after the last one is computed again after a kill."""
 

@@ -20,8 +20,8 @@ SCALE: Final = (0.75, 1.5)
 DRAWN: Final = 0.5
 """Share of the crops that get a drawn ball too."""
 GAIN, COLOUR, GAMMA, NOISE_LEVELS, SOFT = (0.55, 1.5), 0.12, (0.8, 1.25), 5.0, 0.25
-"""Of the light: range of the gain, spread of each colour's own, range of the tone curve's power; most noise; share of
-the crops that are out of focus."""
+"""Variation of the light: range of the gain, spread of each colour's own, range of the tone curve's power; most noise;
+share of the crops that are out of focus."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

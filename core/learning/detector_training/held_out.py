@@ -30,7 +30,7 @@ from core.simulation.bodies.rally_flight import draw_flights
 from core.simulation.frames.frames import FrameConfig, FrameTrack
 
 SEED: Final = 20_261
-"""Of the flights that are scored; training draws its rooms from other streams."""
+"""Seed of the flights that are scored; training draws its backgrounds from other streams."""
 SHARP_US: Final = 500
 RATE_HZ: Final = 15.0
 SCENES: Final[tuple[tuple[str, str, float], ...]] = (

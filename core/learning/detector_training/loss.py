@@ -18,7 +18,7 @@ from core.detection.yolo.boxes import decode_boxes, iou, split_head
 from core.detection.yolo.config import STRIDES
 
 BOX_WEIGHT: Final = 3.0
-"""Of the boxes' loss beside the cross-entropies."""
+"""Weight of the boxes' loss against the cross-entropies."""
 SAME_SIZE: Final = 0.4
 """Shared over joint area of two squares about one centre: from here on an anchor has a ball's size."""
 ON_IT: Final = 0.5

@@ -43,7 +43,7 @@ class TrainingState:
     optimizer: torch.optim.AdamW
     step: int
     losses: list[float]
-    """Of every step so far."""
+    """Loss of every step so far."""
     plans: list[tuple[int, int]]
     """From which step on so many steps were planned: one that is ended may go on with fewer, or with more."""
 

@@ -22,7 +22,7 @@ from core.table import TABLE_LENGTH_M, TABLE_WIDTH_M
 
 Array = NDArray[np.float64]
 MAP_SEED: Final = 20260406
-"""Of the serves of maps: others than those of trainings, evaluations and validations."""
+"""Seed of the serves of maps: others than those of training, evaluation and validation."""
 ALONG: Final = 7
 """Cells from the net to the opponent's end, and"""
 ACROSS: Final = 8

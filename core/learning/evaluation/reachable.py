@@ -17,7 +17,7 @@ from core.learning.task.environment import play, validation_balls
 
 BALLS: Final = 64
 TILTS, TURNS, SPEEDS = 21, 5, 10
-"""Of the grid of strokes that are tried on each ball."""
+"""Size of the grid of strokes that are tried on each ball."""
 WORTH_SAYING: Final = 0.95
 """If more can be returned, the bounds are not what limits a player."""
 
@@ -28,7 +28,7 @@ class Reachable:
 
     speed_mps: float
     share: float
-    """Of the balls that at least one stroke returns."""
+    """Share of the balls that at least one stroke returns."""
     height_m: float
     """Median of the ball's centre above the table's top, where it is to be hit."""
     falling_deg: float

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 
 COARSE, FINE, ROUNDS = 15, 7, 5
 CHOSEN_COARSE, CHOSEN_FINE, CHOSEN_ROUNDS, CHOSEN_ZOOM = (9, 5, 9), 3, 12, 0.6
-"""The same where the racket's speed is searched too: tilts, turns and speeds of the first grid, and of finer ones, each
-so much narrower than the one before."""
+"""Search grid where the racket's speed is searched too: tilts, turns and speeds of the first grid, and of finer ones,
+each so much narrower than the one before."""
 """The oracle's grid over the two angles that matter, and how often it zooms in around the best point."""
 NOT_RETURNED_MM = 1e5
 

@@ -37,9 +37,9 @@ class RunStatus:
     episode: int
     """Done in this seed."""
     episodes: int
-    """Of one seed, at most."""
+    """Most episodes of one seed."""
     share: float
-    """Of the whole run, all seeds."""
+    """Share of the whole run, all seeds, that is done, 0..1."""
     speed_mps: float
     seconds_left: float | None
     message: str = ""

@@ -98,7 +98,7 @@ class Sb3Environment(OneStepReturn):
         self.stage_episode = 0
         self._first_episode = first_episode
         self.line: dict[str, object] = {}
-        """Of the last episode."""
+        """Metrics of the last episode."""
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Step as the environment itself does; `line` then holds the episode."""

@@ -55,7 +55,7 @@ class SeedProcess:
         self._run, self._config, self._backend = run, config, backend
         self._tell, self._stopped = tell, stopped
         self._evaluator = PolicyEvaluator(config.environment, config.evaluation_balls, backend)
-        self._told_s = 0.0
+        self._reported_s = 0.0
 
     def train(self, seed: int) -> bool:
         """Whether the seed is finished, and not stopped on the way.
@@ -151,11 +151,11 @@ class SeedProcess:
             control = read_control(self._run)
             if self._stopped() or control.command == "stop":
                 return False
-            if time.monotonic() - self._told_s >= STATUS_EVERY_S:
+            if time.monotonic() - self._reported_s >= STATUS_EVERY_S:
                 writer.flush()
                 state: State = "paused" if control.command == "pause" else "running"
                 self._tell(SeedProgress(seed, episode, share, speed_mps, state))
-                self._told_s = time.monotonic()
+                self._reported_s = time.monotonic()
             pace_s = 0.0 if control.episodes_per_s is None else 1 / control.episodes_per_s
             wait_s = asked_s + pace_s - time.monotonic()
             if control.command == "run" and wait_s <= 0:

@@ -16,7 +16,7 @@ from core.learning.runs.run_files import read_lines, read_run, seed_files
 from core.learning.runs.seed_process import SeedProcess, SeedProgress
 from core.learning.runs.status_writer import StatusWriter
 
-TOLD_EVERY_S: Final = 1.0
+REPORT_EVERY_S: Final = 1.0
 
 
 def train_side_by_side(
@@ -54,7 +54,9 @@ class TrainSeed:
     def __call__(self, seed: int, control: TaskControl) -> bool:
         """Whether it is finished, and not stopped on the way; see `SeedProcess` for the errors."""
         with one_torch_thread():
-            seeds = SeedProcess(self.run, read_run(self.run), lambda told: control(told.share), control.stopped)
+            seeds = SeedProcess(
+                self.run, read_run(self.run), lambda seed_progress: control(seed_progress.share), control.stopped
+            )
             return seeds.train(seed)
 
 
@@ -76,7 +78,7 @@ class _Watch:
         self._run, self._config, self._teller = run, config, teller
         self._progress, self._stopped = progress, stopped
         self._left = list(range(config.first_seed, config.first_seed + config.seeds))
-        self._share, self._told_s = 0.0, -TOLD_EVERY_S
+        self._share, self._reported_s = 0.0, -REPORT_EVERY_S
         self._any_stopped = False
 
     def done(self, number: int, finished: bool) -> None:
@@ -97,8 +99,8 @@ class _Watch:
             return
         self._share = share
         self._progress(share)
-        if time.monotonic() - self._told_s >= TOLD_EVERY_S:
-            self._told_s = time.monotonic()
+        if time.monotonic() - self._reported_s >= REPORT_EVERY_S:
+            self._reported_s = time.monotonic()
             self.tell_at_once("paused" if read_control(self._run).command == "pause" else "running")
 
     def tell_at_once(self, state: State) -> None:

@@ -24,9 +24,9 @@ from core.simulation.episodes.serve import draw_serves
 Array = NDArray[np.float64]
 
 EVALUATION_SEED = 20260404
-"""Of the fixed balls that every policy is evaluated on; training seeds never meet it."""
+"""Seed of the fixed balls that every policy is evaluated on; no training uses it."""
 VALIDATION_SEED = 20260405
-"""Of the balls by which the best policy of a run is chosen: others than it is then evaluated on."""
+"""Seed of the balls by which a run's best policy is chosen; they differ from the evaluation's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

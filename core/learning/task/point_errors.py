@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MOTION_SCALE: Final = np.array([1.0, 1.0, 1.0, 5.0, 2.0])
-"""Of x, y, z and the velocity along x and z, which explain errors; along y a ball hardly moves."""
+"""Scales of the variables that explain errors: x, y, z and the velocity along x and z (along y a ball hardly moves)."""
 DEGREE: Final = 3
 FEATURES: Final = 56
 """Products of up to so many of the five."""
@@ -247,5 +247,5 @@ MEASURED: Final = PointErrors(
     drift_s=0.006,
     noise=np.array([[0.066, 0.080, 0.068], [0.047, 0.094, 0.055]]),
 )
-"""Of the chain with the detector `refined`, cameras of the `side` placement: fitted to 242 standard serves at 3, 5 and
-9 m/s, the even ones of `rallyscope bench state-errors`, which prints a fit to as many as it is told to."""
+"""Errors of the chain with the detector `refined` and cameras of the `side` placement: fitted to 242 standard serves at
+3, 5 and 9 m/s, the even ones of `rallyscope bench state-errors`, which prints a fit to as many as it is told to."""

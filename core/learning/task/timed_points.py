@@ -97,7 +97,7 @@ def make_predictor(config: EnvironmentConfig) -> Predictor:
             replace(predictor_for("real") if physics.has_air else published_predictor(), hit_x_m=hit_x_m)
         )
     air, table = physics.air, physics.table
-    told = replace(
+    filter_config = replace(
         with_physics(refined_filter(), name),
         drag=air.drag_coefficient,
         magnus=air.magnus_coefficient,
@@ -105,7 +105,7 @@ def make_predictor(config: EnvironmentConfig) -> Predictor:
         friction=table.friction,
         perhaps_real=False,
     )
-    return FilterPredictor(told, hit_x_m=hit_x_m)
+    return FilterPredictor(filter_config, hit_x_m=hit_x_m)
 
 
 def _watch(
@@ -130,9 +130,9 @@ def _watch(
         newest = None
         while k < len(t_s) and t_s[k] <= end_s:
             if np.isfinite(points_m[k, 0]):
-                said = predictor.add(round(1e6 * t_s[k]), points_m[k], COVARIANCE_M2)
-                if said is not None and said.hit_plane is not None:
-                    newest = said.hit_plane
+                prediction = predictor.add(round(1e6 * t_s[k]), points_m[k], COVARIANCE_M2)
+                if prediction is not None and prediction.hit_plane is not None:
+                    newest = prediction.hit_plane
             k += 1
         if newest is not None:
             seen = newest

@@ -24,7 +24,7 @@ MAX_TRIAL_BLOCKS: Final = 60
 SETTLED_LOOKS: Final = 30
 """A try that lasted for so many looks did not fail."""
 SHARES: Final = (1, 3 / 4, 1 / 2, 1 / 3, 1 / 4, 1 / 6, 1 / 8, 1 / 12, 1 / 16, 1 / 24, 1 / 32, 1 / 48, 1 / 64)
-"""Of the pace that is asked for; at 3 m/s and the last one a flight takes a minute."""
+"""Shares of the requested speed that are tried; at 3 m/s and the last one a flight takes a minute."""
 ROUNDING: Final = 1.01
 
 
@@ -43,7 +43,7 @@ class AdaptiveRate:
     _looks: int = 0
     """At this pace."""
     _trying: bool = False
-    """It has come to this pace from a slower one."""
+    """Whether this speed is being tried after a slower one."""
 
     def ask_anew(self) -> None:
         """Another speed is asked for, or another scene: forget what was learnt."""

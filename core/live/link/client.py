@@ -73,7 +73,7 @@ class SimulationClient:
         self._watch: HandshakeWatch | None = None
         self._listeners = LinkListeners()
         self._stop = threading.Event()
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._last_seq = 0
         self._listening = True
         self.lost_messages = self.rejected_messages = 0
@@ -97,7 +97,7 @@ class SimulationClient:
     @property
     def status(self) -> SourceStatus:
         """Whether the server is there."""
-        return "connected" if time.monotonic() - self._heard_s < LOST_S else "lost"
+        return "connected" if time.monotonic() - self._received_s < LOST_S else "lost"
 
     @property
     def physics(self) -> PhysicsConfig:
@@ -255,15 +255,15 @@ class SimulationClient:
         socket.setsockopt(zmq.RECONNECT_IVL_MAX, 500)
         secure(socket, self._keys)
         socket.connect(self.address)
-        heard: bytes | None = None
+        subscribed: bytes | None = None
         try:
             while not self._stop.is_set():
                 topic = EVERYTHING if self._listening else m.ALIVE
-                if topic != heard:
+                if topic != subscribed:
                     socket.subscribe(topic)
-                    if heard is not None:
-                        socket.unsubscribe(heard)
-                    heard, self._last_seq = topic, 0  # what was not asked for is not lost
+                    if subscribed is not None:
+                        socket.unsubscribe(subscribed)
+                    subscribed, self._last_seq = topic, 0  # what was not asked for is not lost
                 if not socket.poll(100):
                     continue
                 *_, data = socket.recv_multipart()
@@ -278,7 +278,7 @@ class SimulationClient:
     def _dispatch(self, message: m.WorldState | m.EventBatch | m.Notice) -> None:
         if isinstance(message, m.Reply):
             raise LinkError("a reply was published")
-        self._heard_s = time.monotonic()
+        self._received_s = time.monotonic()
         welcome = self.welcome
         fresh = message.session != welcome.session
         if fresh:

@@ -105,13 +105,13 @@ class HandshakeWatch:
     def __init__(self, socket: zmq.Socket, keys: ClientKeys | None) -> None:
         """Before it is connected."""
         self._watched = socket
-        self._heard = socket.get_monitor_socket(int(NO_MATCH | (HUNG_UP if keys is not None else 0)))
+        self._monitor = socket.get_monitor_socket(int(NO_MATCH | (HUNG_UP if keys is not None else 0)))
         self._hung_up = 0
 
     def refused(self) -> bool:
         """Whether the keys do not fit: one side said so, or hung up at the sight of them again and again."""
-        while self._heard.poll(0):
-            event = recv_monitor_message(self._heard)["event"]
+        while self._monitor.poll(0):
+            event = recv_monitor_message(self._monitor)["event"]
             if event & NO_MATCH:
                 return True
             self._hung_up += 1
@@ -120,4 +120,4 @@ class HandshakeWatch:
     def close(self) -> None:
         """Before the socket is closed."""
         self._watched.disable_monitor()
-        self._heard.close(0)
+        self._monitor.close(0)

@@ -20,7 +20,7 @@ from core.simulation.episodes.racket import RacketConfig, RacketTarget, check_ta
 
 Array = NDArray[np.float64]
 PATIENCE_S: Final = 30.0
-"""For the events of one block."""
+"""Longest wait for the events of one block."""
 
 
 class LinkedBackend:
@@ -36,7 +36,7 @@ class LinkedBackend:
             LinkError: if there is no server.
             CalibrationError: if fewer than two of its cameras are calibrated.
         """
-        self._heard = threading.Condition()
+        self._received = threading.Condition()
         self._blocks: dict[int, dict[str, Events]] = {}
         self._client = SimulationClient(address, keys=keys)
         try:
@@ -91,8 +91,8 @@ class LinkedBackend:
         """
         start_us, end_us = self._now_us, self._now_us + self._block_us
         self._client.step(1)
-        with self._heard:
-            came = self._heard.wait_for(lambda: self._is_whole(end_us), PATIENCE_S)
+        with self._received:
+            came = self._received.wait_for(lambda: self._is_whole(end_us), PATIENCE_S)
             if not came or self._client.welcome.session != self._session:
                 remedy = "is it still running, and does nobody else command it?"
                 raise LinkError("no events of a block", where=self._client.address, remedy=remedy)
@@ -119,9 +119,9 @@ class LinkedBackend:
         """Keep them for the thread that waits."""
         if batch.camera not in self._cameras:
             return
-        with self._heard:
+        with self._received:
             self._blocks.setdefault(batch.end_us, {})[batch.camera] = batch.events()
-            self._heard.notify_all()
+            self._received.notify_all()
 
     def on_state(self, state: m.WorldState) -> None:
         """Not looked at: it holds the truth."""

@@ -81,7 +81,7 @@ class OutcomeNotice:
     arrival: tuple[float, ...] = vector(6, 1000.0, nan=True)
     """Position and velocity of the ball at the hitting plane or the racket, whichever it met first."""
     q_wxyz: tuple[float, ...] = vector(4, 1.001, nan=True)
-    """Of the racket when it hit."""
+    """Orientation of the racket at the impact."""
     landing_m: tuple[float, ...] = vector(3, 1000.0, nan=True)
     landing_v_mps: tuple[float, ...] = vector(3, 1000.0, nan=True)
     net_z_m: float = bounded_number(-1000.0, 1000.0, nan=True)
@@ -96,7 +96,7 @@ class BounceNotice:
     t_us: int = whole(0, LONGEST_US)
     """To the nearest microsecond."""
     p_m: tuple[float, ...] = vector(3, 100.0)
-    """Of the ball's centre."""
+    """Position of the ball's centre."""
     v_mps: tuple[float, ...] = vector(3, 1000.0)
     """Just after it."""
 
@@ -109,12 +109,12 @@ class HitNotice:
     seq: int = whole(0, WALL_NS)
     t_us: int = whole(0, LONGEST_US)
     p_m: tuple[float, ...] = vector(3, 100.0)
-    """Of the ball's centre."""
+    """Position of the ball's centre."""
     v_mps: tuple[float, ...] = vector(3, 1000.0)
     """Just after it."""
     v_before_mps: tuple[float, ...] = vector(3, 1000.0)
     q_wxyz: tuple[float, ...] = vector(4, 1.001)
-    """Of the racket."""
+    """Orientation of the racket."""
 
 
 Notice = ServeNotice | OutcomeNotice | BounceNotice | HitNotice
@@ -189,7 +189,7 @@ class WorldState:
     served: int = whole(0, WALL_NS)
     returned: int = whole(0, WALL_NS)
     scene: str = text(64, default="ball")
-    """Of the simulation; empty where there is none."""
+    """Scene of the simulation; empty where there is none."""
     readout_delayed: int = whole(0, WALL_NS, default=0)
     """Events of all cameras that the readout stamped late, since the session began."""
     readout_dropped: int = whole(0, WALL_NS, default=0)
@@ -344,7 +344,7 @@ class Reply:
     """Simulated time at which the command took effect."""
     block_us: int = whole(1, 1_000_000)
     seed: int | None = optional(whole(0, WALL_NS))
-    """Of the simulation; None where there is none."""
+    """Seed of the simulation; None where there is none."""
     cameras: tuple[CameraInfo, ...] = listing(CameraInfo, 16)
     physics: PhysicsConfig | None = optional(settings(PhysicsConfig))
     """How balls fly, bounce and leave the racket. Servers of before it was told have the paper's."""

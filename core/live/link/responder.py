@@ -38,11 +38,11 @@ class PreparingResponder:
         self._thread.join()
 
     def _run(self) -> None:
-        told = 0
+        reported = 0
         while not self._ended.is_set():
             ready, known = kernels_ready(*COMPILED)
-            if ready > told:
-                told = ready
+            if ready > reported:
+                reported = ready
                 self._on_progress(ready, known)
             if self._commands.poll(LOOK_EVERY_MS):
                 *envelope, data = self._commands.recv_multipart()

@@ -45,7 +45,7 @@ class PlayedBall:
     speed_mps: float
     judged: ClassifiedBall
     decisions: tuple[RacketDecision, ...]
-    """As they were given; the last one is what the racket did."""
+    """Decisions in their order; the last one is what the racket did."""
     aim_error_m: float
     """From where the ball crossed the hitting plane, or was hit, to where it was expected; NaN without a command."""
 
@@ -89,7 +89,7 @@ class ClosedLoop:
         controller: Controller | None = None,
         window_us: int = 2000,
         recorded: RecordedServes | None = None,
-        told: bool = False,
+        knows_physics: bool = False,
         believed: Mapping[str, Camera] | None = None,
         between: Between | None = None,
     ) -> None:
@@ -106,7 +106,7 @@ class ClosedLoop:
         """
         self.world = SimulatedWorld(world, cameras, seed, recorded=recorded)
         config, task = chain or ChainConfig(), world.task
-        if told:
+        if knows_physics:
             config = chain_for_physics(config, task.physics)
         else:
             task = replace(task, physics=expected_physics(task.physics))
@@ -114,7 +114,7 @@ class ClosedLoop:
         self._window_us = window_us
         self._between = between
 
-    def play(self, speed_mps: float, heard: Callable[[Block, list[PlayerState]], None] | None = None) -> PlayedBall:
+    def play(self, speed_mps: float, on_block: Callable[[Block, list[PlayerState]], None] | None = None) -> PlayedBall:
         """Serve one ball of a speed and play it to its outcome; `heard` is told every block and its steps.
 
         Raises:
@@ -127,8 +127,8 @@ class ClosedLoop:
         while self.world.now_us < end_us:
             block = self.world.advance()
             states = list(self._perceive(block))
-            if heard is not None:
-                heard(block, states)
+            if on_block is not None:
+                on_block(block, states)
             decided = [self._decide(state) for state in states]
             decisions += [decision for decision in decided if decision is not None]
             if block.outcomes:

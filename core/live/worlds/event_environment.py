@@ -51,7 +51,7 @@ class EventEnvironmentConfig:
     """The stroke is decided on the newest prediction when so much time is left (choice: the racket turns 15 degrees in
     13 ms, moves 3 cm in 40 ms, and a block of 10 ms has to be over before its events are seen)."""
 
-    told: bool = False
+    knows_physics: bool = False
     """Whether the chain is told the physics of the court exactly; otherwise it finds out, each ball for itself."""
 
     def __post_init__(self) -> None:
@@ -69,12 +69,12 @@ class EventCameraBackend:
         cameras: Mapping[str, Camera] | None = None,
         config: EventEnvironmentConfig | None = None,
         world: WorldConfig | None = None,
-        heard: Callable[[ChainState, float], None] | None = None,
+        on_step: Callable[[ChainState, float], None] | None = None,
     ) -> None:
         """The task of `world` is replaced by the environment's. `heard` is told every step of the chain, and when the
         ball was served.
         """
-        self._heard = heard
+        self._on_step = on_step
         self._environment = environment
         self._config = config or EventEnvironmentConfig()
         self._cameras = cameras = stereo_preset() if cameras is None else cameras
@@ -83,10 +83,10 @@ class EventCameraBackend:
         self._world_config = dataclasses.replace(world or WorldConfig(), task=task)
         self.world = SimulatedWorld(self._world_config, cameras, seed)
         chain = self._config.chain
-        told = self._config.told
-        table = predictor_for("real") if told and task.physics.has_air else chain.predictor
+        knows_physics = self._config.knows_physics
+        table = predictor_for("real") if knows_physics and task.physics.has_air else chain.predictor
         predictor = dataclasses.replace(table, hit_x_m=task.stroke.hit_plane_x_m)
-        ball = chain_for_physics(chain, task.physics).filter if told else chain.filter
+        ball = chain_for_physics(chain, task.physics).filter if knows_physics else chain.filter
         self._chain = RallyChain(cameras, dataclasses.replace(chain, predictor=predictor, filter=ball))
         self._served_s = 0.0
         self._judged: ClassifiedBall | None = None
@@ -148,8 +148,8 @@ class EventCameraBackend:
         found = None
         for windows in block_windows(block.events, block.start_us, block.end_us, window_us):
             state = self._chain.step(windows)
-            if self._heard is not None:
-                self._heard(state, self._served_s)
+            if self._on_step is not None:
+                self._on_step(state, self._served_s)
             if state.is_new and state.prediction is not None and state.prediction.hit_plane is not None:
                 found = state.prediction.hit_plane
         return found

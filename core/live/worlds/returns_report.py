@@ -119,12 +119,12 @@ def write_ball_states_report(
 
 
 def _about_balls(row: Row, config: SimulatedReturnsConfig) -> str:
-    told = f"{config.told_after_ms:g} ms after the launch" if config.told_after_ms else "at the launch"
+    when = f"{config.told_after_ms:g} ms after the launch" if config.told_after_ms else "at the launch"
     return (
         "The files hold states of balls in human play: position, velocity and spin. Each is launched as it is. "
         f"Of {row['count']:,} balls {row['playable']:,} are playable: they bounce once on the robot's half (a service "
         f"on the other half first) and come to the hitting plane, x = {config.task.stroke.hit_plane_x_m:g} m. "
-        f"**{row['returned']:,} come back.** The built-in controller plays with perfect knowledge: {told} it is told "
+        f"**{row['returned']:,} come back.** The built-in controller plays with perfect knowledge: {when} it is told "
         "exactly when, where, how fast and with which spin the ball will cross the plane. So this is what arm and "
         "strokes can do, without any error of perception."
     )

@@ -62,7 +62,7 @@ class SimulatedReturnsConfig:
     told_after_ms: float = setting(0.0, 0.0, 1000.0)
     """The controller is told so long after the launch; 0 is the best that can be."""
     step_ms: float = setting(10.0, 0.5, 20.0)
-    """Of the simulation; the racket's limits act from step to step (choice: with 2 ms, 1,200 balls had the same
+    """Step of the simulation; the racket's limits act from step to step (choice: with 2 ms, 1,200 balls had the same
     fates)."""
 
     def __post_init__(self) -> None:
