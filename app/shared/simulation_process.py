@@ -10,10 +10,10 @@ from core.errors import LinkError
 
 
 class SimulationProcess:
-    """Starts at once; `wait` gives its address."""
+    """The simulation's process; it starts at once, `wait` returns its address."""
 
     def __init__(self, *arguments: str, on_progress: Callable[[float], None] = lambda share: None) -> None:
-        """`arguments` are those of the verb; `on_progress` hears how much of it is compiled, 0 to 1."""
+        """`arguments` of the verb; `on_progress` gets the compiled share, 0 to 1."""
         self._address = ""
         self._started = threading.Event()
         self._on_progress = on_progress
@@ -21,7 +21,7 @@ class SimulationProcess:
         self._child = ChildProcess(*command, on_line=self._hear, on_end=self._started.set)
 
     def wait(self) -> str:
-        """Where it listens, once it is ready: a slow machine may compile it for minutes.
+        """Wait for its address; a slow machine may compile for minutes.
 
         Raises:
             LinkError: if it ends before.

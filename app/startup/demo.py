@@ -12,7 +12,7 @@ from core.simulation import ensure_demo
 
 
 def main(path: Path) -> int:
-    """Make it, telling how far it is."""
+    """Make the demo recording, and print the progress."""
     end_with_parent()
     give_way()
     reported = -1

@@ -1,4 +1,4 @@
-"""The card that a browser shows while not everything is ready."""
+"""The card that a browser shows while the app is being prepared."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PreparationPanel:
         self._panel.float(x=PLACE_PX[0], y=PLACE_PX[1], width=SIZE_PX[0], height=SIZE_PX[1])
 
     def show(self, steps: Sequence[Step]) -> None:
-        """Show what is done and what is not; nothing if everything is."""
+        """Show the steps; nothing once all are done."""
         content = card_html(steps)
         if content and self._card.content != content:
             self._card.content = content
@@ -38,7 +38,7 @@ def card_html(steps: Sequence[Step]) -> str:
     if all(step.state == "done" for step in steps):
         return ""
     rows = "".join(map(_row, steps))
-    note = "You can open a recording meanwhile; the live rally appears by itself."
+    note = "You can open a recording meanwhile; the live rally will appear here."
     return (
         f"<div style='font-size:13px;padding:6px 14px;line-height:1.5'>{rows}"
         f"<div style='color:{theme.MUTED};padding-top:6px'>{note}</div></div>"

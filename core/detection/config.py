@@ -60,17 +60,17 @@ def auto_config() -> DetectorConfig:
 
 
 def refined_config() -> DetectorConfig:
-    """The settings of `refined`: it looks every millisecond, however far back it then looks."""
+    """The settings of `refined`: a window of 1 ms, however long its history is."""
     return DetectorConfig(window=WindowConfig(window_us=REFINED_WINDOW_US))
 
 
 def ebpp_config() -> DetectorConfig:
-    """The settings of the rival `ebpp`, tuned with windows of this length."""
+    """The settings of `ebpp`, tuned with windows of this length."""
     return DetectorConfig(window=WindowConfig(window_us=EBPP_WINDOW_US))
 
 
 def fe_fusion_config() -> DetectorConfig:
-    """The settings of the rival `fe-fusion`, tuned with windows of this length."""
+    """The settings of `fe-fusion`, tuned with windows of this length."""
     return DetectorConfig(window=WindowConfig(window_us=FE_FUSION_WINDOW_US))
 
 

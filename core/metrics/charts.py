@@ -1,4 +1,4 @@
-"""Charts by matplotlib: SVG files without background and in grey ink, for pages light and dark."""
+"""Charts by matplotlib: SVG files without background and with grey lines, for light and dark pages."""
 
 from __future__ import annotations
 

@@ -18,12 +18,12 @@ from core.trajectory import FilterConfig, FilterPredictor, PaperPredictor, predi
 
 Array = NDArray[np.float64]
 Recorded = tuple[RecordedFlight, Array | None]
-"""With its bounce, if it has one: time, x and y."""
+"""A flight with its bounce (time, x and y), or None."""
 
 OBSERVED_S: Final = 0.150
 AHEAD_S: Final = (0.1, 0.2, 0.3)
 NEAR_S: Final = 0.006
-"""A recorded point counts as being at a time if it is so near; what is predicted is then that of its own time."""
+"""Largest distance of a recorded point from a wanted time; the prediction is for the point's own time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,19 +36,19 @@ class FlightErrors:
     ahead_median_mm: dict[float, float]
     ahead_p95_mm: dict[float, float]
     flights: dict[float, int]
-    """How many are long enough."""
+    """Number of flights that are long enough."""
     normalised: dict[float, float]
-    """Mean squared error in units of what was said of it and of the noise of the point, over three: 1 is honest.
-    Only where something was said."""
+    """Mean squared error over the predicted variance plus the point's noise, per dimension: 1 is consistent. Only where
+    a variance was predicted."""
     normalised_but_worst: dict[float, float]
     """`normalised` without the worst flight: one may touch the net after it was seen."""
 
 
 class PredictedFlight(NamedTuple):
-    """What is predicted of one flight."""
+    """Prediction of one flight."""
 
     bounce: Array | None
-    """Time, x and y."""
+    """Time, x and y of the bounce."""
     positions: Callable[[Array], tuple[Array, Array | None]]
     """Maps times (N,) to points (N, 3) and, if known, variances (N, 3) of their distance from recorded points."""
 
@@ -56,7 +56,7 @@ class PredictedFlight(NamedTuple):
 def compare_models(
     flights: Sequence[RecordedFlight], fitted: FittedPhysics, progress: Callable[[float], None] = lambda share: None
 ) -> dict[str, FlightErrors]:
-    """Least-squares fits, each with the fitted table; nothing is known of how far they are off."""
+    """Compare least-squares fits, each with the fitted table; they have no uncertainty."""
     both = fitted.profile()
     drag = with_constants(0.0, fitted.drag_coefficient, fitted.restitution, fitted.friction)
     gravity = replace(drag, air=replace(drag.air, drag_coefficient=0.0))
@@ -69,7 +69,9 @@ def compare_models(
 
 
 def compare_predictors(flights: Sequence[RecordedFlight], fitted: FittedPhysics) -> dict[str, FlightErrors]:
-    """The filter, with the fitted constants, each with its usual spread, and the paper's rule, fed point by point."""
+    """Compare the filter (with the fitted constants and their usual uncertainty) and the paper's predictor, point by
+    point.
+    """
     config = replace(
         FilterConfig(),
         drag=fitted.drag_coefficient,

@@ -1,4 +1,4 @@
-"""Ball states recorded from human play, as a list of JSON objects: where balls are that somebody has just struck."""
+"""Ball states recorded from human play just after a stroke, as a list of JSON objects."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def read_ball_states(path: Path) -> Serves:
 
 
 def join_serves(parts: list[Serves]) -> Serves:
-    """All of them in one."""
+    """Concatenate serves."""
     columns = zip(*((part.ps_m, part.vs_mps, part.spins_radps) for part in parts), strict=True)
     return Serves(*(np.concatenate(column) for column in columns))
 

@@ -79,7 +79,7 @@ class RecordedFlight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedPhysics:
-    """What the fit found, with standard deviations."""
+    """Fitted constants with standard deviations."""
 
     drag_coefficient: float
     restitution: float
@@ -171,7 +171,7 @@ class BootstrapSigmas:
 def bootstrap(
     flights: Sequence[RecordedFlight], fitted: FittedPhysics, samples: int, seed: int, progress: Callable[[float], None]
 ) -> BootstrapSigmas:
-    """How much the constants change with the choice of the flights, from which `fitted` was made."""
+    """Bootstrap of the constants over the flights from which `fitted` was made."""
     constants = np.array([fitted.drag_coefficient, fitted.restitution, fitted.friction])
     rng = np.random.default_rng(seed)
     found = np.empty((samples, 3))
@@ -219,7 +219,7 @@ def _residuals(x: Array, flights: Sequence[RecordedFlight], magnus: float) -> Ar
 
 
 def _sparsity(flights: Sequence[RecordedFlight]) -> lil_matrix:
-    """Which unknown moves which residual: the shared ones move all places, a start only its own flight."""
+    """Sparsity of the Jacobian: shared constants move all points, a start only its own flight."""
     counts = [3 * len(flight.t_s) for flight in flights]
     rows, unknowns = sum(counts) + 3 * len(flights), 3 + STATE * len(flights)
     pattern = lil_matrix((rows, unknowns), dtype=np.int8)

@@ -17,13 +17,13 @@ from core.errors import RallyscopeError
 
 COLUMNS = ("t_s", "x_m", "y_m", "z_m")
 TIMES = {"t_s": 1.0, "t_us": 1e-6, "t_ms": 1e-3, "t_ns": 1e-9}
-"""Column of times -> its unit in seconds; the first that is there is taken."""
+"""Name of a time column -> its unit in seconds; the first existing one is used."""
 PLACES = {"_m": 1.0, "_mm": 1e-3}
 """End of the name of a column of places -> its unit in metres."""
 LARGEST_TIME_S = 1e10
 """Seconds since 1970 are 2e9; milliseconds of that age would be 2e12."""
 LARGEST_PLACE_M = 100.0
-"""From the middle of the table: a hall is not larger, and a table of 2.74 m in millimetres is."""
+"""Largest distance from the middle of the table: larger than a hall, smaller than 2.74 m in millimetres."""
 
 
 class PointsFileError(RallyscopeError):
@@ -68,7 +68,7 @@ def _parse(lines: Iterable[str], path: Path) -> tuple[NDArray[np.float64], NDArr
 
 
 def _columns(header: list[str], path: Path) -> tuple[str, ...]:
-    """The names of the four columns that are read."""
+    """Names of the four columns that are read."""
     time = next((name for name in TIMES if name in header), None)
     end = next((end for end in PLACES if all(f"{axis}{end}" in header for axis in "xyz")), None)
     if time is None or end is None:
@@ -78,7 +78,7 @@ def _columns(header: list[str], path: Path) -> tuple[str, ...]:
 
 
 def _number(text: str, column: str, where: str) -> float:
-    """In seconds or metres."""
+    """Value in seconds or metres."""
     try:
         value = float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Whether the ball bounced: a flight off the table and one past it, side by side, until what is seen decides.
+"""Decides whether the ball bounced: two hypotheses, off the table and past it, until the points decide.
 
 When the ball comes to the table is as uncertain as its height, and for that time an observation fits neither flight
 well. So nothing is taken from the points in between, and the first ones after it decide: two flights part by 5 mm a
@@ -20,22 +20,22 @@ from core.trajectory.filter_kernel import ProcessNoise, bounce_estimate, move, o
 Array = NDArray[np.float64]
 
 SIGMAS: Final = 3.0
-"""The ball is near the table while it may be there within so many standard deviations."""
+"""The ball is near the table while it may be there within this many standard deviations."""
 LONGEST_S: Final = 0.008
-"""Nothing is left out for longer than this, before and after the expected bounce."""
+"""Longest time for which points are ignored, before and after the predicted bounce."""
 SURE: Final = math.log(100.0)
-"""The likelier flight is believed from these odds on."""
+"""Odds from which the likelier hypothesis is accepted."""
 MAX_POINTS: Final = 5
-"""After so many, the likelier one at any odds."""
+"""Most points; then the likelier hypothesis is accepted at any odds."""
 UNLIKELY: Final = 1e-3
-"""Neither flight is ever less likely at first, unless the ball is far from the edge."""
+"""Smallest prior probability of either hypothesis, unless the ball is far from the edge."""
 
 
 class TableTouch(NamedTuple):
     """The coming touch of the table's plane."""
 
     in_s: float
-    """From the estimate on."""
+    """Time from the estimate on, s."""
     sigma_s: float
 
 
@@ -77,11 +77,13 @@ class BounceQuestion:
 
     @property
     def likelier(self) -> tuple[Array, Array]:
-        """The estimate at the newest time, as it is to be believed for now."""
+        """Estimate of the likelier hypothesis at the newest time."""
         return self.off if self._odds >= 0 and self._t_us >= self._bounce_us else self.past
 
     def add(self, t_us: int, p_m: Array, noise_m2: Array, scales: Array, gate: float) -> bool | None:
-        """Whether it bounced, or None while that is open. Both flights take the point unless it is too near to tell."""
+        """Whether it bounced, or None while undecided. Both hypotheses use the point unless it is too close to the
+        bounce.
+        """
         move(*self.past, (t_us - self._t_us) * 1e-6, self._unrest)
         if t_us > self._off_us:
             move(*self.off, (t_us - self._off_us) * 1e-6, self._unrest)
@@ -101,7 +103,7 @@ class BounceQuestion:
         return self._odds >= 0
 
     def bounced_us(self) -> int:
-        """When the ball left the table, by what was seen after it."""
+        """Time of the bounce, estimated from the points after it."""
         x, back = self.off[0], np.empty(STATE)
         t = 0.0
         for _ in range(4):

@@ -1,4 +1,4 @@
-"""What the filter takes for granted of air, table and observations, each with how sure that is."""
+"""Assumptions of the filter about air, table and observations, with their uncertainties."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PAPER: Final = {
     "friction": 0.15,
     "friction_sigma": 0.01,
 }
-"""What the physics called `paper` changes: no air, no spin, and the table of the simulation."""
+"""Settings for the physics called `paper`: no air, no spin, and the simulated table."""
 
 
 UNKNOWN: Final = {
@@ -33,7 +33,7 @@ UNKNOWN: Final = {
     "friction": 0.22,
     "friction_sigma": 0.05,
 }
-"""Air and table of which nobody has said anything: what is published of any, with its spread (drag .40 to .55, tables
+"""Unknown air and table: published values with their spread (drag .40 to .55, tables
 .88 to .96 and .15 to .30)."""
 
 
@@ -44,7 +44,7 @@ class FilterConfig:
     sigma_point_m: float = setting(0.003, 1e-5, 0.1, step=0.0005)
     """Standard deviation of an observed position along each axis, where the observation does not bring its own."""
     noise_m: float = setting(0.0, 0.0, 0.1, step=0.0005)
-    """Added to the covariance that an observation brings."""
+    """Noise added to the covariance of an observation."""
     bias_m: float = setting(0.0, 0.0, 0.1, step=0.0001)
     """Common offset of a flight's observations along each axis (standard deviation): more do not make it
     less, so it is added to what is predicted."""
@@ -55,7 +55,7 @@ class FilterConfig:
     """The scale of the noise is learnt from the innovations, as if so many points had spoken for what was said of it;
     0 takes it for granted."""
     ahead_m: float = setting(0.0, 0.0, 0.1, step=0.0005)
-    """How far observations may lie ahead of the ball or behind it, all alike for a while (standard deviation)."""
+    """Common offset of the observations along the flight (standard deviation), constant for a while."""
     ahead_s: float = setting(0.15, 0.001, 10.0)
     """Correlation time of that error."""
     drag: float = setting(REAL_DRAG.value, 0.0, 1.0)
@@ -84,7 +84,7 @@ class FilterConfig:
     """`air_noise` of a flight that the model describes less well: with it the standard deviations of 49 recorded
     flights 100 ms ahead are right."""
     restless_bounce_mps: float = setting(0.1, 0.0, 1.0)
-    """The scatter of its bounces."""
+    """`bounce_noise_mps` of such a flight."""
     restless_odds: float = setting(20.0, 0.0, 1e6)
     """How many flights are like that for each that is not (choice); which one this is, its points decide. 0: none."""
     perhaps_real: bool = False
@@ -103,18 +103,18 @@ class FilterConfig:
     """So many points err alike: what they say of the kinds of flights counts for so much less. By 31 recorded flights
     (the likeliest of 1, 2, 3 and 10)."""
     bounce_guard_ms: float = setting(0.0, 0.0, 30.0)
-    """So long after a bounce nothing is observed: a window of events may hold both sides of it."""
+    """Points this long after a bounce are ignored: a window of events may contain both sides of it."""
     least_seen_ms: float = setting(20.0, 1.0, 200.0)
-    """Nothing is said before so much of a flight was seen."""
+    """Observed time before the first prediction of a flight."""
     every_ms: float = setting(4.0, 0.0, 50.0)
-    """A prediction at most so often; the estimate takes every point."""
+    """Shortest time between predictions; the estimate uses every point."""
 
     def __post_init__(self) -> None:
         check_settings(self)
 
 
 class FlightProcessNoise(NamedTuple):
-    """How much the model leaves out of one kind of flights through air of which nobody said anything."""
+    """Process noise of one kind of flights with unknown constants."""
 
     share: float
     """Prior probability of such flights."""

@@ -1,4 +1,4 @@
-"""The steps of a Kalman filter of the ball: free flight, the table, an observation, the spread of what is to come."""
+"""Steps of the ball's Kalman filter: free flight, bounce, observation, and the covariance of what follows."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ Array = NDArray[np.float64]
 LONGEST_STEP_S: Final = 0.010
 """Longest step of the covariance: its transition is a second-order series in the step."""
 MOVES: Final = 10
-"""So many components of the state change position and velocity in the air."""
+"""Number of state components that affect position and velocity in the air."""
 SIDES: Final = 2
 ROWS: Final = 1 + SIDES * (STATE - 1)
 """The estimate, and a step up and down along each direction of its spread; `ahead` moves no ball."""
 
 
 class ProcessNoise(NamedTuple):
-    """What the model leaves out."""
+    """Process noise."""
 
     lift: float
     """Acceleration over (spin x velocity)."""
@@ -44,7 +44,7 @@ class ProcessNoise(NamedTuple):
     bounce_mps: float
     """Scatter of each component of the velocity from bounce to bounce."""
     ahead_m: float
-    """Standing spread of how far ahead of the ball its observations are."""
+    """Stationary standard deviation of the observations' offset along the flight, m."""
     ahead_s: float
     """Correlation time of that error, s."""
 
@@ -183,7 +183,7 @@ def observe(
     W /= determinant
     pulled = W @ miss
     distance = miss[0] * pulled[0] + miss[1] * pulled[1] + miss[2] * pulled[2]
-    # A stray speaks no louder than a point that is just believed.
+    # An outlier counts no more than a point at the gate.
     likelihood = -0.5 * (min(distance, gate) + math.log(determinant))
     if distance > gate:
         return distance, likelihood

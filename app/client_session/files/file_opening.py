@@ -1,4 +1,4 @@
-"""Opening a file for one browser: the list, the import with its progress, and what was recognised."""
+"""Opening a file in one browser: the list, the import with progress, and the facts about the file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LONGEST_NOTE: Final = 400
 
 
 def list_message(files: Sequence[OfferedFile]) -> Message:
-    """The list of the dialog; names and keys, no paths."""
+    """Message with the dialog's list: names and keys, no paths."""
     rows: list[Json] = [
         [file.key, file.path.name, file.folder, file.kind, size_text(file.size_bytes)] for file in files[:MAX_LISTED]
     ]
@@ -34,7 +34,7 @@ def list_message(files: Sequence[OfferedFile]) -> Message:
 
 
 def facts_message(name: str, source: str, kind: str | None, recording: Recording) -> Message:
-    """What was recognised in a file that is open now."""
+    """Message with the facts about the opened file."""
     cameras: list[Json] = [
         f"{camera}: {stream.sensor}, {stream.event_count:,} events" for camera, stream in recording.cameras.items()
     ]
@@ -45,14 +45,14 @@ def facts_message(name: str, source: str, kind: str | None, recording: Recording
 
 
 def problem_message(source: str, path: Path, error: RallyscopeError) -> Message:
-    """Why a file could not be opened, in one line; the file is called as the person calls it."""
+    """One line on why a file could not be opened, with the name that the user knows."""
     title, details = notice_of(error)
     details = details.replace(str(path), source).removeprefix(source).lstrip("; ")
     return {"state": "failed", "file": source, "problem": ": ".join(part for part in (title, details) if part)}
 
 
 def size_text(size_bytes: int) -> str:
-    """A size as people say it."""
+    """Readable text of a size."""
     for unit, bytes_ in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if size_bytes >= bytes_:
             return f"{size_bytes / bytes_:.{0 if size_bytes >= 10 * bytes_ else 1}f} {unit}"
@@ -70,11 +70,11 @@ def _extras(recording: Recording) -> list[Json]:
 
 logger = logging.getLogger(__name__)
 BUSY = "A file is being opened already; wait for it, or cancel it."
-GONE = "That file is not in the list any more."
+GONE = "That file is no longer in the list."
 
 
 class FilePage(Protocol):
-    """The page, as far as files go."""
+    """The page's interface for files."""
 
     def listen(self, kind: str, listener: Callable[[Message], None]) -> None: ...
     def send(self, kind: str, values: Message) -> None: ...
@@ -82,7 +82,7 @@ class FilePage(Protocol):
 
 
 class FileSession(Protocol):
-    """What it needs of the session."""
+    """The session's interface for files."""
 
     def later(self, act: Callable[[], None]) -> None: ...
     def open_recording(self, name: str) -> None: ...
@@ -94,7 +94,7 @@ class _Source:
     name: str
     """File name shown to the user."""
     received: bool = False
-    """From the browser: it lies in a folder of its own, which goes when it is done with."""
+    """Whether it was uploaded; it is then in a temporary folder of its own."""
 
     def release(self) -> None:
         if self.received:
@@ -117,12 +117,12 @@ class FileOpening:
         self._lock = threading.Lock()
         self._closed = False
         self._arrived: set[_Source] = set()
-        """Received, and not begun yet."""
+        """Uploaded file whose import has not begun yet."""
         page.listen("files", self._asked)
         page.receive(self._received)
 
     def show_dialog(self) -> None:
-        """Let the page show its dialog."""
+        """Show the page's dialog."""
         self._dialogs += 1
         self._page.send("files_dialog", {"number": self._dialogs})
 
@@ -135,13 +135,13 @@ class FileOpening:
         return True
 
     def tick(self) -> None:
-        """Say how far the import is."""
+        """Send the import's progress."""
         if self._job is not None and self._job.share > self._sent_share + 0.005:
             self._sent_share = self._job.share
             self._tell({"state": "importing", "share": round(self._sent_share, 3)})
 
     def close(self) -> None:
-        """The browser is gone: what it still wanted is not wanted any more."""
+        """The browser has disconnected; its import is cancelled."""
         with self._lock:
             self._closed = True
             arrived, self._arrived = self._arrived, set()
@@ -149,7 +149,7 @@ class FileOpening:
             source.release()
         self._cancel()
 
-    # What the page asks for; nothing in a message is trusted.
+    # Messages from the page; nothing in them is trusted.
 
     def _asked(self, message: Message) -> None:
         match message.get("do"):

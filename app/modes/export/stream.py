@@ -67,7 +67,7 @@ class StreamOrder:
         if isinstance(recording, RingRecording):
             stream_live(
                 recording, self.address, contents, name=self.name, groups=groups, cancelled=cancelled,
-                skipped=lambda us: remark(f"{us / 1e6:.1f} s were left out: this machine does not keep up"),
+                skipped=lambda us: remark(f"{us / 1e6:.1f} s were skipped: this machine is too slow"),
             )  # fmt: skip
             return
         span = span_of(recording, plan.start_us, plan.end_us)

@@ -27,7 +27,7 @@ SB3_NEEDS: Final = ("stable_baselines3", "sb3_contrib")
 SOURCES: Final[tuple[StateSource, ...]] = ("predicted", "truth", "truth+noise")
 """State sources that are offered. Not `events`, which takes a second per ball: use the command line."""
 PACES: Final[dict[str, float | None]] = {
-    "as fast as it goes": None,
+    "as fast as possible": None,
     "20 balls a second": 20.0,
     "5 balls a second": 5.0,
     "2.5 balls a second": 2.5,
@@ -43,7 +43,7 @@ class Preset:
     slug: str
     """Prefix of its runs' names."""
     config: RunConfig
-    pace: str = "as fast as it goes"
+    pace: str = "as fast as possible"
 
 
 def _landing_model(*speeds_mps: float, episodes: int = 100, source: StateSource = "truth") -> RunConfig:
@@ -53,7 +53,7 @@ def _landing_model(*speeds_mps: float, episodes: int = 100, source: StateSource 
     return dataclasses.replace(run, environment=environment, curriculum=stages)
 
 
-TRAIN_NOW: Final = "From missing to placing in a minute"
+TRAIN_NOW: Final = "Learn to place balls in a minute"
 PRESETS: Final[dict[str, Preset]] = {
     TRAIN_NOW: Preset("first", _landing_model(5.0), "2.5 balls a second"),
     "The paper: 800 balls at 3 m/s, 900 at 5 m/s": Preset("paper", default_run("ddpg")),
@@ -94,9 +94,9 @@ def startable_run(config: RunConfig) -> RunConfig:
     if len(curriculum.speeds_mps) > MAX_STAGES:
         raise ConfigError("not a curriculum", expected=f"1 to {MAX_STAGES} speeds", where="speeds")
     if max(curriculum.episodes) > MAX_EPISODES:
-        raise ConfigError("not so many", expected=f"1 to {MAX_EPISODES} a stage", where="episodes")
+        raise ConfigError("too many", expected=f"1 to {MAX_EPISODES} a stage", where="episodes")
     if config.seeds > MAX_SEEDS:
-        raise ConfigError("not so many", expected=f"1 to {MAX_SEEDS}", got=config.seeds, where="seeds")
+        raise ConfigError("too many", expected=f"1 to {MAX_SEEDS}", got=config.seeds, where="seeds")
     every = max(1, min(config.checkpoint_every, min(curriculum.episodes) // EVALUATIONS_PER_STAGE))
     return dataclasses.replace(config, checkpoint_every=every)
 
@@ -218,9 +218,9 @@ class FormPanel:
             for section, fields in groupby(specs[len(MAIN) :], lambda spec: spec.path[:-1]):
                 with gui.add_folder(section_title(section), expand_by_default=False):
                     self._handles |= {spec.path: add_field_control(gui, spec) for spec in fields}
-        self._name = gui.add_text("Name", "", hint="Of the run; empty: one is made")
+        self._name = gui.add_text("Name", "", hint="Name of the run; empty: chosen automatically")
         self._place = gui.add_dropdown(
-            "Where", places, visible=len(places) > 1, hint="Seeds are trained side by side there"
+            "Where", places, visible=len(places) > 1, hint="Where seeds are trained in parallel"
         )
         button = gui.add_button("Start", icon=viser.Icon.PLAYER_PLAY)
         when_changed(self._preset, lambda name: later(lambda: self._use(str(name))))

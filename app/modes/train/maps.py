@@ -113,7 +113,7 @@ def _pixel(point_m: Array | tuple[float, float]) -> tuple[int, int]:
     return round((x - LOW_M[0]) * PIXELS_PER_M), round((HIGH_M[1] - y) * PIXELS_PER_M)
 
 
-NO_POLICY: tuple[str, ...] = ("No policy is saved yet: the first checkpoint is to come.",)
+NO_POLICY: tuple[str, ...] = ("No policy yet: waiting for the first checkpoint.",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,15 +179,15 @@ def map_words(found: PolicyMap, seed: int) -> tuple[str, ...]:
     ]
     if found.trained.is_one:
         x, y = found.trained.low_m
-        lines.append(f"Trained on one target, the rings: x {x:.2f} m, y {y:.2f} m. All others are new to it.")
+        lines.append(f"Trained on one target, the rings: x {x:.2f} m, y {y:.2f} m. It was not trained on the others.")
     else:
         low, high = found.trained.low_m, found.trained.high_m
         lines.append(
             f"Trained on targets in the box, x {low[0]:.2f} to {high[0]:.2f} m, y {low[1]:.2f} to {high[1]:.2f} m."
         )
         if inside.any():
-            lines.append(f"Inside of the box {_result(found, inside)}.")
-    lines.append(f"{'All over the half' if inside.all() or found.trained.is_one else 'Outside'} {_rest(found)}.")
+            lines.append(f"Inside the box {_result(found, inside)}.")
+    lines.append(f"{'Whole half' if inside.all() or found.trained.is_one else 'Outside'} {_rest(found)}.")
     if found.known_exactly:
         lines.append("The ball's state is known here: cameras are not rendered for a map.")
     return tuple(lines)

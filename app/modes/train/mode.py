@@ -166,7 +166,7 @@ class TrainMode:
             if run.phase == "failed":
                 self._host.note(f"Training {run.name} failed", f"{run.message}; its log is on the left", "red")
             elif run.phase in ("finished", "stopped"):
-                self._host.note(f"Training {run.name} {run.phase}", "It is kept with its policies.", "green")
+                self._host.note(f"Training {run.name} {run.phase}", "It was saved with its policies.", "green")
 
     def _failed(self, error: Exception) -> None:
         self._host.later(lambda: self._fail(error))
@@ -247,9 +247,7 @@ class TrainMode:
     def _watch(self, name: str) -> None:
         self._host.open_recording(LIVE)
         self._host.send(SetMode("Watch"))
-        self._host.note(
-            f"{name} plays", "Its policy turns the racket of the live rally; Watch counts what returns.", "green"
-        )
+        self._host.note(f"{name} plays", "Its policy plays the live rally; Watch counts the returns.", "green")
 
     def _report(self, error: RallyscopeError) -> None:
         self._host.later(lambda: self._host.report(error))

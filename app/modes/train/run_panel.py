@@ -48,7 +48,7 @@ class RunPanel:
         self._now = gui.add_button(
             "Train now",
             icon=viser.Icon.PLAYER_PLAY_FILLED,
-            hint="A hundred balls at 5 m/s, slowly enough to watch: from missing to placing in a minute",
+            hint="A hundred balls at 5 m/s, slow enough to watch: it learns to place balls in a minute",
         )
         self._status = gui.add_html("")
         self._progress = gui.add_progress_bar(0.0, visible=False)
@@ -64,9 +64,9 @@ class RunPanel:
             hint="Its policy plays the live rally from now on; opens Watch",
         )
         self._why_not = gui.add_html(NO_RALLY_HTML, visible=False)
-        self._pace = Listing(gui, "Pace", actions.set_pace, hint="Slow the training down to watch it, at any time")
+        self._pace = Listing(gui, "Pace", actions.set_pace, hint="Limit the training's speed to watch it")
         self._pace.offer(tuple(PACES))
-        self._runs = Listing(gui, "Run", actions.choose_run, hint="Whose curves, landings and balls are shown")
+        self._runs = Listing(gui, "Run", actions.choose_run, hint="The run whose curves, landings and balls are shown")
         self._runs.offer((NEWEST,))
         self._compared = Listing(gui, "Compare with", actions.compare_with, hint="Curves of other runs beside it")
         self._compared.offer((LAST_ONES, NOBODY))
@@ -116,9 +116,9 @@ def confirm_stop(gui: viser.GuiApi, name: str, stop: Callable[[], None]) -> None
     """Ask before a training is stopped."""
     modal = gui.add_modal(f"Stop {name}?")
     with modal:
-        gui.add_markdown("It can be resumed later: what it has learned so far is kept.")
+        gui.add_markdown("It can be resumed later; its progress is kept.")
         yes = gui.add_button("Yes, stop it", icon=viser.Icon.PLAYER_STOP, color="red")
-        no = gui.add_button("No, let it train", icon=viser.Icon.PLAYER_PLAY)
+        no = gui.add_button("No, continue", icon=viser.Icon.PLAYER_PLAY)
 
     def end() -> None:
         modal.close()
@@ -150,7 +150,7 @@ class FilmPanel:
         self._make = gui.add_button(
             "Film of this training",
             icon=viser.Icon.MOVIE,
-            hint="Every 10th ball from the first to the last, as a film; it lands among the exports",
+            hint="Every 10th ball from the first to the last, as a film among the exports",
         )
         self._progress = gui.add_progress_bar(0.0, visible=False)
         self._cancel = gui.add_button("Cancel the film", icon=viser.Icon.X, color="red", visible=False)

@@ -157,7 +157,7 @@ class ScenePanel:
         self._ball = gui.add_html(ball_html(None))
         self._player = gui.add_dropdown("Balls of", PLAYERS, hint="The same ball, with noise or as a policy plays it")
         self._view = gui.add_dropdown("View", VIEWS, hint="Drag to turn, wheel to zoom")
-        self._speed = Choice(gui, "Speed", tuple(SPEEDS), actions.play_at, hint="Of the ball; 1 is real time")
+        self._speed = Choice(gui, "Speed", tuple(SPEEDS), actions.play_at, hint="Playback speed; 1 is real time")
         spots = gui.add_checkbox("Landing spots", True)
         when_changed(self._player, lambda player: actions.play(str(player)))
         when_changed(self._view, lambda view: actions.look_from(str(view)))

@@ -102,10 +102,10 @@ def _figures(values: Mapping[str, Any]) -> Figures:
 def _verdict(report: TuningReport) -> str:
     start, best = report.start.held_out.objective, report.best.held_out.objective
     if report.best_trial == 0:
-        return f"<span style='color:{theme.MUTED}'>Nothing better was found: B is A.</span>"
+        return f"<span style='color:{theme.MUTED}'>No better config was found: B equals A.</span>"
     if report.better_held_out:
-        return f"<span style='color:{theme.GOOD}'>B is better on the held-out windows, too.</span>"
-    text = f"B is not better on the held-out windows ({start:.3f} before, {best:.3f} now): it fits the tuned ones only."
+        return f"<span style='color:{theme.GOOD}'>B is also better on the held-out windows.</span>"
+    text = f"B is not better on the held-out windows ({start:.3f} before, {best:.3f} now): it is overfitted."
     return f"<span style='color:{theme.BAD}'>{text}</span>"
 
 
@@ -232,6 +232,6 @@ def _command(request: AutoTuneRequest, start: Path, found: Path) -> list[str]:
     if request.against == "labels":
         reference = find_reference(request.labels, request.uuid, request.camera)
         if reference is None:
-            raise CommandError("nobody has labelled this camera", got=request.camera, remedy="label it in Label first")
+            raise CommandError("this camera has no labels", got=request.camera, remedy="label it in Label first")
         words += ["--data", str(request.labels.parent), "--annotator", reference.layer.annotator]
     return words

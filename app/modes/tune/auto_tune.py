@@ -50,11 +50,11 @@ class AutoTunePanel:
         self.folder = gui.add_folder("Auto-tune", expand_by_default=False)
         config = TuningConfig()
         with self.folder:
-            self._against = gui.add_dropdown("Against", get_args(Against), hint="What is right")
+            self._against = gui.add_dropdown("Against", get_args(Against), hint="Reference")
             self._trials = gui.add_number("Trials", config.trials, min=1, max=MAX_TRIALS, step=1)
             self._seed = gui.add_number("Seed", config.seed, min=0, max=LARGEST_SEED, step=1)
-            self._all_cameras = gui.add_checkbox("All cameras", True, hint="Or only the one that is looked at")
-            self._place = gui.add_dropdown("Where", places, visible=len(places) > 1, hint="Where the trials are made")
+            self._all_cameras = gui.add_checkbox("All cameras", True, hint="All cameras, or only the shown one")
+            self._place = gui.add_dropdown("Where", places, visible=len(places) > 1, hint="Where the trials run")
             self._start = gui.add_button(
                 "Tune automatically",
                 icon=viser.Icon.WAND,
@@ -82,7 +82,7 @@ class AutoTunePanel:
             raise CommandError("no such choice", got=against[:20])
         chosen = tuple(name for name, tick in self._ticks.items() if tick.visible and tick.value)
         if not chosen:
-            raise CommandError("no thresholds to tune", remedy="tick some under Thresholds")
+            raise CommandError("no thresholds to tune", remedy="select some under Thresholds")
         trials, seed = _whole(self._trials.value, 1, MAX_TRIALS), _whole(self._seed.value, 0, LARGEST_SEED)
         return AutoTuneForm(
             method,

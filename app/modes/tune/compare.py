@@ -81,7 +81,7 @@ class CompareOverTime:
         if state is None or recording is None or self._job.running:
             return
         if not state.tune.compared:
-            raise CommandError("no methods to compare", remedy="tick some under Compare methods")
+            raise CommandError("no methods to compare", remedy="select some under Compare methods")
         start_us, end_us = _span_of(state, self.panel.span_us)
         request = CompareRequest(
             recording=state.recording,

@@ -65,7 +65,7 @@ def chart_titles(answer: CompareAnswer) -> dict[str, str]:
     """Name of a chart -> what it shows."""
     agreement = answer.kind == "method"
     return {
-        "recall": f"Balls of {answer.reference} that are found too, %" if agreement else "Recall, %",
+        "recall": f"Balls of {answer.reference} that are also found, %" if agreement else "Recall, %",
         "error": f"Distance from {answer.reference}, px, median" if agreement else "Error, px, median",
         "step": "Step, ms of processor time, median",
     }

@@ -220,7 +220,7 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
     stretches = one.missed if missed else one.false
     count = sum(stretch.count for stretch in stretches)
     if missed:
-        what = f"{count} of {len(one.judged.asked_us)} times asked are missed"
+        what = f"{count} of {len(one.judged.asked_us)} balls are missed"
     else:
         what = f"{count} of {len(one.judged.t_us)} answers are false"
     if answer.kind == "method":
@@ -228,7 +228,7 @@ def stretches_html(answer: CompareAnswer, method: Method, *, missed: bool) -> st
     more = len(stretches) - MAX_STRETCHES
     rest = f", the {MAX_STRETCHES} longest of them" if more > 0 else ""
     where = "in one stretch" if len(stretches) == 1 else f"in {len(stretches)} stretches"
-    places = f", {where}{rest}: choose one to look at it" if stretches else ""
+    places = f", {where}{rest}: choose one to show it" if stretches else ""
     return f"<div style='font-size:12px;color:{theme.MUTED};padding:0 12px'>{what}{places}</div>"
 
 

@@ -85,7 +85,7 @@ def label_score_html(title: str, score: LabelScore) -> str:
     head = "".join(f"<th style='text-align:left;font-weight:500;padding-right:14px'>{name}</th>" for name in titles)
     rows = "".join(_row(group) for group in score.groups)
     noise = score.noise.sigma_px if score.noise is not None and score.noise.both_seen else None
-    noise_text = "not known: no second looks yet" if noise is None else f"{noise:.2f} px a coordinate"
+    noise_text = "unknown: no repeated labels yet" if noise is None else f"{noise:.2f} px a coordinate"
     svg = score_svg(score.curves, f"{title}, against {score.labels} labels by {score.annotator}", noise_px=noise)
     return (
         f"<div style='font-size:12.5px;padding:4px 12px'>{html_text(title)}, against {score.labels} labels by "

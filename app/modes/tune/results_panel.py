@@ -105,7 +105,7 @@ class CandidatesTable:
     """A table of the clusters, the ball first, then by size."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        self._table = gui.add_html(stage_counts_html("the first window is being worked on"))
+        self._table = gui.add_html(stage_counts_html("computing the first window"))
 
     def show(
         self,
@@ -136,8 +136,8 @@ def answer_html(title: str, answer: WindowAnswer) -> str:
     if isinstance(ball, RefinedDetection):
         sigma_px = float(ball.centre_covariance_px2.trace()) ** 0.5
         lines.append(f"moves ({ball.vu_px_per_ms:+.2f}, {ball.vv_px_per_ms:+.2f}) px/ms")
-        lines.append(f"sure to {sigma_px:.2f} px by its own account, {ball.fit.points:.0f} edge points")
-    lines.append(f"{answer.method} has seen the {answer.lead_in_windows} windows before")
+        lines.append(f"estimated error {sigma_px:.2f} px, {ball.fit.points:.0f} edge points")
+    lines.append(f"{answer.method} has processed the {answer.lead_in_windows} windows before")
     return "<div style='font-size:12.5px;padding:4px 12px'>" + "<br>".join(lines) + "</div>"
 
 
@@ -204,7 +204,7 @@ class ResultsPanel:
         with self.panel.add_tab("Score", viser.Icon.TARGET):
             self.score = ScorePanel(gui, start_score, cancel_score)
         with self.panel.add_tab("Auto-tune", viser.Icon.WAND):
-            self._tuned = gui.add_html(stage_counts_html("nothing was tuned yet: open Auto-tune on the right"))
+            self._tuned = gui.add_html(stage_counts_html("no tuning yet: open Auto-tune on the right"))
         place_below_pictures(gui, self.panel)
         self._taken_px = 0
 

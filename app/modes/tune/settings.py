@@ -256,7 +256,7 @@ class ConfigFilesPanel:
         with self.folder:
             form = gui.add_form(None)  # Enter in its text means Save
             with form:
-                self._name = gui.add_text("Name", "", hint="Saved by Enter, too; never over another one")
+                self._name = gui.add_text("Name", "", hint="Enter saves, too; existing configs are not overwritten")
                 when_clicked(gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY), form.submit)
             self._saved = Listing(gui, "Saved", lambda name: None, hint="Configs in the workspace")
             when_clicked(gui.add_button("Load", icon=viser.Icon.FOLDER_OPEN), self._load)

@@ -93,7 +93,7 @@ class CamerasPanel:
                 self._images = {name: self._gui.add_image(BLANK, label=name, format="png") for name in pngs}
                 if self._larger is not None:
                     self._larger.remove()
-                hint = "In the middle of the window; again, or G: back. So does a double click on a picture"
+                hint = "Show it full size. Again, G, or a double click goes back"
                 self._larger = Choice(self._gui, "Larger", tuple(pngs), self._enlarge, hint=hint)
         for name, png in pngs.items():
             set_png(self._images[name], png)

@@ -22,9 +22,9 @@ def figures_html(rows: list[tuple[str, str]]) -> str:
     return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{table}</div>"
 
 
-def usually(step: Percentiles) -> str:
+def percentiles_text(step: Percentiles) -> str:
     """Text of a duration's p50 and p99."""
-    return f"{_ms(step.p50_ms)} ms, seldom {_ms(step.p99_ms)} ms"
+    return f"{_ms(step.p50_ms)} ms (p50), {_ms(step.p99_ms)} ms (p99)"
 
 
 def coloured(colour: str, html: str) -> str:
@@ -51,7 +51,7 @@ SURE: Final = 0.9
 def learned_words(learned: LearnedConstants) -> str:
     """Drag, restitution and friction as text, each with its standard deviation."""
     if not learned.balls:
-        return "as published; nothing is told, it learns from every ball"
+        return "published values; it learns from every ball"
     drag, restitution, friction = (
         f"{mean:.2f} ± {sigma:.2f}" for mean, sigma in zip(learned.means.tolist(), learned.sigmas.tolist(), strict=True)
     )

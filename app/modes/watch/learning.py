@@ -47,9 +47,9 @@ def learning_html(progress: LearningProgress | None, *, on: bool) -> str:
         if progress.balls[-1].random:
             lines.append("random strokes so far, to explore")
     if not on:
-        lines.append("somebody else plays: nothing is learned now")
+        lines.append("another controller plays: not learning now")
     if progress.problem:
-        lines.append(f"a ball was not learned from: {html_text(progress.problem)}")
+        lines.append(f"a ball was skipped: {html_text(progress.problem)}")
     return f"<div style='{STYLE}'>{'<br>'.join(lines)}</div>"
 
 
@@ -66,7 +66,7 @@ def chart_title_html() -> str:
     """HTML title of the chart."""
     return (
         f"<div style='font-size:12px;padding:0 12px;color:{theme.MUTED}'>Landing error of each ball, mm, and the median"
-        f" of the last {WINDOW}. At the top: it did not come down</div>"
+        f" of the last {WINDOW}. At the top: no landing</div>"
     )
 
 
@@ -89,18 +89,20 @@ class LearningPanel:
         learning = rally.learning
         self._folder = gui.add_folder("Learning (shared by all browsers)")
         with self._folder:
-            hint = "Each stroke whose outcome is told improves the policy for the next"
+            hint = "Each stroke with a known outcome improves the policy"
             self._learn = gui.add_checkbox(LEARN, False, hint=hint, disabled=bool(learning.reason))
-            self._start = Listing(gui, "Start from", lambda _: None, hint="Where it begins, and again after a reset")
+            self._start = Listing(gui, "Start from", lambda _: None, hint="Policy to start from, also after a reset")
             self._start.visible = not learning.reason
             self._status = gui.add_html(reason_html(learning.reason) if learning.reason else "")
             self._room = gui.add_folder(None, visible=False)
             with self._room:
                 gui.add_html(chart_title_html())
                 self._chart_place = gui.add_folder(None)
-                self._reset = gui.add_button(RESET, icon=viser.Icon.RESTORE, hint="Forgets all, for all browsers")
+                self._reset = gui.add_button(
+                    RESET, icon=viser.Icon.RESTORE, hint="Discards the learned policy, for all browsers"
+                )
                 self._save = gui.add_button(
-                    SAVE, icon=viser.Icon.DEVICE_FLOPPY, hint="To be chosen as controller later"
+                    SAVE, icon=viser.Icon.DEVICE_FLOPPY, hint="To choose it as controller later"
                 )
         when_changed(self._learn, lambda on: do_in_pool(host, self._begin if on else learning.stop))
         when_clicked(self._reset, lambda: do_in_pool(host, self._begin_anew))

@@ -48,14 +48,14 @@ def missed_html(missed: MissedBall, *, copies: bool) -> str:
     """HTML of what was missed, in one or two lines."""
     camera, ms = html_text(missed.camera), missed.unseen_us / 1e3
     if missed.kind == "not seen":
-        text = f"the detector did not see the ball in {camera} for {ms:.0f} ms. That alone loses no ball"
+        text = f"the detector missed the ball in {camera} for {ms:.0f} ms. The track was not lost"
     elif missed.unseen_us:
-        text = f"the ball did not come back; the detector did not see it in {camera} for {ms:.0f} ms"
+        text = f"the ball was not returned; the detector missed it in {camera} for {ms:.0f} ms"
     else:
-        text = "the ball did not come back; the cameras saw it up to the racket"
+        text = "the ball was not returned; it was seen up to the racket"
     text = f"<b>{missed.t_us / 1e6:.3f} s</b>: {text}."
     if copies:
-        text += "<br>" + muted("What is remembered since becomes a recording.")
+        text += "<br>" + muted("The last 20 s will be saved as a recording.")
     return f"<div style='font-size:12.5px;padding:2px 12px;line-height:1.45'>{text}</div>"
 
 

@@ -30,9 +30,9 @@ def robot_html(status: RobotStatus, test: StepTestReport) -> str:
     counts = status.counts
     if counts.sent or counts.kept_back:
         cell = f"{counts.taken:,} taken"
-        cell += f", {counts.refused:,} refused by it" if counts.refused else ""
-        cell += f", {counts.unanswered:,} not answered" if counts.unanswered else ""
-        cell += f", {counts.kept_back:,} kept back: too late, or outside of its limits" if counts.kept_back else ""
+        cell += f", {counts.refused:,} refused by the robot" if counts.refused else ""
+        cell += f", {counts.unanswered:,} unanswered" if counts.unanswered else ""
+        cell += f", {counts.kept_back:,} held back: too late or outside the limits" if counts.kept_back else ""
         rows.append(("Targets", cell))
     if status.last_refusal:
         rows.append(("Last refusal", muted(html_text(status.last_refusal))))
@@ -61,7 +61,7 @@ def _connection(status: RobotStatus) -> str:
     where = html_text(status.name or status.address)
     if status.connection != "ready":
         colour = theme.WARN if status.connection in ("awaited", "clock") and not status.counts.lost else theme.BAD
-        return coloured(colour, f"{where}: {html_text(status.problem)}. Nothing is sent to it")
+        return coloured(colour, f"{where}: {html_text(status.problem)}. No targets are sent")
     known = "" if status.clock is None else f", its clock known to {status.clock.within_us / 1e3:.1f} ms"
     trip = "" if status.round_trip_ms is None else f", answers in {status.round_trip_ms:.1f} ms"
     return coloured(theme.GOOD, f"{where}, connected{trip}{known}")
@@ -69,9 +69,9 @@ def _connection(status: RobotStatus) -> str:
 
 def _plays(status: RobotStatus) -> str:
     if status.stop is None and status.connection != "ready":
-        return muted("not now; by itself when it is back")
+        return muted("paused; continues when it is back")
     if status.stop is None:
-        return coloured(theme.GOOD, "yes: it is sent to the balls")
+        return coloured(theme.GOOD, "yes: targets are sent")
     cell = f"no, stopped by {PARTIES[status.stop.by]}: {html_text(status.stop.reason)}"
     state = status.state
     if state is not None and state.stopped == "robot" and state.reason != status.stop.reason:
@@ -82,16 +82,16 @@ def _plays(status: RobotStatus) -> str:
 def _late(test: StepTestReport) -> str:
     found = test.found
     if test.running:
-        return coloured(theme.WARN, f"being measured, {100 * test.done:.0f} %: it moves to the side and back")
+        return coloured(theme.WARN, f"measuring, {100 * test.done:.0f} %: it moves to the side and back")
     if found is None:
-        cell = "not known: Step test measures it, while no ball flies"
+        cell = "unknown: Step test measures it while no ball flies"
     else:
         mean_ms = round(1e3 * found.mean_s, 1) + 0.0
         cell = f"{mean_ms:.1f} &plusmn; {1e3 * found.sigma_s:.1f} ms, {1e3 * found.jitter_s:.1f} ms from one "
-        cell += f"of {found.steps} steps to another" + (": sent so much earlier" if mean_ms > 0 else "")
+        cell += f"of {found.steps} steps to another" + (": commands are sent this much earlier" if mean_ms > 0 else "")
     cell = coloured(theme.MUTED if found is None else theme.GOOD, cell)
     if test.problem:
-        cell += f"<br>{coloured(theme.WARN, f'The last test was broken off: {html_text(test.problem)}')}"
+        cell += f"<br>{coloured(theme.WARN, f'The last test was aborted: {html_text(test.problem)}')}"
     return cell
 
 
@@ -115,11 +115,11 @@ class RobotPanel:
         self._shown_s = float("-inf")
         self._folder = gui.add_folder("Robot (shared by all browsers)")
         with self._folder:
-            hint = "At once. Only a person starts it again"
+            hint = "Stops at once. Only a person can start it again"
             self._stop = gui.add_button(STOP, icon=viser.Icon.HAND_STOP, color="red", hint=hint)
-            hint = "It may move from now on: is everybody out of its reach?"
+            hint = "It will move: is everybody out of its reach?"
             self._start = gui.add_button(START, icon=viser.Icon.PLAYER_PLAY, hint=hint)
-            hint = "4 cm to the side and back, ten times: how late is it? Targets are sent so much earlier then"
+            hint = "Moves 4 cm to the side and back, ten times. Targets are then sent earlier by its latency"
             self._test = gui.add_button(STEP_TEST, icon=viser.Icon.ARROWS_HORIZONTAL, hint=hint, visible=False)
             self._status = gui.add_html("")
         when_clicked(self._stop, self._stop_now)

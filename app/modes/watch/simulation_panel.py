@@ -27,9 +27,9 @@ def returned_html(rates: tuple[ReturnRate, ...]) -> str:
     """HTML with a row for each controller and scene: share returned with its 95 % interval."""
     style = "font-size:12.5px;padding:2px 12px;line-height:1.45"
     if not rates:
-        return f"<div style='{style};color:{theme.MUTED}'>No ball has been played to its end yet.</div>"
+        return f"<div style='{style};color:{theme.MUTED}'>No ball has been completed yet.</div>"
     rows = "".join(_row(rate) for rate in rates)
-    left_out = "With 95 % intervals. A ball during which controller or scene changed is left out."
+    left_out = "With 95 % intervals. Balls during which controller or scene changed are not counted."
     note = f"<div style='color:{theme.MUTED}'>{left_out}</div>"
     return f"<div style='{style}'><table style='width:100%'>{rows}</table>{note}</div>"
 
@@ -68,18 +68,16 @@ class SimulationPanel:
             self._serve = gui.add_button("Serve", icon=viser.Icon.PING_PONG, hint="A ball at the chosen speed")
             self._speed = gui.add_slider("Serve speed [m/s]", *SPEEDS_MPS, 0.5, 5.0)
             self._auto = gui.add_checkbox("Auto-serve", True, hint=tooltip("Auto-serve"))
-            self._pause = gui.add_button_group(
-                "Clock", (STOP, RUN, STEP), hint=f"A step is a block. {tooltip('Block')}"
-            )
+            self._pause = gui.add_button_group("Clock", (STOP, RUN, STEP), hint=f"Step: one block. {tooltip('Block')}")
             self._record = RecordButton(gui, rally, host)
             self._pace = gui.add_dropdown("Pace", tuple(PACES), hint=tooltip("Pace"))
             self._scene = gui.add_dropdown(
-                "Scene", tuple(SCENES), hint="What the cameras look at; people take more time"
+                "Scene", tuple(SCENES), hint="What the cameras see; people take more computing time"
             )
             self._controller = Listing(gui, "Controller", self._use, hint="Built in, learning, or a trained policy")
             with gui.add_folder("Noise and landing target", expand_by_default=False):
                 self._noise = gui.add_slider(
-                    "Noise [Hz/px]", *NOISE_HZ, 0.1, 0.1, hint="Background events of each pixel a second"
+                    "Noise [Hz/px]", *NOISE_HZ, 0.1, 0.1, hint="Background events per pixel and second"
                 )
                 self._goal_x = gui.add_slider("Target x [m]", *GOAL_X_M, 0.05, 0.8, hint="From the net")
                 self._goal_y = gui.add_slider("Target y [m]", *GOAL_Y_M, 0.05, 0.0, hint="From the middle line")

@@ -36,7 +36,7 @@ class BiasPanel:
                 slider = gui.add_slider(bias.name, bias.low, bias.high, 1, values[bias.name], hint=bias.doc)
                 when_changed(slider, lambda value, bias_name=bias.name: self._ask(bias_name, value))
                 self._sliders[bias.name] = slider
-            hint = "of all cameras, for --biases of serve and record"
+            hint = "Saves the biases of all cameras, for --biases of serve and record"
             when_clicked(gui.add_button("Save biases", icon=viser.Icon.DEVICE_FLOPPY, hint=hint), self._ask_to_save)
         self._shown = values
 

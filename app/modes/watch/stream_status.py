@@ -6,7 +6,7 @@ from typing import Final
 
 from app import theme
 from app.formatting.text import html_text
-from app.modes.watch.figures import coloured, figures_html, learned_words, muted, usually
+from app.modes.watch.figures import coloured, figures_html, learned_words, muted, percentiles_text
 from core.devices.camera_feed import FeedCounts
 from core.live.camera_source import CameraReport, CameraSource
 from core.live.link.live_source import LiveSource
@@ -42,7 +42,7 @@ def lost_words(counts: FeedCounts) -> str:
     if counts.events_given_up:
         message.append(f"{counts.events_given_up:,} events that came too late")
     if counts.packets_refused:
-        message.append(f"{counts.packets_refused:,} packets that make no sense")
+        message.append(f"{counts.packets_refused:,} invalid packets")
     return "; ".join(message)
 
 
@@ -60,17 +60,17 @@ def _clock(report: CameraReport, first: str, *, cable: bool) -> str:
         return "not known yet"
     message = f"{1e6 * clock.drift:+.1f} ppm against this machine, packets up to {1e-3 * clock.jitter_us:.1f} ms late"
     if first:
-        message += f"; one with {first}'s, by cable" if cable else f"; shifted to {first}'s, which no cable joins"
+        message += f"; one with {first}'s, by cable" if cable else f"; shifted to {first}'s, no sync cable"
     if report.clock_restarts:
-        message += f"; found anew {report.clock_restarts} times"
+        message += f"; restarted {report.clock_restarts} times"
     return message
 
 
 KEPT: Final = 0.95
 """Share of the requested speed below which a warning is shown."""
 ALONE: Final = (
-    f"<div style='font-size:12px;color:{theme.MUTED};padding:4px 12px'>It has no robot, and nobody knows the truth: "
-    "nothing is served or returned, and strokes are counted as they are seen.</div>"
+    f"<div style='font-size:12px;color:{theme.MUTED};padding:4px 12px'>There is no robot and no ground truth: "
+    "nothing is served or returned, and strokes are counted as seen by the cameras.</div>"
 )
 
 
@@ -78,7 +78,14 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
     """HTML of a source that is not a simulation: connection, speed, cameras, and processing."""
     rows = [("Source", _source(source, health))]
     if source.behind_s > 0:
-        rows.append(("Behind", muted(f"{source.behind_s:.1f} s in all: this machine was busy. All events came, later")))
+        rows.append(
+            (
+                "Behind",
+                muted(
+                    f"{source.behind_s:.1f} s in all: this machine was busy. No events were dropped, they came later"
+                ),
+            )
+        )
     if health.blocks_lost:
         rows.append(("Lost blocks", coloured(theme.WARN, f"{health.blocks_lost:,} of 10 ms never came")))
     rows += camera_rows(health.cameras)
@@ -88,7 +95,7 @@ def stream_html(source: LiveSource, health: StreamHealth, snapshot: RallySnapsho
         rows.append(("Not in space", coloured(theme.WARN, html_text(snapshot.problem))))
     else:
         followed = snapshot.health
-        rows.append(("Followed", f"{followed.state_hz:.0f} times a second, {usually(followed.step)} each"))
+        rows.append(("Followed", f"{followed.state_hz:.0f} times a second, {percentiles_text(followed.step)} each"))
         if snapshot.learned is not None:
             rows.append(("Air and table", learned_words(snapshot.learned)))
         if followed.blocks_dropped:
@@ -105,12 +112,10 @@ def camera_rows(cameras: tuple[CameraHealth, ...]) -> list[tuple[str, str]]:
     for one in cameras:
         missing = f"{one.blocks_missing:,} blocks of 10 ms never came"
         if one.lost:
-            message = f"lost, nothing of it for {one.absent_us / 1e6:.1f} s; {missing}. The rest goes on"
+            message = f"lost, no data for {one.absent_us / 1e6:.1f} s; {missing}. The rest continues"
             rows.append((html_text(one.name), coloured(theme.BAD, message)))
         elif one.silent:
-            message = (
-                f"not one event for {one.silent_us / 1e6:.1f} s: is it covered, or its file shorter than the other's?"
-            )
+            message = f"no events for {one.silent_us / 1e6:.1f} s: is it covered, or its file shorter than the other?"
             rows.append((html_text(one.name), coloured(theme.WARN, message)))
         elif one.blocks_missing:
             rows.append((html_text(one.name), muted(missing)))
@@ -120,9 +125,9 @@ def camera_rows(cameras: tuple[CameraHealth, ...]) -> list[tuple[str, str]]:
 def _source(source: LiveSource, health: StreamHealth) -> str:
     name = html_text(source.description)
     if source.status == "lost":
-        return coloured(theme.BAD, f"{name}, stopped: nothing more comes. Start Rallyscope again")
+        return coloured(theme.BAD, f"{name}, stopped. Restart Rallyscope")
     if health.stopped:
-        return coloured(theme.BAD, f"{name}, nothing has come for {health.quiet_s:.0f} s")
+        return coloured(theme.BAD, f"{name}, no data for {health.quiet_s:.0f} s")
     asked = source.state.speed_factor if source.state is not None else 1.0
     if health.pace is None:
         return name

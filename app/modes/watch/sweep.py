@@ -138,7 +138,9 @@ def board_html(guide: BoardGuide, cameras: tuple[str, ...]) -> str:
             pictures = f"{count} picture{'s' if count > 1 else ''}"
             rows.append((html_text(name), f"{pictures}, {_row(guide.cells.missing(name))}"))
         else:
-            rows.append((html_text(name), coloured(theme.WARN, "not found: does it blink, wholly in the picture?")))
+            rows.append(
+                (html_text(name), coloured(theme.WARN, "not found: is it blinking, and completely in the picture?"))
+            )
     return figures_html(rows)
 
 
@@ -146,7 +148,7 @@ def _row(missing: tuple[int, ...]) -> str:
     done = CELL_COUNT - len(missing)
     colour = theme.GOOD if done >= GOOD_SHARE * CELL_COUNT else theme.WARN
     html = coloured(colour, f"{done} of {CELL_COUNT} parts")
-    return html if not missing else f"{html}, most is missing {ninth_words(emptiest_ninth(missing))}"
+    return html if not missing else f"{html}, most of it missing {ninth_words(emptiest_ninth(missing))}"
 
 
 WIDEST_PX: Final = 700
@@ -192,10 +194,10 @@ class SweepPanel:
         self._counted: Mosaic | None = None
         self._folder = gui.add_folder("Sweep of the ball", expand_by_default=False, visible=False)
         with self._folder:
-            hint = "Framed: where the ball has not been found in two pictures yet. For `calibrate stereo`"
-            self._active = gui.add_checkbox("Show what is missing", False, hint=hint)
+            hint = "Frames mark parts where the ball was not found in two pictures yet. For `calibrate stereo`"
+            self._active = gui.add_checkbox("Show missing parts", False, hint=hint)
             self._status = gui.add_html("")
-            self._forget = gui.add_button("Count the parts anew", icon=viser.Icon.ERASER)
+            self._forget = gui.add_button("Restart the count", icon=viser.Icon.ERASER)
         when_changed(self._active, lambda on: host.send(GuideSweep(bool(on))))
         when_clicked(self._forget, lambda: host.send(ForgetSweep()))
 
@@ -229,14 +231,14 @@ class BoardPanel:
         self._search = LatestWins(host.pool, search_board, self._found, self._failed)
         self._folder = gui.add_folder("Board for the lens", expand_by_default=False, visible=False)
         with self._folder:
-            hint = "Framed: where no point of a blinking board was found yet. For `calibrate intrinsics`"
-            self._active = gui.add_checkbox("Look for the board", False, hint=hint)
+            hint = "Frames mark parts without a point of a blinking board. For `calibrate intrinsics`"
+            self._active = gui.add_checkbox("Search the board", False, hint=hint)
             self._kind = gui.add_dropdown("Pattern", KINDS)
             hint = "Inner corners of a chessboard, or dots"
             self._rows = gui.add_number("Rows", FIRST_BOARD.rows, min=FEWEST, max=MOST, step=1, hint=hint)
             self._columns = gui.add_number("Columns", FIRST_BOARD.columns, min=FEWEST, max=MOST, step=1, hint=hint)
             self._status = gui.add_html("")
-            self._forget = gui.add_button("Forget where it was", icon=viser.Icon.ERASER)
+            self._forget = gui.add_button("Clear its positions", icon=viser.Icon.ERASER)
         when_changed(self._active, lambda on: host.send(GuideBoard(bool(on))))
         for control in (self._kind, self._rows, self._columns):
             when_changed(control, lambda value: host.later(self._choose))

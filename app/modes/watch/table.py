@@ -102,7 +102,7 @@ def find_poses(request: PosesRequest) -> Poses:
     for name, lens in request.lenses.items():
         marks = request.clicks.of(name)
         if lens is None:
-            found[name] = "its lens is not known: give a calibration of it with --calibration"
+            found[name] = "unknown lens: give its calibration with --calibration"
         elif len(marks) < CLICKS_AT_LEAST:
             found[name] = f"{len(marks)} of {CLICKS_AT_LEAST} corners or more"
         else:
@@ -142,17 +142,17 @@ class TablePanel:
         self._live: LiveRally | None = None
         self._folder = gui.add_folder("Table", expand_by_default=False, visible=False)
         with self._folder:
-            hint = "Each click on a picture is then a point of the table, in every camera's picture"
-            self._active = gui.add_checkbox("Click its corners", False, hint=hint)
-            hint = "Left and right as the robot sees them; the next one is chosen by itself"
+            hint = "Clicks on the cameras' pictures then mark corners of the table"
+            self._active = gui.add_checkbox("Click the corners", False, hint=hint)
+            hint = "Left and right as the robot sees them; the next one is chosen automatically"
             self._corner = typing.cast(
                 "viser.GuiDropdownHandle[str]",
                 gui.add_dropdown("Next corner", tuple(map(corner_option, CORNER_NAMES)), hint=hint),
             )
             self._status = gui.add_html("")
             self._undo = gui.add_button("Undo the click", icon=viser.Icon.ARROW_BACK_UP)
-            self._forget = gui.add_button("Forget all clicks", icon=viser.Icon.ERASER)
-            hint = "Written as a new calibration; a live source goes on with it"
+            self._forget = gui.add_button("Remove all clicks", icon=viser.Icon.ERASER)
+            hint = "Saved as a new calibration; a live source uses it at once"
             self._use = gui.add_button("Use these poses", icon=viser.Icon.CHECK, hint=hint)
         when_changed(self._active, lambda on: host.send(LetTableBeClicked(bool(on))))
         when_changed(self._corner, lambda html: host.send(ChooseTableCorner(str(html).partition(" ")[2])))
@@ -204,7 +204,7 @@ class TablePanel:
     def _write(self, request: PosesRequest, live: LiveRally | None) -> None:
         try:
             if live is not None and live.recorded is not None:
-                remedy = "stop it first: its cameras stand where they stood when it was begun"
+                remedy = "stop it first: a recording keeps the poses it was started with"
                 raise CommandError("a recording is being written", where=live.recorded, remedy=remedy)
             clicks = {name: clicks_of(request.clicks.of(name)) for name in request.lenses}
             poses = place_at_table(request.lenses, clicks)

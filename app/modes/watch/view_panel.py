@@ -44,11 +44,13 @@ class ViewPanel:
         with self._layers_folder:
             self._layers = {layer: gui.add_checkbox(layer, True) for layer in LAYERS}
             gui.add_html(landing_legend_html())
-            self._save = gui.add_button("Save this view as PNG", icon=viser.Icon.CAMERA, hint="Drawn by your browser")
+            self._save = gui.add_button(
+                "Save this view as PNG", icon=viser.Icon.CAMERA, hint="Rendered by your browser"
+            )
         when_clicked(self._save, save_picture)
-        next_camera = gui.add_command("Larger picture: the next camera, then the scene again", hotkey="G")
+        next_camera = gui.add_command("Larger picture: next camera, then the scene", hotkey="G")
         when_triggered(next_camera, lambda: send(EnlargeNextCamera()))
-        when_triggered(gui.add_command("Look again from the chosen view", hotkey="V"), look_again)
+        when_triggered(gui.add_command("Reset to the chosen view", hotkey="V"), look_again)
         for layer, box in self._layers.items():
             when_changed(box, lambda on, layer=layer: send(ShowLayer(layer, bool(on))))
 
@@ -67,5 +69,7 @@ class ViewPanel:
 
     def _add_views(self) -> None:
         with self._views_folder:
-            self._dropdown = self._gui.add_dropdown("View", self._views, hint="Drag to turn, wheel to zoom; V: again")
+            self._dropdown = self._gui.add_dropdown(
+                "View", self._views, hint="Drag to turn, wheel to zoom; V resets the view"
+            )
         when_changed(self._dropdown, lambda view: self._look_from(str(view)))

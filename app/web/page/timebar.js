@@ -17,7 +17,7 @@
       <button data-do="back" title="One step back (←)" aria-label="-1">-1</button>
       <button data-do="play" class="main" title="Play or pause (Space or K)" aria-label="Play">${ICONS.play}</button>
       <button data-do="on" title="One step on (→)" aria-label="+1">+1</button>
-      <button data-do="on10" title="Ten steps on (Shift+→)" aria-label="+10">+10</button>
+      <button data-do="on10" title="Ten steps forward (Shift+→)" aria-label="+10">+10</button>
       <button data-do="end" title="To the end (End)" aria-label="To the end">${ICONS.end}</button>
       <label>Time [µs] <input id="rallyscope-time" inputmode="numeric" autocomplete="off"></label>
       <label>Speed <select id="rallyscope-speed"></select></label>

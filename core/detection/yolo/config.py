@@ -1,4 +1,4 @@
-"""Settings of the rival `yolo`, and the size of its network. Both are stored with its weights."""
+"""Settings of `yolo`, and the size of its network. Both are stored with its weights."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class YoloConfig:
     input_height_px: int = setting(384, 32, 2048, step=32)
     """A picture is made smaller, never larger, until it fits, and gets grey borders."""
     width: float = setting(1.0, 0.0625, 2.0)
-    """Channels of every layer, as a share of those published."""
+    """Channels of every layer as a share of the published ones."""
     confidence: float = setting(0.5, 0.01, 0.99, step=0.01)
-    """Least confidence of a ball. Training puts here what is best on rendered pictures that it neither trains nor
-    scores with."""
+    """Smallest confidence of a ball. Training sets the best value on rendered pictures used for neither training nor
+    scores."""
     overlap: float = setting(0.3, 0.05, 0.95, step=0.05)
     """Largest intersection over union of two boxes: beyond it the less confident one is dropped."""
 

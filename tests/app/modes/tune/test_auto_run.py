@@ -58,7 +58,7 @@ def test_what_it_finds_comes_back_with_its_figures(request_: AutoTuneRequest) ->
 def test_a_refusal_is_said_in_the_words_of_the_verb(request_: AutoTuneRequest) -> None:
     off = dataclasses.replace(request_, parameters=("hot_pixels.tick_ms",))
     nobody = dataclasses.replace(request_, against="labels")
-    for wrong, says in ((off, "^hot_pixels.tick_ms does nothing"), (nobody, "nobody has labelled this camera")):
+    for wrong, says in ((off, "^hot_pixels.tick_ms does nothing"), (nobody, "this camera has no labels")):
         with pytest.raises(RallyscopeError, match=says):
             run_auto_tune(wrong, progress=lambda share: None, say=lambda line: None, cancelled=lambda: False)
 

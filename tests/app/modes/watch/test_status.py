@@ -108,7 +108,7 @@ def test_how_many_came_back_is_said_once() -> None:
 def test_a_ball_that_one_camera_did_not_see_is_not_said_to_be_lost() -> None:
     unseen = MissedBall(3_120_000, "left", "not seen", 24_000)
     said = missed_html(unseen, copies=False)
-    assert "3.120 s" in said and "in left for 24 ms. That alone loses no ball." in said and "come back" not in said
+    assert "3.120 s" in said and "in left for 24 ms. The track was not lost." in said and "come back" not in said
     assert "did not come back; the detector" in missed_html(replace(unseen, kind="not returned"), copies=False)
     seen = replace(unseen, kind="not returned", unseen_us=0)
     assert "did not come back; the cameras saw it" in missed_html(seen, copies=False)
@@ -128,7 +128,7 @@ def report(drift_px: float, *, alarm: bool) -> DriftReport:
 
 def test_it_says_how_many_points_are_missing() -> None:
     name, said = drift_row(DriftReport(60, 200))
-    assert name == "Calibration" and "not judged yet, after 60 of 200 points" in said
+    assert name == "Calibration" and "unknown yet, after 60 of 200 points" in said
 
 
 def test_a_fit_is_green_with_its_figure() -> None:
@@ -138,7 +138,7 @@ def test_a_fit_is_green_with_its_figure() -> None:
 
 def test_an_alarm_is_red_and_says_who_how_far_and_what_to_do() -> None:
     said = drift_row(report(1.23, alarm=True))[1]
-    assert "The cameras left and &lt;b&gt;right no longer fit each other: 1.2 px off. One was moved" in said
+    assert "The calibration of left and &lt;b&gt;right has drifted: 1.2 px off. A camera or lens was moved" in said
     assert "calibrate again" in said and theme.BAD in said
 
 
