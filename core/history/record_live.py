@@ -1,4 +1,4 @@
-"""Write what is seen of the live rally to a recording that opens again like any other."""
+"""Records the live rally to a normal recording file."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ FLUSH_BLOCKS: Final = 100
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Thought:
-    """What the player expected, and decided."""
+    """Prediction and decision of the player."""
 
     prediction: Prediction
     decision: RacketDecision | None
@@ -81,7 +81,7 @@ class LiveRecorder:
 
     @property
     def recording(self) -> bool:
-        """Whether it still goes on."""
+        """Whether it is still recording."""
         return self._thread.is_alive() and not self._ending
 
     def stop(self) -> int:
@@ -105,11 +105,11 @@ class LiveRecorder:
             self._end()
 
     def on_events(self, batch: m.EventBatch) -> None:
-        """Queue it."""
+        """Queue the batch."""
         self._queue(batch)
 
     def on_state(self, state: m.WorldState) -> None:
-        """Queue it, unless it is only a sign of life."""
+        """Queue the state, unless it is only a heartbeat."""
         if state.ends_block:
             self._queue(state)
 

@@ -1,4 +1,4 @@
-"""What a player expected and decided, as groups of a recording: written beside the live rally, and read again.
+"""Predictions and decisions of a player as groups of a recording: writing and reading.
 
 `/predictions` and `/episodes` hold what the method defines; `/racket_targets` is where the racket was sent.
 """

@@ -1,4 +1,4 @@
-"""The one-step task as a Gymnasium environment, `rallyscope/OneStepReturn-v0`, for agents that others wrote."""
+"""The one-step task as a Gymnasium environment, `rallyscope/OneStepReturn-v0`, for third-party agents."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ENVIRONMENT_ID = "rallyscope/OneStepReturn-v0"
 WIDEST = 10.0
 """Bound of an observation; `normal_states` clips there."""
 BATCH = 256
-"""Balls dealt at a time."""
+"""Balls drawn at a time."""
 
 
 class OneStepReturn(gymnasium.Env[Floats, Floats]):
@@ -50,7 +50,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         self.observation_space = gymnasium.spaces.Box(-WIDEST, WIDEST, (size,), np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
         self.episodes = 0
-        """Begun so far; the time-weighted reward counts them."""
+        """Number of episodes so far, which the time-weighted reward depends on."""
         self.outcome: Outcomes | None = None
         """Outcome of the last episode."""
         self._backend = backend or ClosedFormBackend(self.environment)
@@ -74,7 +74,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         return self._observation(), {}
 
     def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
-        """Play the stroke; the next observation is the ball's own again, as nothing follows.
+        """Play the stroke; the next observation is the same ball's, as the episode ends.
 
         Raises:
             RuntimeError: before the first `reset`.
@@ -90,7 +90,7 @@ class OneStepReturn(gymnasium.Env[Floats, Floats]):
         return self._observation(), reward, True, False, self._about(now, outcome)
 
     def close(self) -> None:
-        """Let go of the place where balls are played."""
+        """Close the backend."""
         self._backend.close()
 
     def _observation(self) -> Floats:

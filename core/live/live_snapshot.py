@@ -1,4 +1,4 @@
-"""What a live player knows at one moment, frozen: made once per block by its thread, read by whoever draws."""
+"""Frozen state of a live player, made once per block by its thread."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class RacketPose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrueBall:
-    """The ball as the simulation has it."""
+    """True state of the simulated ball."""
 
     t_us: int
     p_world_m: Array
@@ -49,14 +49,14 @@ class FinishedBall:
     landing_m: Array
     """(2,) where it came down to the table's plane; NaN if it did not."""
     goal_m: Array
-    """(2,) where it was to land."""
+    """(2,) landing target."""
     net_z_m: float
     decision: RacketDecision | None
-    """The last one sent for it; None if there was none."""
+    """Last decision sent for it; None if there was none."""
 
     @property
     def returned(self) -> bool:
-        """Whether it came down on the opponent's half first."""
+        """Whether it landed on the opponent's half first."""
         return self.case == Case.RETURNED
 
     @property
@@ -75,7 +75,7 @@ class Percentiles:
 
 @dataclass(frozen=True, slots=True)
 class PlayerHealth:
-    """How well the player follows, over the last two seconds unless something else is said."""
+    """Performance of the player, over the last two seconds unless stated otherwise."""
 
     state_hz: float
     """Steps of the chain per second of wall time."""
@@ -92,14 +92,14 @@ class PlayerHealth:
     last_refusal: str
     """Empty if there was none."""
     blocks: int
-    """Played."""
+    """Number of blocks processed."""
     blocks_dropped: int
-    """Too old: the player could not follow, or they were lost on the way."""
+    """Blocks dropped because the player was too slow, or lost in transit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RallySnapshot:
-    """Everything there is to draw of the rally, at the end of one block."""
+    """State of the rally at the end of one block."""
 
     number: int
     """Grows with every snapshot; 0 is the empty one."""
@@ -111,18 +111,18 @@ class RallySnapshot:
     playing: bool
     """Whether commands are sent; otherwise the player only watches."""
     goal_m: Array
-    """(2,) where balls are to land now."""
+    """(2,) current landing target."""
     state: PlayerState | None
     """After the newest step."""
     points: tuple[BallPoint, ...]
     """Triangulated balls of the last seconds, oldest first."""
     newest: Prediction | None
-    """The newest of this flight."""
+    """Newest prediction of this flight."""
     racket: RacketPose | None
     ball: TrueBall | None
     """None while there is no ball."""
     phase: str
-    """idle, serve, return or decided: as the simulation says."""
+    """idle, serve, return or decided, as reported by the simulation."""
     finished: tuple[FinishedBall, ...]
     """The last 500 balls, oldest first."""
     played: int
@@ -130,7 +130,7 @@ class RallySnapshot:
     returned: int
     health: PlayerHealth
     problem: str
-    """Why there is no chain, or empty."""
+    """Why there is no chain; empty if there is one."""
     learned: LearnedConstants | None
     """Constants of air and table learned from the balls so far; None for a chain that does not learn."""
 

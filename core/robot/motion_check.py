@@ -1,4 +1,4 @@
-"""Whether a racket may be sent somewhere: the one check that every target passes before it leaves, and on arrival.
+"""Check of a racket target against the robot's limits, before it is sent and on arrival.
 
 The way to a target is taken to be the cubic of least squared acceleration, axis by axis, from where the racket is now.
 A robot may move otherwise; one that cannot, or needs more room or force for it, has to tell tighter limits.
@@ -22,7 +22,7 @@ ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaceMotion:
-    """Where the middle of the face is (3,), how it stands (4,) wxyz, and how it moves (3,), in the world."""
+    """Pose of the racket's face in the world: position (3,), orientation (4,) wxyz, velocity (3,)."""
 
     p_m: Array
     q_wxyz: Array
@@ -41,17 +41,17 @@ class FaceMotion:
         return FaceMotion(p, q, v)
 
     def after(self, seconds: float) -> FaceMotion:
-        """If nothing changes."""
+        """Pose after some time at constant velocity."""
         return FaceMotion(self.p_m + self.v_mps * seconds, self.q_wxyz, self.v_mps)
 
     @property
     def finite(self) -> bool:
-        """Whether all of it are numbers."""
+        """Whether all values are finite."""
         return bool(np.isfinite(self.p_m).all() and np.isfinite(self.q_wxyz).all() and np.isfinite(self.v_mps).all())
 
 
 class MotionFault(NamedTuple):
-    """Why a target is not carried out."""
+    """Why a target is rejected."""
 
     why: str
     """One of WHY in `robot_messages`."""
@@ -65,7 +65,7 @@ def find_fault(
     now: FaceMotion,
     limits: RobotLimits,
 ) -> MotionFault | None:
-    """What is wrong with being at `goal` in `lead_us`; None if nothing is."""
+    """Fault of reaching `goal` in `lead_us`; None if there is none."""
     if not goal.finite or (turn_radps is not None and not np.isfinite(turn_radps).all()):
         return MotionFault("bounds", "a number of the target is not finite")
     if not now.finite:

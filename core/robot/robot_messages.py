@@ -1,4 +1,4 @@
-"""Everything that travels between Rallyscope and a robot. See docs/how/robot-link.md.
+"""Messages between Rallyscope and a robot. See docs/how/robot-link.md.
 
 Like the messages of the simulation link each is one msgpack map {"v": version, "kind": name, ...fields}. Every `t_us`,
 `sent_us`, `valid_until_us` and `impact_us` is a time of the robot's own clock, which never runs backwards; `host_us` is
@@ -45,7 +45,7 @@ class RobotLimits:
     """A unit vector: from it the normal of the face (its x axis) may be turned away by `max_tilt_rad`."""
     max_tilt_rad: float = bounded_number(0.0, math.pi, default=math.radians(60.0))
     max_lead_us: int = whole(1000, 10_000_000, default=2_000_000)
-    """Impacts farther ahead are refused."""
+    """Largest lead time of an impact; later impacts are rejected."""
 
     def __post_init__(self) -> None:
         if not all(low < high for low, high in zip(self.low_m, self.high_m, strict=True)):
@@ -58,7 +58,7 @@ class RobotLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HelloRobot:
-    """Asks who is there, and to command it."""
+    """Handshake and request to command the robot."""
 
     id: int = whole(0, WALL_NS)
     client: str = text(64)
@@ -92,14 +92,14 @@ class StopRobot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartRobot:
-    """A person wants it to play (again)."""
+    """Start playing, on a person's request."""
 
     id: int = whole(1, WALL_NS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PingRobot:
-    """Asks what its clock shows; says what is believed of it."""
+    """Query of its clock, with the current estimate."""
 
     id: int = whole(1, WALL_NS)
     host_us: int = whole(0, WALL_NS)
@@ -115,7 +115,7 @@ class RobotWelcome:
 
     id: int = whole(0, WALL_NS)
     session: str = text(64)
-    """Another one whenever the robot's program is started."""
+    """Random number, new at each start of the robot's program."""
     name: str = text(64)
     limits: RobotLimits = part(RobotLimits)
     t_us: int = whole(0, WALL_NS)
@@ -123,7 +123,7 @@ class RobotWelcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotAnswer:
-    """What becomes of a target, a stop or a start; or why a message is none."""
+    """Reply to a target, a stop or a start, or error of an invalid message."""
 
     id: int = whole(0, WALL_NS)
     ok: bool = flag()
@@ -152,11 +152,11 @@ class RobotState:
     q_wxyz: tuple[float, ...] = vector(4, 1.001)
     v_mps: tuple[float, ...] = vector(3, 50.0)
     following: int = whole(0, WALL_NS)
-    """The target that it is about to carry out; 0: none."""
+    """Number of the target that it follows; 0: none."""
     stopped: str = choice(*PARTIES)
     """Who stopped it; "": it plays."""
     reason: str = text(200)
-    """Why it was stopped."""
+    """Reason of the stop."""
 
 
 TO_ROBOT: Final[dict[str, type]] = {

@@ -1,4 +1,4 @@
-"""The robot's side of its link: answers Rallyscope, tells it where the racket is, and hands on what may be carried out.
+"""The robot's side of the link: answers Rallyscope, reports the racket's pose, and passes on valid targets.
 
 For the program of a robot in Python, which calls `turn` in its own loop; others speak the messages themselves.
 """
@@ -42,9 +42,9 @@ logger = logging.getLogger(__name__)
 
 STATE_EVERY_US: Final = 5_000
 FREE_US: Final = 1_000_000
-"""Who was silent for so long no longer commands: somebody else may."""
+"""Silence after which another client may take command."""
 MAX_AT_ONCE: Final = 50
-"""Messages that one turn answers."""
+"""Most messages per turn."""
 
 
 class RobotServer:
@@ -68,11 +68,11 @@ class RobotServer:
         check_reach(host, keys)
         self.limits: RobotLimits = read_fields(RobotLimits, write_fields(limits), "limits")
         self.now_us = clock_us
-        """The clock that all times are of, microseconds."""
+        """Clock of all times, us."""
         self.rejected = 0
-        """Messages that were none, or came from a stranger."""
+        """Invalid messages, and messages of other clients."""
         self.offset_us: float | None = None
-        """What Rallyscope believes that this clock is ahead of its own."""
+        """Rallyscope's estimate of this clock's offset to its own, us."""
         self._name, self._session = name[:64], uuid.uuid4().hex
         self._keeper = TargetArbiter(self.limits)
         self._commander: bytes | None = None
@@ -101,7 +101,7 @@ class RobotServer:
 
     @property
     def stopped(self) -> str:
-        """By whom and why it is stopped; empty while it plays."""
+        """Who stopped it and why; empty while it plays."""
         return f"{self._keeper.stopped}: {self._keeper.reason}" if self._keeper.stopped else ""
 
     def stop(self, reason: str) -> None:
@@ -132,7 +132,7 @@ class RobotServer:
         return target
 
     def close(self) -> None:
-        """Give up the port; may be called again."""
+        """Close the port; may be called again."""
         self._door.close()
         if not self._context.closed:
             self._context.destroy(linger=0)

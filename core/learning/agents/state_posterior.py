@@ -1,4 +1,4 @@
-"""What a perceived state most probably was in truth, where it is told how noisily it is perceived.
+"""Posterior mean of a perceived state, for known perception noise.
 
 Balls are more alike than their noisy states are. How alike is seen in the states of the balls that there were; the
 noise belongs to the perception, and is told. (With a normal distribution of both, the mean of the posterior.)
@@ -16,13 +16,13 @@ from core.learning.config import EnvironmentConfig
 Array = NDArray[np.float64]
 
 FEWEST_BALLS: Final = 20
-"""Before which nothing is said of how alike they are."""
+"""Fewest balls for an estimate of their spread."""
 VARIED: Final = slice(1, 6)
 """Parts of the state that vary and are noisy: p_c lies in the hitting plane."""
 
 
 class StatePosterior:
-    """From perceived states to believed ones."""
+    """Maps perceived states to posterior means."""
 
     def __init__(self, perceived: Array, environment: EnvironmentConfig) -> None:
         """Fit the prior to states (N, 6) of earlier balls."""
@@ -31,14 +31,14 @@ class StatePosterior:
         if self._knows_noise:
             known = perceived[:, VARIED]
             self._mean = known.mean(axis=0)
-            # Alike or not, balls scatter at least as widely as noise alone.
+            # Balls scatter at least as much as the noise alone.
             noise = self._variances(perceived).mean(axis=0)
             scale = np.sqrt(noise + 1e-12)
             values, vectors = np.linalg.eigh(np.cov(known.T) / np.outer(scale, scale))
             self._precision = (vectors / np.maximum(values, 1.0)) @ vectors.T / np.outer(scale, scale)
 
     def __call__(self, perceived: Array) -> Array:
-        """(N, 6) of (N, 6)."""
+        """Posterior means (N, 6) of perceived states (N, 6)."""
         if not self._knows_noise:
             return perceived
         believed = perceived.copy()
@@ -46,7 +46,7 @@ class StatePosterior:
         return believed
 
     def _variances(self, perceived: Array) -> Array:
-        """(N, 5) of the noise of each part."""
+        """(N, 5) noise variance of each part."""
         speeds = np.linalg.norm(perceived[:, 3:6], axis=1, keepdims=True)
         position_m = np.full((len(perceived), 2), self._position_m)
         return np.hstack([position_m, np.repeat(self._velocity * speeds, 3, axis=1)]) ** 2

@@ -1,4 +1,4 @@
-"""From nothing to weights: render, train, choose the confidence, score, write. Killed, it goes on where it was."""
+"""Complete training: render, train, choose the confidence, score, write. It can be resumed after a kill."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def train_detector(
 
 
 def find_device(name: str) -> str:
-    """What `auto` stands for, or the device itself.
+    """Device that `auto` stands for, or the given device.
 
     Raises:
         CommandError: if torch sees no such device.

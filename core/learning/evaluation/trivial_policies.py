@@ -1,4 +1,4 @@
-"""What needs no learning: doing nothing, chance, always the same landing, and the best that the racket could do.
+"""Policies without learning: no action, random, constant landing, and an oracle.
 
 They stand beside every result, because they decide what it is worth: with an open racket doing nothing returns nearly
 every ball, and landing always in the middle of the target box is 298 mm off on the average.
@@ -29,7 +29,7 @@ NOT_RETURNED_MM = 1e5
 
 @dataclass(frozen=True, slots=True)
 class TrivialScores:
-    """Scores without learning on the fixed balls of a speed."""
+    """Scores of trivial policies on the fixed balls of one speed."""
 
     zero: PolicyScore
     """The base orientation."""

@@ -57,7 +57,7 @@ def normal_racket_speeds(speeds_mps: NDArray[np.floating]) -> Floats:
 def normal_observations(
     states: NDArray[np.floating], goals_m: NDArray[np.floating], racket_speeds_mps: NDArray[np.floating] | None = None
 ) -> Floats:
-    """What an actor is given: state, the racket's speed (N,) if it knows that, and goal; (N, 8) or (N, 9) float32.
+    """Input of an actor: state, the racket's speed (N,) if used, and goal; (N, 8) or (N, 9) float32.
 
     A state with spin adds six columns.
     """

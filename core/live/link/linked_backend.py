@@ -1,4 +1,4 @@
-"""A simulation server as a court: balls are served and the racket is sent there, and only the events come back."""
+"""A simulation server as an environment backend: serve and racket commands go out, only events come back."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class LinkedBackend:
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
-        """By name, as the server told."""
+        """Cameras by name, as the server reported."""
         return self._cameras
 
     @property
@@ -63,10 +63,10 @@ class LinkedBackend:
         return self._now_us
 
     def begin(self, seed: int) -> None:
-        """The server goes on: what it draws for its cameras' noise is its own."""
+        """Do nothing: the server draws its cameras' noise itself."""
 
     def serve(self, p_m: Array, v_mps: Array, spin_radps: Array) -> None:
-        """Launch this ball over there."""
+        """Launch this ball on the server."""
         p, v, spin = (tuple(row.tolist()) for row in (p_m, v_mps, spin_radps))
         self._client.launch(p, v, spin)
 
@@ -84,7 +84,7 @@ class LinkedBackend:
         self._client.aim_racket(tuple(sent.p_m.tolist()), q_wxyz, v_mps, round(1e6 * sent.t_s))
 
     def advance(self) -> SeenBlock:
-        """Let one block pass, and wait for its events.
+        """Advance by one block, and wait for its events.
 
         Raises:
             LinkError: if the server is gone, began anew, or its events do not come.
@@ -102,7 +102,7 @@ class LinkedBackend:
         return SeenBlock(start_us, end_us, events)
 
     def close(self) -> None:
-        """Hang up; the server goes on with its clock."""
+        """Disconnect; the server's clock runs again."""
         self._client.remove_listener(self)
         try:
             self._client.resume()
@@ -113,10 +113,10 @@ class LinkedBackend:
         return self._blocks.get(end_us, {}).keys() == self._cameras.keys()
 
     def on_session(self, welcome: m.Reply) -> None:
-        """Shows at the next block."""
+        """Note a new session, reported at the next block."""
 
     def on_events(self, batch: m.EventBatch) -> None:
-        """Keep them for the thread that waits."""
+        """Store the events for the waiting thread."""
         if batch.camera not in self._cameras:
             return
         with self._received:

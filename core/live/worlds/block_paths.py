@@ -1,4 +1,4 @@
-"""The paths of ball and racket over one block, from what the rally's steps and impacts say, for the event cameras."""
+"""Paths of ball and racket over one block, from the rally's steps and impacts, for the event cameras."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class SampledPath:
             self.end_s = end_s
 
     def kink(self, t_s: float) -> None:
-        """The velocity jumps, or the ball appears or vanishes."""
+        """Add a discontinuity: the velocity jumps, or the ball appears or vanishes."""
         self._kinks.append(t_s)
 
     @property

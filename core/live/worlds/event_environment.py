@@ -43,7 +43,7 @@ LONGEST_BALL_S: Final = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EventEnvironmentConfig:
-    """How the balls are seen, and when the stroke is decided."""
+    """Settings of the perception and the time of the decision."""
 
     chain: ChainConfig = dataclasses.field(default_factory=ChainConfig)
     window_ms: float = setting(2.0, 0.2, 10.0)
@@ -52,7 +52,7 @@ class EventEnvironmentConfig:
     13 ms, moves 3 cm in 40 ms, and a block of 10 ms has to be over before its events are seen)."""
 
     knows_physics: bool = False
-    """Whether the chain is told the physics of the court exactly; otherwise it finds out, each ball for itself."""
+    """Whether the chain knows the physics exactly; otherwise it learns them for each ball."""
 
     def __post_init__(self) -> None:
         check_settings(self)
@@ -71,8 +71,8 @@ class EventCameraBackend:
         world: WorldConfig | None = None,
         on_step: Callable[[ChainState, float], None] | None = None,
     ) -> None:
-        """The task of `world` is replaced by the environment's. `heard` is told every step of the chain, and when the
-        ball was served.
+        """The task of `world` is replaced by the environment's. `on_step` gets every step of the chain, and the time of
+        the serve.
         """
         self._on_step = on_step
         self._environment = environment
@@ -122,7 +122,7 @@ class EventCameraBackend:
         )
 
     def play(self, delivery: ServeBatch, action: Array) -> Outcomes:
-        """Send the racket there and wait for what comes of the ball."""
+        """Send the racket and wait for the outcome."""
         if delivery.seen[0]:
             self._aim(delivery, action)
         while self._judged is None:
@@ -143,7 +143,7 @@ class EventCameraBackend:
         return block
 
     def _watch(self, block: Block) -> HitPlane | None:
-        """The newest prediction that this block's events led to."""
+        """Process a block's events; returns the newest prediction."""
         window_us = round(1000 * self._config.window_ms)
         found = None
         for windows in block_windows(block.events, block.start_us, block.end_us, window_us):

@@ -1,4 +1,4 @@
-"""How many balls of human play the simulated robot returns, by speed and by spin: rows, and a page with a picture."""
+"""Report of the balls of human play that the simulated robot returns, by speed and by spin."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ FATE_WORDS: Final = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlayedFile:
-    """The balls of one file and what came of them."""
+    """The balls of one file and their outcomes."""
 
     name: str
     balls: Serves
@@ -74,7 +74,7 @@ def summary_row(name: str, played: SimulatedReturns, which: Mask) -> Row:
 
 
 def losses(played: SimulatedReturns) -> dict[str, int]:
-    """How many balls were lost to what; what lost none is left out."""
+    """Number of lost balls by cause."""
     found = {words: int((played.incoming == kind).sum()) for kind, words in INCOMING_WORDS.items()}
     found |= {words: played.count(fate) for fate, words in FATE_WORDS.items()}
     return {words: count for words, count in found.items() if count}

@@ -1,4 +1,4 @@
-"""The simulated world as a court: of each block only the events come out."""
+"""The simulated world as an environment backend: only events come out."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class SimulatedBackend:
         world: WorldConfig | None = None,
         on_block: Callable[[Block], None] = lambda block: None,
     ) -> None:
-        """The task of `world` is replaced. `told` hears what really happened: for benches, which compare."""
+        """The task of `world` is replaced. `on_block` gets the true blocks, for benchmarks."""
         self._config = dataclasses.replace(world or WorldConfig(), task=task)
         self._cameras = dict(stereo_preset() if cameras is None else cameras)
         self._seed, self._on_block = seed, on_block
@@ -37,7 +37,7 @@ class SimulatedBackend:
 
     @property
     def cameras(self) -> Mapping[str, Camera]:
-        """By name."""
+        """Cameras by name."""
         return self._cameras
 
     @property

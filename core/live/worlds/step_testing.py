@@ -1,4 +1,4 @@
-"""A step test of the simulated robot: what its commands take to become motion."""
+"""Step test of the simulated robot: the latency of its commands."""
 
 from __future__ import annotations
 
