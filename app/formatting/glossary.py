@@ -27,7 +27,7 @@ GLOSSARY: Final[dict[str, str]] = {
     "Recall": "The share of the balls that were found.",
     "ROI": "Region of interest: the part of the sensor, round the last ball, that is searched.",
     "Seen to racket": "Time from the end of the window with the ball to the racket command being sent.",
-    "Sensor readout": "Transfer of events out of a camera: above its capacity they come late or are lost.",
+    "Sensor readout": "Transfer of events out of a camera: above its capacity they come late, or never.",
     "Sigma": "Standard deviation: two of three errors are smaller.",
     "Skipped blocks": "Blocks that arrived too late to be processed, because the machine was busy.",
     "Snap": "A click moves to the circle that fits the events.",

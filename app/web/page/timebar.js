@@ -22,9 +22,9 @@
       <label>Time [µs] <input id="rallyscope-time" inputmode="numeric" autocomplete="off"></label>
       <label>Speed <select id="rallyscope-speed"></select></label>
       <label>Step <select id="rallyscope-step"></select></label>
-      <button data-do="previous" title="To the mark or happening before ([)" aria-label="Previous mark">${ICONS.previous}</button>
-      <button data-do="mark" title="Mark this moment, or take its mark away (')" aria-label="Mark this moment">${ICONS.mark}</button>
-      <button data-do="next" title="To the next mark or happening (])" aria-label="Next mark">${ICONS.next}</button>
+      <button data-do="previous" title="To the previous mark, bounce, hit or miss ([)" aria-label="Previous mark">${ICONS.previous}</button>
+      <button data-do="mark" title="Mark this moment, or remove its mark (')" aria-label="Mark this moment">${ICONS.mark}</button>
+      <button data-do="next" title="To the next mark, bounce, hit or miss (])" aria-label="Next mark">${ICONS.next}</button>
       <button data-do="loop" title="Stop repeating; Shift and drag along the line to repeat a section" aria-label="Stop repeating" hidden>${ICONS.loop}</button>
       <span id="rallyscope-legend"></span>
     </div>

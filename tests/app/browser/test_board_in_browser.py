@@ -23,7 +23,7 @@ def test_a_blinking_board_is_found_live_and_the_parts_without_one_are_framed(
             wait_for(lambda: len(session.plane.sheet.pictures) == 2, "both pictures")
             page.get_by_text("Board for the lens", exact=True).click()
             page.get_by_label("Search the board").check()
-            page.get_by_text("does it blink").nth(1).wait_for()  # it looks for a chessboard of 6 x 9
+            page.get_by_text("is it blinking").nth(1).wait_for()  # it looks for a chessboard of 6 x 9
             page.get_by_label("Pattern").click()
             page.get_by_role("option", name="dots").click()
             wait_for(lambda: window.state.watch.board.board.kind == "dots", "dots to be chosen")

@@ -68,7 +68,7 @@ def test_a_robot_is_started_stopped_lost_and_back(chromium, robot_lab, arm, open
         page.get_by_text("<b>arm, connected").wait_for()
         page.get_by_text("stopped by Rallyscope: not started yet").wait_for()
         page.get_by_text("x -2.2 to -1, y -1 to 1, z 0.02 to 0.9 m").wait_for()
-        assert not page.get_by_text("It has no robot").count() and robot.status.counts.sent == 0
+        assert not page.get_by_text("There is no robot").count() and robot.status.counts.sent == 0
         window.press("Start the robot")
         page.get_by_text("yes: targets are sent").wait_for()
         wait_for(lambda: robot.status.counts.taken, "a target that it takes")

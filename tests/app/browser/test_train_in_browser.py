@@ -92,7 +92,7 @@ def test_train_now_learns_to_place_balls_before_ones_eyes(window, trainer: Train
     window.page.get_by_text("own half").first.wait_for()
     window.screenshot("train-landings")
     window.page.get_by_role("tab", name="Map").click()
-    window.page.get_by_text("Inside of the box").first.wait_for()
+    window.page.get_by_text("Inside the box").first.wait_for()
     window.screenshot("train-map")
 
 

@@ -57,6 +57,6 @@ def test_a_moved_camera_is_told_once_however_its_figure_changes_and_so_is_the_en
     moved = [DriftReport(200, 200, pair, EpipolarDrift(px, 0.1, 0.02), alarm=True) for px in (1.2, 1.3)]
     assert news.compare("connected", WELL, None, fits) == []
     (told,) = news.compare("connected", WELL, None, moved[0])
-    assert told.title == "The calibration has drifted" and "calibrated again" in told.body
+    assert told.title == "The calibration has drifted" and "calibrate again" in told.body
     assert news.compare("connected", WELL, None, moved[1]) == []
     assert titles(news.compare("connected", WELL, None, fits)) == ["Resolved"]

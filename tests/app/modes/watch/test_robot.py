@@ -56,11 +56,11 @@ def test_one_that_is_lost_is_red_and_its_losses_are_counted() -> None:
 
 
 def test_how_late_it_is_is_said_with_its_uncertainty_and_why_a_test_ended() -> None:
-    assert "not known: Step test measures it" in robot_html(PLAYING, NOT_TESTED)
-    assert "being measured, 30 %" in robot_html(PLAYING, StepTestReport(running=True, done=0.3))
+    assert "unknown: Step test measures it" in robot_html(PLAYING, NOT_TESTED)
+    assert "measuring, 30 %" in robot_html(PLAYING, StepTestReport(running=True, done=0.3))
     found = StepTestReport(found=CommandLatency(0.0352, 0.0004, 0.0012, 10))
     said = robot_html(PLAYING, found)
     assert "35.2 &plusmn; 0.4 ms, 1.2 ms from one of 10 steps to another: commands are sent this much earlier" in said
-    assert theme.GOOD in said and "broken off" not in said
+    assert theme.GOOD in said and "aborted" not in said
     broken = robot_html(PLAYING, replace(found, problem="<a> ball flies"))
-    assert "broken off: &lt;a&gt; ball flies" in broken and "35.2" in broken
+    assert "aborted: &lt;a&gt; ball flies" in broken and "35.2" in broken
