@@ -20,7 +20,7 @@ class Library:
         """Files in `folders` are added one by one by `add_external` when they are opened."""
         self.folders = tuple(folders)
         self._workspace = workspace
-        self._guests: dict[str, Path] = {}
+        self._external: dict[str, Path] = {}
         self._live: dict[str, Recording] = {}
         self._open: dict[str, Recording] = {}
         self._imported: dict[str, str] = {}
@@ -30,13 +30,13 @@ class Library:
 
     def add_external(self, path: Path) -> str:
         """Offer a recording from outside the workspace for as long as this process lives; returns its name."""
-        for name, known in self._guests.items():
+        for name, known in self._external.items():
             if known == path:
                 return name
         name = path.stem
-        while name in self._guests or name in self._workspace_names():
+        while name in self._external or name in self._workspace_names():
             name += "-file"
-        self._guests[name] = path
+        self._external[name] = path
         return name
 
     def add_live(self, name: str, recording: Recording) -> None:
@@ -53,12 +53,12 @@ class Library:
 
     def names(self) -> tuple[str, ...]:
         """Names of all recordings: live ones, then the others in alphabetical order."""
-        files = {*self._guests, *self._workspace_names(), *self._files_to_import()}
+        files = {*self._external, *self._workspace_names(), *self._files_to_import()}
         return (*self._live, *sorted(files - set(self._live)))
 
     def has(self, name: str) -> bool:
         """Whether there is a recording of this name."""
-        return name in self._imported or name in self._live or name in self._guests or name in self._workspace_names()
+        return name in self._imported or name in self._live or name in self._external or name in self._workspace_names()
 
     def open(self, name: str) -> Recording:
         """Open the recording of this name.
@@ -126,8 +126,8 @@ class Library:
 
     def _path(self, name: str) -> Path:
         name = self._imported.get(name, name)
-        if name in self._guests:
-            return self._guests[name]
+        if name in self._external:
+            return self._external[name]
         if name in self._workspace_names():  # never a path made from what a browser sent
             return self._workspace.recordings / f"{name}.h5"
         raise RecordingError("no such recording", got=repr(name), remedy="choose one from the list")

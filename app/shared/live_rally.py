@@ -120,7 +120,7 @@ class LiveRally:
         """Wall time since the recording began, s."""
         return 0.0 if self._recorder is None else time.monotonic() - self._recorded_since_s
 
-    def attend(self, watched: bool) -> None:
+    def set_active(self, watched: bool) -> None:
         """Set whether a browser is connected; without one the source may pause, unless the rally is recorded or
         learns.
         """

@@ -25,12 +25,12 @@ class Rallies:
     followings: Followings = field(default_factory=Followings)
     _watched_s: float = float("-inf")
 
-    def attend(self, watched: bool, wall_s: float) -> None:
+    def set_active(self, watched: bool, wall_s: float) -> None:
         """Call regularly with whether a browser is connected; without one the live rally pauses."""
         if watched:
             self._watched_s = wall_s
         if self.live is not None:
-            self.live.attend(wall_s - self._watched_s < GRACE_S)
+            self.live.set_active(wall_s - self._watched_s < GRACE_S)
 
     def of(self, recording: Recording) -> WatchedRally | None:
         """Rally of a recording; None if the recording is not stereo."""

@@ -55,7 +55,7 @@ class GapResynchroniser:
         """Note that data is missing before the next piece."""
         self._has_time = self._has_row = False
 
-    def mend(self, words: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    def fix(self, words: NDArray[np.uint16]) -> NDArray[np.uint16]:
         """Next words without events of unknown position or time."""
         if self._has_row:
             return words

@@ -181,10 +181,10 @@ class _CameraFile:
             for number, (first, last) in enumerate(itertools.pairwise(places)):
                 if number:
                     self._mender.begin_gap()
-                self._put(self._mender.mend(words[first:last]).tobytes())
+                self._put(self._mender.fix(words[first:last]).tobytes())
         else:
-            mended = self._mender.mend(words)
-            self._put(packet.data if mended is words else mended.tobytes())
+            fixed = self._mender.fix(words)
+            self._put(packet.data if fixed is words else fixed.tobytes())
         before_us, self._stamp_us = self._stamp_us, self._words.after(words)
         known_us = self._stamp_us if packet.alone else before_us
         if known_us is not None:

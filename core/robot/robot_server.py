@@ -79,12 +79,12 @@ class RobotServer:
         self._client = ""
         self._received_us = self._reported_us = 0
         self._context = zmq.Context()
-        self._door = LinkGateway(self._context, keys)
+        self._gateway = LinkGateway(self._context, keys)
         self._socket = self._context.socket(zmq.ROUTER)
         for option, value in ((zmq.LINGER, 0), (zmq.MAXMSGSIZE, 4 * ROBOT_MESSAGE_BYTES), (zmq.RCVHWM, 200)):
             self._socket.setsockopt(option, value)
         self._socket.setsockopt(zmq.SNDHWM, 200)
-        self._door.guard(self._socket)
+        self._gateway.guard(self._socket)
         try:
             self._socket.bind(f"tcp://{host}:{port or '*'}")
         except zmq.ZMQError as error:
@@ -133,7 +133,7 @@ class RobotServer:
 
     def close(self) -> None:
         """Close the port; may be called again."""
-        self._door.close()
+        self._gateway.close()
         if not self._context.closed:
             self._context.destroy(linger=0)
 

@@ -36,7 +36,7 @@ class BallFilter:
         """Begin with a point and its covariance; `odds`: of this kind of flight before anything is seen."""
         c = self._config = config
         air, bounce = (c.restless_air, c.restless_bounce_mps) if needs_tick else (c.air_noise, c.bounce_noise_mps)
-        self.unrest = ProcessNoise(LIFT * c.magnus, air, bounce, c.ahead_m, c.ahead_s)
+        self.process_noise = ProcessNoise(LIFT * c.magnus, air, bounce, c.ahead_m, c.ahead_s)
         self.state = np.array([*p, *FIRST_VELOCITY_MPS, 0.0, 0.0, 0.0, c.drag, c.restitution, c.friction, 0.0, 0.0])
         sigmas = [0.0] * 3 + [FIRST_SIGMA_MPS] * 3 + [c.spin_sigma_radps] * 3
         constants = [c.drag_sigma, c.restitution_sigma, c.friction_sigma, c.table_sigma_m, c.ahead_m]
@@ -76,7 +76,7 @@ class BallFilter:
             self._question = self._ask(t_us)
         seconds, self.t_us = (t_us - self.t_us) * 1e-6, t_us
         if self._question is None:
-            move(self.state, self.covariance, seconds, self.unrest)
+            move(self.state, self.covariance, seconds, self.process_noise)
             found = observe(self.state, self.covariance, p, noise_m2, self.noise_scales, GATE, self._tally)
             distance, likelihood = found
             self.points += 1
@@ -99,8 +99,8 @@ class BallFilter:
         """Start a bounce question if a bounce may happen before the next point."""
         if self.points < SETTLED:
             return None
-        contact = coming_contact(self.state, self.covariance, self.unrest.lift)
+        contact = coming_contact(self.state, self.covariance, self.process_noise.lift)
         if contact is None or contact.in_s - SIGMAS * contact.sigma_s > (t_us - self.t_us) * 1e-6:
             return None
         guard_s = 1e-3 * self._config.bounce_guard_ms
-        return BounceQuestion(self.t_us, self.state, self.covariance, contact, self.unrest, guard_s)
+        return BounceQuestion(self.t_us, self.state, self.covariance, contact, self.process_noise, guard_s)

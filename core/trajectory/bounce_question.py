@@ -57,17 +57,17 @@ class BounceQuestion:
     """Open from just before the bounce until it is decided."""
 
     def __init__(
-        self, t_us: int, x: Array, cov: Array, contact: TableTouch, unrest: ProcessNoise, guard_s: float
+        self, t_us: int, x: Array, cov: Array, contact: TableTouch, process_noise: ProcessNoise, guard_s: float
     ) -> None:
         """`x` and `cov`: the estimate at `t_us`, which is the last one before it."""
-        self._unrest = unrest
+        self._process_noise = process_noise
         self._t_us = t_us
         self.past = x, cov
         at_table = x.copy(), cov.copy()
-        move(*at_table, contact.in_s, unrest)
+        move(*at_table, contact.in_s, process_noise)
         at_table[0][2] = BALL_RADIUS_M + at_table[0][HIGHER]
         self._odds = _log_odds_of_table(*at_table)
-        bounce_estimate(*at_table, unrest)
+        bounce_estimate(*at_table, process_noise)
         self.off = at_table
         self._bounce_us = self._off_us = t_us + round(1e6 * contact.in_s)
         self._quiet_until_us = self._bounce_us + round(1e6 * (SIGMAS * contact.sigma_s + guard_s))
@@ -84,9 +84,9 @@ class BounceQuestion:
         """Whether it bounced, or None while undecided. Both hypotheses use the point unless it is too close to the
         bounce.
         """
-        move(*self.past, (t_us - self._t_us) * 1e-6, self._unrest)
+        move(*self.past, (t_us - self._t_us) * 1e-6, self._process_noise)
         if t_us > self._off_us:
-            move(*self.off, (t_us - self._off_us) * 1e-6, self._unrest)
+            move(*self.off, (t_us - self._off_us) * 1e-6, self._process_noise)
             self._off_us = t_us
         self._t_us = t_us
         self.likelihood = None
@@ -107,7 +107,7 @@ class BounceQuestion:
         x, back = self.off[0], np.empty(STATE)
         t = 0.0
         for _ in range(4):
-            glide(x, -t, self._unrest.lift, back)
+            glide(x, -t, self._process_noise.lift, back)
             if back[5] <= 0.1:
                 return self._bounce_us
             t += (back[2] - BALL_RADIUS_M - back[HIGHER]) / back[5]

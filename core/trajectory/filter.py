@@ -153,7 +153,7 @@ class FilterPredictor:
         if best is None or not self.config.perhaps_real:
             return
         weights = self._weights()
-        air = sum(weight for one, weight in weights.items() if one.unrest.lift > 0)
+        air = sum(weight for one, weight in weights.items() if one.process_noise.lift > 0)
         self.learned = self.learned.after(best, weights[best], air)
 
     def _possible(self) -> tuple[BallFilter, ...]:
@@ -177,7 +177,7 @@ class FilterPredictor:
 
     def _foresee(self, ball: BallFilter, weight: float) -> Foreseen:
         rows, spread = np.empty((ROWS, STATE)), np.empty((TOUCHES, TOUCHES))
-        now_s, lift = ball.t_us * 1e-6, ball.unrest.lift
+        now_s, lift = ball.t_us * 1e-6, ball.process_noise.lift
         found = foresee(ball.state, ball.covariance, now_s, self._hit_x_m, lift, rows, spread)
         return Foreseen(weight, found, spread, Paths(now_s, rows, lift))
 

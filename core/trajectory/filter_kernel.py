@@ -74,14 +74,14 @@ def _slope(x: Array, lift: float, out: Array) -> None:
 
 
 @njit
-def move(x: Array, cov: Array, seconds: float, unrest: ProcessNoise) -> None:
+def move(x: Array, cov: Array, seconds: float, process_noise: ProcessNoise) -> None:
     """Let the estimate fly freely, in place: there is no table here."""
     A, F, old = np.empty((3, MOVES)), np.empty((6, STATE)), np.empty((6, STATE))
     left = seconds
     while left > 1e-12:
         h = min(left, LONGEST_STEP_S)
         left -= h
-        _slope(x, unrest.lift, A)
+        _slope(x, process_noise.lift, A)
         # Velocity: v + h a + h^2 / 2 (da/dv a); position: its integral.
         F[:] = 0.0
         for i in range(3):
@@ -108,23 +108,23 @@ def move(x: Array, cov: Array, seconds: float, unrest: ProcessNoise) -> None:
                 cov[i, j] = total
             for j in range(6, STATE):
                 cov[i, j] = cov[j, i] = old[i, j]
-        q = unrest.air * unrest.air * h
+        q = process_noise.air * process_noise.air * h
         for k in range(3):
             cov[3 + k, 3 + k] += q
             cov[k, 3 + k] += q * h / 2
             cov[3 + k, k] += q * h / 2
             cov[k, k] += q * h * h / 3
-        keep = math.exp(-h / unrest.ahead_s)
+        keep = math.exp(-h / process_noise.ahead_s)
         for k in range(STATE):
             cov[AHEAD, k] *= keep
             cov[k, AHEAD] *= keep
-        cov[AHEAD, AHEAD] += (1 - keep * keep) * unrest.ahead_m * unrest.ahead_m
+        cov[AHEAD, AHEAD] += (1 - keep * keep) * process_noise.ahead_m * process_noise.ahead_m
         x[AHEAD] *= keep
-        glide(x, h, unrest.lift, x)
+        glide(x, h, process_noise.lift, x)
 
 
 @njit
-def bounce_estimate(x: Array, cov: Array, unrest: ProcessNoise) -> None:
+def bounce_estimate(x: Array, cov: Array, process_noise: ProcessNoise) -> None:
     """Take the estimate, which is at the table's plane, off it. When it got there is as uncertain as its height.
 
     The transition is that of a flight with an event (saltation matrix): S = D + (f_after - D f_before) n' / n' f_before
@@ -141,14 +141,14 @@ def bounce_estimate(x: Array, cov: Array, unrest: ProcessNoise) -> None:
         D[:, k] = (moved - after) / eps
     rate, rate_after = np.zeros(STATE), np.zeros(STATE)
     rate[:3], rate_after[:3] = before[3:6], after[3:6]
-    rate[3], rate[4], rate[5] = pull(before, unrest.lift)
-    rate_after[3], rate_after[4], rate_after[5] = pull(after, unrest.lift)
+    rate[3], rate[4], rate[5] = pull(before, process_noise.lift)
+    rate_after[3], rate_after[4], rate_after[5] = pull(after, process_noise.lift)
     jump = (rate_after - D @ rate) / before[5]
     D[:, 2] += jump
     D[:, HIGHER] -= jump
     cov[:] = D @ cov @ D.T
     for k in range(3, 6):
-        cov[k, k] += unrest.bounce_mps * unrest.bounce_mps
+        cov[k, k] += process_noise.bounce_mps * process_noise.bounce_mps
     x[:] = after
 
 

@@ -32,9 +32,9 @@ def send_pictures(stream: rr.RecordingStream, path: str, pictures: Sequence[Came
     if not stages:
         return
     points = stacked([one.events_px + HALF_PIXEL for one in pictures], 2)
-    fates = np.concatenate([one.fates for one in pictures])
-    columns = rr.Points2D.columns(positions=points, class_ids=fates, radii=np.full(len(points), 0.5))
-    send(stream, f"{path}/stages/events", times, columns.partition(lengths_of([one.fates for one in pictures])))
+    event_stages = np.concatenate([one.event_stages for one in pictures])
+    columns = rr.Points2D.columns(positions=points, class_ids=event_stages, radii=np.full(len(points), 0.5))
+    send(stream, f"{path}/stages/events", times, columns.partition(lengths_of([one.event_stages for one in pictures])))
     hulls = [hull + HALF_PIXEL for one in pictures for hull in one.hulls_px]
     colours = [HULL_RGB if accepted else REJECTED_RGB for one in pictures for accepted in one.accepted]
     hull_rows = lengths_of([one.hulls_px for one in pictures])

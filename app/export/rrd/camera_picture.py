@@ -55,7 +55,7 @@ class CameraPicture:
     png: bytes
     events_px: NDArray[np.float32]
     """(N, 2) events left after denoising."""
-    fates: NDArray[np.uint16]
+    event_stages: NDArray[np.uint16]
     """(N,) values of `EventStage`."""
     hulls_px: tuple[NDArray[np.float32], ...]
     """Closed outlines (K, 2) of the clusters that were measured."""
@@ -78,18 +78,18 @@ def make_picture(job: PictureJob) -> CameraPicture:
         window.end_us,
         png,
         np.column_stack([clean.x_px, clean.y_px]).astype(np.float32),
-        _fates(trace),
+        _event_stages(trace),
         tuple(np.concatenate([hull, hull[:1]]).astype(np.float32) for hull, _ in shapes),
         tuple(accepted for _, accepted in shapes),
         trace.roi,
     )
 
 
-def _fates(trace: PipelineTrace) -> NDArray[np.uint16]:
-    fates = np.full(len(trace.labels), EventStage.DENOISED, np.uint16)
-    fates[trace.labels >= 0] = EventStage.REJECTED
+def _event_stages(trace: PipelineTrace) -> NDArray[np.uint16]:
+    event_stages = np.full(len(trace.labels), EventStage.DENOISED, np.uint16)
+    event_stages[trace.labels >= 0] = EventStage.REJECTED
     for one in trace.candidates:
         if one.rejected is None:
-            fates[one.rows] = EventStage.TRAILING
-            fates[one.leading_rows] = EventStage.LEADING
-    return fates
+            event_stages[one.rows] = EventStage.TRAILING
+            event_stages[one.leading_rows] = EventStage.LEADING
+    return event_stages

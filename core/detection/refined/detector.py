@@ -165,7 +165,7 @@ class RefinedDetector:
         kept: list[BallTrack] = []
         for track in self.tracks:
             patience_us = self.config.coast_us if track.confirmed else PATIENCE_US
-            if end_us - track.end_us > patience_us or track.given_up:
+            if end_us - track.end_us > patience_us or track.is_terminated:
                 continue
             if any(_apart_px(one.ball, track.ball) < 0.5 * one.ball.r for one in kept):
                 continue
@@ -272,7 +272,7 @@ class RefinedDetector:
         ready = [
             track
             for track in self.tracks
-            if track.end_us == end_us and not track.confirmed and track.proved(self.config, self._brighter)
+            if track.end_us == end_us and not track.confirmed and track.is_confirmed_by(self.config, self._brighter)
         ]
         if ball is not None and ball.end_us == end_us:
             ready = [rival for rival in ready if rival.quality.contrast > RIVAL_CONTRAST_RATIO * ball.quality.contrast]

@@ -52,8 +52,8 @@ class BallTrack:
     """(6, 6) covariance of the ball's fields as reported by the fit."""
     quality: Quality
     """Quality of the last fit."""
-    born: MovingCircle = field(init=False)
-    born_us: int = field(init=False)
+    initial: MovingCircle = field(init=False)
+    initial_us: int = field(init=False)
     fits: int = 1
     confirmed: bool = False
     evidence: float = 0.0
@@ -66,7 +66,7 @@ class BallTrack:
     """Acceleration u and v in px/ms^2, from the change of the fits' velocities."""
 
     def __post_init__(self) -> None:
-        self.born, self.born_us = self.ball, self.end_us
+        self.initial, self.initial_us = self.ball, self.end_us
         self.brighter, self.contrast = self.quality.brighter, self.quality.contrast
         self.coverage = self.quality.coverage
 
@@ -95,7 +95,7 @@ class BallTrack:
         self.radii_px = (*self.radii_px[1 - STEADY_FITS :], ball.r)
 
     @property
-    def given_up(self) -> bool:
+    def is_terminated(self) -> bool:
         """Whether the evidence against it is too strong."""
         return self.evidence <= (CONFIRMED_GIVEN_UP if self.confirmed else GIVEN_UP)
 
@@ -107,15 +107,15 @@ class BallTrack:
             and quality.contrast >= 0.5 * self.contrast
         )
 
-    def proved(self, config: RefinedConfig, brighter: float) -> bool:
+    def is_confirmed_by(self, config: RefinedConfig, brighter: float) -> bool:
         """Whether it has earned the name of a ball, where the last one was brighter (> 0) or darker than its ground.
 
         Something dark needs three times the evidence, since a ball's shadow is dark; something bright and fast half of
         it, since people are not; of another kind than the last, more fits.
         """
         ball = self.ball
-        moved_px = math.hypot(ball.u - self.born.u, ball.v - self.born.v)
-        lived_ms = 1e-3 * (self.end_us - self.born_us)
+        moved_px = math.hypot(ball.u - self.initial.u, ball.v - self.initial.v)
+        lived_ms = 1e-3 * (self.end_us - self.initial_us)
         pace_per_ms = min(moved_px / max(lived_ms, 1.0), math.hypot(ball.vu, ball.vv)) / ball.r  # first fits are rough
         doubt = 3.0 if self.brighter <= 0.0 else 0.5 if pace_per_ms > FAST_PER_MS else 1.0
         return (

@@ -127,7 +127,7 @@ class ReplayStates:
     net_z_m: Array
 
 
-def known_balls(buffer: ReplayBuffer) -> ReplayStates:
+def replay_states(buffer: ReplayBuffer) -> ReplayStates:
     """Those of a buffer, the oldest first."""
     known = buffer.column("known").all(axis=1)
     columns = ("state", "racket_speed", "action", "next_state", "net_z")
@@ -137,7 +137,7 @@ def known_balls(buffer: ReplayBuffer) -> ReplayStates:
 
 def _process_of(buffer: ReplayBuffer) -> GaussianProcessModel | None:
     """Model fitted to the newest balls that crossed the net and landed; None while there are too few."""
-    balls = known_balls(buffer)
+    balls = replay_states(buffer)
     velocities = velocities_after(balls.states, balls.landings_m, balls.net_z_m)
     which = np.flatnonzero(np.isfinite(velocities).all(axis=1))[-MAX_BALLS:]
     if len(which) < FEWEST_BALLS:

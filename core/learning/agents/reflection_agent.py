@@ -18,7 +18,7 @@ from core.learning.agents.agent import Losses, StageProgress
 from core.learning.agents.feature_actor import FeatureActor
 from core.learning.agents.gaussian_process_model import landings_of, velocities_after
 from core.learning.agents.policy import Policy
-from core.learning.agents.process_agent import draw_situations, known_balls, sampling_box
+from core.learning.agents.process_agent import draw_situations, replay_states, sampling_box
 from core.learning.agents.replay import ReplayBuffer
 from core.learning.agents.state_posterior import StatePosterior
 from core.learning.config import RunConfig
@@ -120,7 +120,7 @@ class ReflectionAgent:
         return Losses(law.scatter_mps, off_m)
 
     def _law_of(self, buffer: ReplayBuffer, belief: StatePosterior) -> ReflectionModel | None:
-        balls = known_balls(buffer)
+        balls = replay_states(buffer)
         states = belief(balls.states)
         velocities = velocities_after(states, balls.landings_m, balls.net_z_m)
         found = np.isfinite(velocities).all(axis=1)

@@ -115,7 +115,7 @@ class SimulationServer:
         check_reach(split_address(address)[0], keys)
         self._config, self._cameras, self._recorded = config, dict(cameras), recorded
         self._context = zmq.Context()
-        self._door = LinkGateway(self._context, keys)
+        self._gateway = LinkGateway(self._context, keys)
         self.rejected = 0
         """Number of invalid commands."""
         self._topics: set[bytes] = set()
@@ -126,7 +126,7 @@ class SimulationServer:
         try:
             self.address = self._bind(address)
         except LinkError:
-            self._door.close()
+            self._gateway.close()
             self._context.destroy(linger=0)
             raise
         self._responder = PreparingResponder(self._commands, preparing)
@@ -162,7 +162,7 @@ class SimulationServer:
 
     def _hang_up(self) -> None:
         self._responder.stop()
-        self._door.close()
+        self._gateway.close()
         self._context.destroy(linger=0)
 
     def _bind(self, address: str) -> str:
@@ -176,7 +176,7 @@ class SimulationServer:
             self._published.setsockopt(zmq.MAXMSGSIZE, m.COMMAND_BYTES)  # it receives subscriptions only
             for socket in (self._published, self._commands):
                 socket.setsockopt(zmq.LINGER, 0)
-                self._door.guard(socket)
+                self._gateway.guard(socket)
             try:
                 self._published.bind(f"tcp://{host}:{port or '*'}")
                 bound = int(bytes(self._published.getsockopt_string(zmq.LAST_ENDPOINT), "ascii").rpartition(b":")[2])

@@ -87,7 +87,7 @@ class SimulatedReturns:
         return int(np.count_nonzero(self.fate == fate))
 
 
-def play_known_balls(
+def play_recorded_states(
     balls: Serves, config: SimulatedReturnsConfig, progress: Callable[[float], None] = lambda share: None
 ) -> SimulatedReturns:
     """Play each ball alone, from its launch to its outcome."""
